@@ -17,7 +17,13 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from soilmoist_ros.exploration.planning.property_names import property_weights
-from soilmoist_ros.nodes.system.launching import parameters_from, property_argument
+from soilmoist_ros.nodes.system.launching import (
+    TOPICS,
+    foxglove_bridge,
+    parameters_from,
+    property_argument,
+    remappings,
+)
 from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.recording.map_sources import open_session
 
@@ -33,6 +39,9 @@ PARAMETERS = {
     "covariates": "files that may explain the map: [FILE:BAND, FILE]",
     "home": "stop to return to at the end",
     "navigator": "how goals are sent: goto_node, navigate_to_pose (Nav2) or goal_pose",
+    "action_name": "name of the navigation's action, such as /robot/navigate_to_pose",
+    "map_topic": "topic of the navigation's topological map",
+    "intensity_topic": "topic of the incoming cosmic-ray intensity (std_msgs/Float64)",
     "save_dir": "folder that the mapper's service save writes",
     "out": "folder for recordings",
     "name": "name of the recording; the time if empty",
@@ -48,6 +57,9 @@ PROPERTY = (
 )
 JOURNAL = "folder of the mission's journal, which survives a power cut (empty: as in params_file, or OUT/journal)"
 CONSOLE = "true: the operator's page is served, on port 8050 of this computer unless params_file says otherwise"
+REMAP = "further topics and services by other names: FROM:=TO,FROM:=TO, such as /tf:=tf,/tf_static:=tf_static"
+FOXGLOVE = "true: foxglove_bridge (ros-jazzy-foxglove-bridge) is started, for the viewer Foxglove"
+FOXGLOVE_HOST = "address on which foxglove_bridge listens; 0.0.0.0 for all networks, from where it can steer"
 RESPAWN = "true: nodes that crash start again, with the map and the mission that they had"
 RESPAWN_DELAY_S = 2.0
 RESPAWN_LIMIT_S = 60.0
@@ -72,6 +84,9 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("enclaves", default_value="", description=ENCLAVES),
             DeclareLaunchArgument("record", default_value="true", description="false: nothing is recorded"),
             DeclareLaunchArgument("console", default_value="false", description=CONSOLE),
+            DeclareLaunchArgument("foxglove", default_value="false", description=FOXGLOVE),
+            DeclareLaunchArgument("foxglove_host", default_value="127.0.0.1", description=FOXGLOVE_HOST),
+            DeclareLaunchArgument("foxglove_port", default_value="8765", description="port of foxglove_bridge"),
             DeclareLaunchArgument("respawn", default_value="true", description=RESPAWN),
             DeclareLaunchArgument("autostart", default_value="false", description=AUTOSTART),
             DeclareLaunchArgument(
@@ -84,6 +99,11 @@ def generate_launch_description() -> LaunchDescription:
                 DeclareLaunchArgument(name, default_value="", description=f"{text} (empty: as in params_file)")
                 for name, text in PARAMETERS.items()
             ),
+            *(
+                DeclareLaunchArgument(name, default_value="", description=f"{text} (empty: {topic})")
+                for name, (topic, text) in TOPICS.items()
+            ),
+            DeclareLaunchArgument("remap", default_value="", description=REMAP),
             OpaqueFunction(function=nodes),
         ]
     )
@@ -120,28 +140,56 @@ def nodes(context: LaunchContext) -> list[Node]:
     if not flag("record"):
         del values["recorder"]
     files = [*filter(None, [given("params_file")])]
-    started = [(node, given("namespace"), files, parameters) for node, parameters in values.items()]
+    rules = remappings({name: given(name) for name in TOPICS}, given("remap"))
+    # The recorder records topics by their final names, and the topics of a property are not those of the robot.
+    general = [rule for rule in rules if rule[0].startswith("/")]
+    started = [
+        (node, given("namespace"), files, parameters, general if node == "recorder" else rules)
+        for node, parameters in values.items()
+    ]
     # Settings of /**/mapper in params_file, such as the counts to map, must not apply to property mappers.
     started += [
-        ("mapper", *one) for one in property_mappers(given("namespace"), arguments, properties, start, records)
+        ("mapper", *one, general)
+        for one in property_mappers(given("namespace"), arguments, properties, start, records)
     ]
+    viewers = [bridge(context)] if flag("foxglove") else []
     return [
-        Node(
-            package="soilmoist_ros",
-            executable=node,
-            name=node,  # so that the arguments override params_file
-            namespace=namespace,
-            ros_arguments=enclave(given("enclaves"), namespace, node),
-            parameters=[*own, {"use_sim_time": flag("use_sim_time"), **parameters}],
-            on_exit=end_all if node == "planner" and flag("exit_when_finished") else None,
-            respawn=flag("respawn"),
-            respawn_delay=RESPAWN_DELAY_S,
-            sigterm_timeout=STOP_LIMIT_S,
-            sigkill_timeout=STOP_LIMIT_S,
-            output="screen",
-        )
-        for node, namespace, own, parameters in started
+        *viewers,
+        *(
+            Node(
+                package="soilmoist_ros",
+                executable=node,
+                name=node,  # so that the arguments override params_file
+                namespace=namespace,
+                ros_arguments=enclave(given("enclaves"), namespace, node),
+                parameters=[*own, {"use_sim_time": flag("use_sim_time"), **parameters}],
+                remappings=renamed,
+                on_exit=end_all if node == "planner" and flag("exit_when_finished") else None,
+                respawn=flag("respawn"),
+                respawn_delay=RESPAWN_DELAY_S,
+                sigterm_timeout=STOP_LIMIT_S,
+                sigkill_timeout=STOP_LIMIT_S,
+                output="screen",
+            )
+            for node, namespace, own, parameters, renamed in started
+        ),
     ]
+
+
+def bridge(context: LaunchContext) -> Node:
+    """The node foxglove_bridge of another package."""
+    host, port, namespace, simulated = (
+        LaunchConfiguration(name).perform(context)
+        for name in ("foxglove_host", "foxglove_port", "namespace", "use_sim_time")
+    )
+    return Node(
+        package="foxglove_bridge",
+        executable="foxglove_bridge",
+        name="foxglove_bridge",
+        namespace=namespace,
+        parameters=[{**foxglove_bridge(host, port), "use_sim_time": simulated.lower() in ("true", "1")}],
+        output="screen",
+    )
 
 
 def enclave(prefix: str, namespace: str, node: str) -> list[str]:

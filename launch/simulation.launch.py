@@ -27,7 +27,7 @@ from soilmoist_ros.nodes.system.demo_configuration import (
     shared_mapper,
     write_configuration,
 )
-from soilmoist_ros.nodes.system.launching import parameters_from, property_argument
+from soilmoist_ros.nodes.system.launching import foxglove_bridge, parameters_from, property_argument
 from soilmoist_ros.recording.run_folder import CONFIGURATION
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
@@ -63,6 +63,9 @@ MISSION = {
     "params_file": ("", "parameters of all nodes (YAML); arguments override them"),
     "record": ("true", "false to record nothing"),
     "console": ("false", "true to serve the operator's page on port 8050"),
+    "foxglove": ("false", "true to start foxglove_bridge (ros-jazzy-foxglove-bridge), for the viewer Foxglove"),
+    "foxglove_host": ("127.0.0.1", "address on which foxglove_bridge listens"),
+    "foxglove_port": ("8765", "port of foxglove_bridge"),
 }
 
 PROPERTY = "further properties that are counted and mapped, such as rough:0.5,ridge: FIELD[:WEIGHT] to simulate"
@@ -141,6 +144,18 @@ def team(
         return [] if under_way else [Shutdown(reason="all missions have ended")]
 
     nodes: list[LaunchDescriptionEntity] = []
+    if flag("foxglove"):
+        viewer = foxglove_bridge(given("foxglove_host"), given("foxglove_port"))
+        nodes.append(
+            Node(
+                package="foxglove_bridge",
+                executable="foxglove_bridge",
+                name="foxglove_bridge",
+                namespace="",
+                parameters=[{**viewer, "use_sim_time": True}],
+                output="screen",
+            )
+        )
     for name, path in files.items():
         namespace, _, node = name.rpartition("/")
         if node == "recorder" and not flag("record"):

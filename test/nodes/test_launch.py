@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from pathlib import Path
 
@@ -191,6 +192,74 @@ def test_arguments_come_before_the_file_and_the_file_before_the_defaults(monkeyp
     given = {"params_file": str(path), "hours": "1", "use_sim_time": "true"}
     values = seen(by_name(stand_in.start(ROBOT, monkeypatch, given))["planner"])
     assert (values["hours"], values["speed_mps"], values["use_sim_time"]) == (1.0, 0.9, True)
+
+
+def installed(name, prefix, monkeypatch):
+    """Make a package known to the ament index."""
+    marker = prefix / "share" / "ament_index" / "resource_index" / "packages" / name
+    marker.parent.mkdir(parents=True)
+    marker.touch()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{prefix}:{os.environ.get('AMENT_PREFIX_PATH', '')}")
+
+
+@pytest.mark.parametrize("given", [{}, {"robots": "2"}])
+def test_foxglove_bridge_is_started_on_demand_on_this_computer_only(tmp_path, monkeypatch, given):
+    installed("foxglove_bridge", tmp_path / "prefix", monkeypatch)
+    for path, more in ((ROBOT, {"namespace": "r1"}), (SIMULATION, {**given, "out": str(tmp_path / "run")})):
+        nodes = stand_in.start(path, monkeypatch, {"foxglove": "true", **more})
+        (bridge,) = (one for one in nodes if one.package == "foxglove_bridge")
+        simulated = path == SIMULATION
+        assert bridge.parameters == [{"address": "127.0.0.1", "port": 8765, "use_sim_time": simulated}]
+        assert bridge.namespace == more.get("namespace", "")
+    nodes = stand_in.start(ROBOT, monkeypatch, {"foxglove": "true", "foxglove_port": "9", "foxglove_host": "::"})
+    assert nodes[0].parameters[0].items() >= {"address": "::", "port": 9}.items()
+    with pytest.raises(InputError, match="'all' is no TCP port"):
+        stand_in.start(ROBOT, monkeypatch, {"foxglove": "true", "foxglove_port": "all"})
+
+
+def test_a_missing_foxglove_bridge_is_named_with_its_package(monkeypatch):
+    with pytest.raises(InputError, match="foxglove_bridge, which is not installed") as error:
+        stand_in.start(ROBOT, monkeypatch, {"foxglove": "true"})
+    assert "apt install ros-jazzy-foxglove-bridge" in str(error.value)
+    assert not any(one.package == "foxglove_bridge" for one in stand_in.start(ROBOT, monkeypatch, {}))
+
+
+def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_path):
+    given = {
+        "fix_topic": "/gps/fix",
+        "battery_topic": "bms/state",
+        "remap": "/tf:=tf, counts:=/crns/counts",
+        "property": "salt",
+        "namespace": "r1",
+        "console": "true",
+    }
+    resolved = {}
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    for action in stand_in.start(ROBOT, monkeypatch, given):
+        context = Context()
+        rclpy.init(args=action.command_line(tmp_path), context=context, domain_id=101)
+        node = Node(action.executable, context=context)
+        topics = ("fix", "battery_state", "/tf", "counts", "samples")
+        resolved[node.get_fully_qualified_name()] = [node.resolve_topic_name(name) for name in topics]
+        node.destroy_node()
+        context.try_shutdown()
+    ours = ["/gps/fix", "/r1/bms/state", "/r1/tf", "/crns/counts", "/r1/samples"]
+    for name in ("mapper", "planner", "sensor_driver", "console"):
+        assert resolved.pop(f"/r1/{name}") == ours
+    # The recorder subscribes to what it finds; the counts of another property are not those of the robot.
+    recorder = ["/r1/fix", "/r1/battery_state", "/r1/tf", "/r1/counts", "/r1/samples"]
+    assert resolved.pop("/r1/recorder") == recorder
+    assert resolved.pop("/r1/salt/mapper") == [
+        "/r1/salt/fix",
+        "/r1/salt/battery_state",
+        "/r1/salt/tf",
+        "/r1/salt/counts",
+        "/r1/salt/samples",
+    ]
+    assert not resolved
+    for wrong, message in [("/tf", "is no rule"), ("/tf:=my tf", "'my tf' is not the name of a topic")]:
+        with pytest.raises(InputError, match=message):
+            stand_in.start(ROBOT, monkeypatch, {"remap": wrong})
 
 
 def test_nothing_is_recorded_without_record_and_all_ends_with_the_mission_if_wished(monkeypatch):

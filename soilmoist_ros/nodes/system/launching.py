@@ -1,14 +1,27 @@
-"""Converts the arguments of a launch file, which are texts, to parameters of nodes."""
+"""Converts the arguments of a launch file, which are texts, to parameters of nodes and names of topics."""
 
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 from collections.abc import Mapping
+from typing import Final
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from soilmoist_ros.foundation.configuration import parse_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.nodes.parameters.parameter import Value, check_values
+
+TOPICS: Final = {
+    "fix_topic": ("fix", "fixes of the robot (sensor_msgs/NavSatFix), such as /gps/fix"),
+    "battery_topic": ("battery_state", "state of the battery (sensor_msgs/BatteryState)"),
+    "emergency_stop_topic": ("emergency_stop", "emergency stop of the robot (std_msgs/Bool), such as /e_stop"),
+    "goal_pose_topic": ("goal_pose", "goals of navigator:=goal_pose (geometry_msgs/PoseStamped)"),
+}
+"""Launch arguments that name a topic of the robot: our name of the topic, and what is on it."""
+_NAME: Final = re.compile(r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*")
 
 
 def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]:
@@ -49,6 +62,47 @@ def property_argument(given: str, old_name: str, old: str) -> list[str]:
             file=sys.stderr,
         )
     return [item.strip() for item in (given or old).strip("[] ").split(",") if item.strip()]
+
+
+def remappings(topics: Mapping[str, str], further: str = "") -> list[tuple[str, str]]:
+    """Rules that give topics of the nodes other names.
+
+    >>> remappings({"fix_topic": "/gps/fix", "battery_topic": ""}, "/tf:=tf, /tf_static:=tf_static")
+    [('fix', '/gps/fix'), ('/tf', 'tf'), ('/tf_static', 'tf_static')]
+
+    :param topics: names of topics by the arguments in :data:`TOPICS`; an empty text leaves a topic unchanged
+    :param further: rules ``FROM:=TO`` for any topic or service, separated by commas
+    :raises InputError: if a rule or a name is invalid
+    """
+    rules = [(TOPICS[argument][0], name.strip()) for argument, name in topics.items() if name.strip()]
+    for item in filter(None, map(str.strip, further.split(","))):
+        old, arrow, new = (part.strip() for part in item.partition(":="))
+        if not arrow:
+            raise InputError(f"remap: {item!r} is no rule", "rules look like /tf:=tf,counts:=/crns/counts")
+        rules.append((old, new))
+    for name in (name for rule in rules for name in rule):
+        if not _NAME.fullmatch(name):
+            raise InputError(f"{name!r} is not the name of a topic", "names look like /gps/fix or gps/fix")
+    return rules
+
+
+def foxglove_bridge(host: str, port: str) -> dict[str, Value]:
+    """Parameters of the node ``foxglove_bridge``.
+
+    :param host: address to listen on
+    :param port: TCP port
+    :raises InputError: if the package is not installed, or the port is invalid
+    """
+    try:
+        get_package_prefix("foxglove_bridge")
+    except (PackageNotFoundError, OSError):  # OSError: no AMENT_PREFIX_PATH
+        raise InputError(
+            "foxglove:=true needs the package foxglove_bridge, which is not installed",
+            "sudo apt install ros-jazzy-foxglove-bridge",
+        ) from None
+    if not port.isdigit() or not 0 < int(port) < 65536:
+        raise InputError(f"{port!r} is no TCP port", "the usual one is foxglove_port:=8765")
+    return {"address": host, "port": int(port)}
 
 
 def _value(text: str) -> object:
