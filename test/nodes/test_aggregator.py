@@ -1,0 +1,88 @@
+"""The groups of diagnostic_aggregator: each name that the nodes publish belongs to one of them."""
+
+from __future__ import annotations
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+PUBLISHED_BY = {
+    "sensing/survey/driver.py": "sensor_driver",
+    "sensing/survey/driver_health.py": "sensor_driver",
+    "mapping/map_health.py": "mapper",
+    "nodes/mapper.py": "mapper",
+    "nodes/wiring/mapper_change.py": "mapper",
+    "exploration/control/mission_control.py": "planner",
+    "exploration/guard/watch.py": "planner",
+    "exploration/guard/robot_frames.py": "planner",
+    "recording/bag/recorder_health.py": "recorder",
+    "simulation/robot/waiting_clock.py": "field_simulator",
+}
+RECEIVERS = {"nodes/console.py"}
+"""Files that make states of health of what they received."""
+VARIABLES = {
+    ("sensing/survey/driver_health.py", "name"): {"logger link", "GNSS link"},
+    ("exploration/control/mission_control.py", "name"): {"position", "records"},
+}
+"""Parts whose name is an argument."""
+
+
+@cache
+def published_names() -> set[str]:
+    """Names on /diagnostics without namespace, from the source: every state of health that a file makes."""
+    found = set()
+    for path in sorted((ROOT / "soilmoist_ros").rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        if "Health(" not in text:
+            continue
+        tree = ast.parse(text)
+        inside = str(path.relative_to(ROOT / "soilmoist_ros"))
+        texts = {
+            target.id: node.value.value
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.Constant)
+            for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+            if isinstance(target, ast.Name)
+        }
+        for node in ast.walk(tree):
+            made = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Health"
+            if not made or inside in RECEIVERS:
+                continue
+            first = node.args[0]
+            if isinstance(first, ast.Constant):
+                parts = {first.value}
+            else:
+                assert isinstance(first, ast.Name), f"{inside}:{node.lineno}: a name that the test cannot read"
+                parts = VARIABLES.get((inside, first.id)) or {texts[first.id]}
+            found |= {f"{PUBLISHED_BY[inside]}: {part}" for part in parts}
+    return found
+
+
+def analyzers() -> dict[str, list[str]]:
+    (settings,) = yaml.safe_load((ROOT / "config" / "diagnostics" / "aggregator.yaml").read_text()).values()
+    groups = {name: value for name, value in settings["ros__parameters"].items() if isinstance(value, dict)}
+    assert {group["type"] for group in groups.values()} == {"diagnostic_aggregator/GenericAnalyzer"}
+    return {name: group["contains"] for name, group in groups.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("namespace", ["/", "/robot_1/", "/robot_1/salt/"])
+def test_each_published_name_belongs_to_one_group(namespace):
+    names = published_names()
+    assert len(names) > 15
+    for name in sorted(names):
+        full = namespace + name
+        groups = [group for group, texts in analyzers().items() if any(text in full for text in texts)]
+        assert len(groups) == 1, f"{full} belongs to {groups or 'no group'}"
+
+
+@pytest.mark.slow
+def test_no_group_waits_for_what_nobody_publishes():
+    names = published_names()
+    for group, texts in analyzers().items():
+        for text in texts:
+            assert any(text in name for name in names), f"{group}: {text}"
