@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import click
 
-from soilmoist_ros.cli.console import FILE, progress_bar, report_errors
+from soilmoist_ros.cli.answers.answer import answering, put, tables, warn
+from soilmoist_ros.cli.answers.progress import progress_bar
+from soilmoist_ros.cli.options.names import FILE
 from soilmoist_ros.foundation.errors import InputError
 
 
@@ -19,38 +22,38 @@ def command() -> None:
 
 @command.command("info")
 @click.argument("bag", type=FILE)
-@report_errors
+@answering
 def bag_info_command(bag: Path) -> None:
     """Show the content of a BAG. Exit code 1 if the bag is damaged or unfinished."""
-    from rich.console import Console
-
     from soilmoist_ros.recording.bag.info import bag_info
     from soilmoist_ros.recording.bag.tables import info_table, print_plain
     from soilmoist_ros.recording.run_folder import bag_of
     from soilmoist_ros.recording.stored_counts import quarantine_reasons
 
     info = bag_info(bag_of(bag))
-    print_plain(Console(), info_table(info, quarantine_reasons(info)))
+    reasons = quarantine_reasons(info)
+    put(bag=asdict(info), whole=info.whole, quarantined=reasons)
+    print_plain(tables(), info_table(info, reasons))
     if not info.whole:
         sys.exit(1)
 
 
 @command.command("verify")
 @click.argument("bags", type=FILE, nargs=-1, required=True)
-@report_errors
+@answering
 def bag_verify_command(bags: tuple[Path, ...]) -> None:
     """Verify BAGS: checksums, every message, and what the metadata say. Exit code 1 if something is wrong."""
-    from rich.console import Console
-
     from soilmoist_ros.recording.bag.tables import print_plain, verified_table
     from soilmoist_ros.recording.bag.verify import verify_bag
     from soilmoist_ros.recording.run_folder import bag_of
 
-    wrong = False
+    wrong, results = False, []
     for bag in bags:
         found = verify_bag(bag_of(bag))
         wrong |= bool(found.problems)
-        print_plain(Console(), verified_table(found))
+        results.append(asdict(found))
+        print_plain(tables(), verified_table(found))
+    put(bags=results)
     if wrong:
         sys.exit(1)
 
@@ -58,18 +61,17 @@ def bag_verify_command(bags: tuple[Path, ...]) -> None:
 @command.command("recover")
 @click.argument("bag", type=FILE)
 @click.option("--out", type=FILE, required=True, help="Folder for the recovered bag; must not exist.")
-@report_errors
+@answering
 def bag_recover_command(bag: Path, out: Path) -> None:
     """Rebuild a readable bag from an interrupted BAG. The original is not changed."""
-    from rich.console import Console
-
     from soilmoist_ros.recording.bag.recovery import recover_bag
     from soilmoist_ros.recording.bag.tables import print_plain, recovery_table
     from soilmoist_ros.recording.run_folder import bag_of, copy_configuration
 
     recovered = recover_bag(bag_of(bag), out)
     copy_configuration(bag_of(bag), out)
-    print_plain(Console(), recovery_table(recovered))
+    put(**asdict(recovered))
+    print_plain(tables(), recovery_table(recovered))
 
 
 @command.command("play")
@@ -79,7 +81,7 @@ def bag_recover_command(bag: Path, out: Path) -> None:
               help="Recorded seconds per real second.")  # fmt: skip
 @click.option("--start", "start_s", type=click.FloatRange(min=0), default=0.0, show_default=True,
               help="Time after the begin of the bag at which to start [s].")  # fmt: skip
-@report_errors
+@answering
 def bag_play_command(bag: Path, topics: str | None, time_factor: float, start_s: float) -> None:
     """Publish a BAG to running nodes, with /clock.
 
@@ -105,7 +107,7 @@ def play(bag: Path, topics: str | None, time_factor: float, start_s: float) -> N
     from soilmoist_ros.recording.run_folder import bag_of
 
     def say(text: str) -> None:
-        click.echo(f"note: {text}", err=True)
+        warn(f"note: {text}")
 
     with (
         player_of(bag_of(bag), topics or INPUTS, time_factor, start_s, say) as player,
@@ -115,4 +117,5 @@ def play(bag: Path, topics: str | None, time_factor: float, start_s: float) -> N
         progress("waiting for subscribers", 0.0)
         player.wait_for_listeners()
         count = player.play(progress)
-    click.echo(f"played {count} messages")
+    put(messages=count)
+    say(f"played {count} messages")

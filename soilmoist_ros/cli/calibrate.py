@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from soilmoist_ros.cli.console import FILE, report_errors
+from soilmoist_ros.cli.answers.answer import answering, put, say, wrote
+from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +25,9 @@ TIME = click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m
 @click.argument("cores", type=FILE)
 @click.option("--site", type=FILE, required=True, help="Site file to read; N0 is written to it.")
 @click.option("--log", "logs", type=FILE, multiple=True, help="Neutron log of the calibration. Repeatable.")
-@click.option("--logger", help="Logger format of the logs. Default: detected from the header.")
+@click.option(
+    "--logger", type=Name("logger"), help="Logger format of the logs. Default: detected from the header."
+)
 @click.option("--counts", type=click.IntRange(min=1), help="Instead of --log: raw counts of all tubes.")
 @click.option(
     "--exposure",
@@ -55,7 +58,7 @@ TIME = click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m
 )
 @click.option("--date", help="Date of the calibration; written to the site file.")
 @click.option("--dry-run", is_flag=True, help="Print the result; do not write the site file.")
-@report_errors
+@answering
 def command(
     cores: Path,
     site: Path,
@@ -105,15 +108,23 @@ def command(
         raise InputError(
             f"the calibration has no solution: {error}", "check the cores and the soil properties", cores
         ) from None
-    click.echo(f"cores      {_about(mean, weighting)}")
-    click.echo(f"air        {around.pressure_hpa:.1f} hPa, {around.humidity_gm3:.1f} g/m3")
-    click.echo(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{_of_records(counted)}")
-    click.echo(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s, curve {unit.curve}")
-    click.echo(
-        f"of which   {estimate.from_counting_cps:.4f} from counting, {estimate.from_cores_cps:.4f} from cores"
+    put(
+        n0_cps=estimate.n0_cps,
+        n0_sd_cps=estimate.n0_sd_cps,
+        curve=unit.curve,
+        rate_cps=rate,
+        rate_sd_cps=rate_sd,
+        cores=mean.count,
+        vwc=mean.vwc,
+        vwc_sd=mean.vwc_sd,
     )
+    say(f"cores      {_about(mean, weighting)}")
+    say(f"air        {around.pressure_hpa:.1f} hPa, {around.humidity_gm3:.1f} g/m3")
+    say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{_of_records(counted)}")
+    say(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s, curve {unit.curve}")
+    say(f"of which   {estimate.from_counting_cps:.4f} from counting, {estimate.from_cores_cps:.4f} from cores")
     if dry_run:
-        click.echo(f"dry run: {site} is not changed")
+        say(f"dry run: {site} is not changed")
         return
     result = Calibration(
         n0_cps=round(estimate.n0_cps, 5),
@@ -124,7 +135,7 @@ def command(
         note=f"{mean.count} soil cores, mean VWC {mean.vwc:.3f} m3/m3, {weighting} weights",
     )
     write_calibration(site, result, soil if load_site(site).soil is None else None)
-    click.echo(f"wrote {site}")
+    wrote([site])
 
 
 def _about(mean: CoreMean, weighting: Weighting) -> str:

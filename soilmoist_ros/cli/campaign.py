@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from soilmoist_ros.cli.console import progress_bar, report_errors
+from soilmoist_ros.cli.answers.answer import answering, current, put, say, warn, wrote
+from soilmoist_ros.cli.answers.progress import progress_bar
+from soilmoist_ros.cli.options.names import Name
 from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.workers import THREADS
@@ -26,12 +28,12 @@ LINE_S = 60.0
 
 
 @click.command("campaign")
-@click.argument("campaign")
+@click.argument("campaign", type=Name("campaign"))
 @click.option("--runs", type=click.IntRange(min=1), help="Runs of each combination, instead of those of the file.")
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler to use instead, such as tcp://host:8786.")
 @output_options()
-@report_errors
+@answering
 def command(
     campaign: str, runs: int | None, workers: int | None, scheduler: str | None, out: Path, overwrite: bool
 ) -> None:
@@ -56,15 +58,15 @@ def command(
         click.echo(str(stopped), err=True)
         sys.exit(130)
     for remark in outcome.remarks:
-        click.echo(f"note: {remark}")
-    click.echo(f"missions   {outcome.computed} simulated, {outcome.reused} reused, {len(outcome.failures)} failed")
+        warn(f"note: {remark}")
+    put(simulated=outcome.computed, reused=outcome.reused, failures=list(map(str, outcome.failures)), out=str(out))
+    say(f"missions   {outcome.computed} simulated, {outcome.reused} reused, {len(outcome.failures)} failed")
     for failure in outcome.failures:
         click.echo(f"failed: {failure}", err=True)
     with progress_bar() as progress_of:
         progress_of("writing the report", 1.0)
         report = write_campaign_report(plan, out, outcome.failures, outcome.rows)
-    for path in (*outcome.written, *filter(None, [report])):
-        click.echo(f"wrote {path}")
+    wrote((*outcome.written, *filter(None, [report])))
     if not outcome.complete:
         sys.exit(1)
 
@@ -72,7 +74,7 @@ def command(
 @contextmanager
 def _progress() -> Iterator[Progress]:
     """Report the progress of a campaign: a bar on a terminal, otherwise a line per tenth and minute."""
-    if sys.stderr.isatty():
+    if sys.stderr.isatty() or current().quiet:
         with progress_bar(time_left=False) as bar:
             yield lambda state: bar(str(state), state.done / max(state.total, 1))
         return

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from soilmoist_ros.cli.console import FILE, report_errors
+from soilmoist_ros.cli.answers.answer import answering, current, say
+from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.foundation.errors import InputError, Mistake
 
 if TYPE_CHECKING:
@@ -23,12 +24,21 @@ Value = TypeVar("Value")
 
 
 @click.command("check")
-@click.option("--logger", multiple=True, help="Logger format: a shipped name or a YAML file. Repeatable.")
-@click.option("--site", multiple=True, help="Site file: a shipped name or a YAML file. Repeatable.")
-@click.option("--field", multiple=True, help="Field file: a shipped name or a YAML file. Repeatable.")
+@click.option(
+    "--logger",
+    type=Name("logger"),
+    multiple=True,
+    help="Logger format: a shipped name or a YAML file. Repeatable.",
+)
+@click.option(
+    "--site", type=Name("site"), multiple=True, help="Site file: a shipped name or a YAML file. Repeatable."
+)
+@click.option(
+    "--field", type=Name("field"), multiple=True, help="Field file: a shipped name or a YAML file. Repeatable."
+)
 @click.option("--log", "logs", type=FILE, multiple=True, help="Neutron log of the probe of --site. Repeatable.")
 @click.option("--nmea", type=FILE, multiple=True, help="GNSS log (NMEA) of --log. Repeatable.")
-@report_errors
+@answering
 def command(
     logger: tuple[str, ...],
     site: tuple[str, ...],
@@ -68,14 +78,15 @@ def _checked(
     except InputError as error:
         mistakes += error.mistakes
         return None
-    click.echo(f"ok: {name}")
-    _print(lines)
+    say(f"ok: {name}")
+    _print(name, lines)
     return value
 
 
-def _print(findings: Iterable[Finding]) -> None:
+def _print(name: str, findings: Iterable[Finding]) -> None:
     for finding in findings:
-        click.echo(f"  {finding.name:<11} {finding.text}")
+        current().values.setdefault("findings", []).append({"of": name, **finding._asdict()})
+        say(f"  {finding.name:<11} {finding.text}")
 
 
 def _logger(name: str) -> tuple[None, Iterable[Finding]]:
@@ -143,4 +154,4 @@ def _compare(
             if isinstance(found, Mistake):
                 mistakes.append(found)
             else:
-                _print([found])
+                _print("together", [found])

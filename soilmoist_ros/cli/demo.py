@@ -6,25 +6,22 @@ import importlib.util
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from soilmoist_ros.cli.console import report_errors
+from soilmoist_ros.cli.answers.answer import answering, wrote
+from soilmoist_ros.cli.answers.live import live_view
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option
 from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
+from soilmoist_ros.cli.options.names import Name
 from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output, reported_failure
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation.errors import InputError
 
-if TYPE_CHECKING:
-    from soilmoist_ros.reporting.live.live_mission import LiveMission
-
-_SHOW_S = 0.5
 DEMO = (
     "field",
     "strategy",
@@ -56,11 +53,11 @@ DEMO_HOURS = 1.0
 @mission_options(DEMO)
 @click.option("--time-factor", type=click.FloatRange(min=0.1, max=200), default=60.0, show_default=True,
               help="Simulated seconds per real second.")  # fmt: skip
-@click.option("--speed", "old_speed", type=float, hidden=True)
 @click.option("--navigator", type=click.Choice(["goto_node", "navigate_to_pose", "goal_pose"]),
               help="Navigation interface. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
 @click.option(
     "--scenario",
+    type=Name("scenario"),
     default="",
     help="Simulated faults: thorvald, nav2, bad_link, bad_sensor, or a file. Default: none.",
 )
@@ -72,13 +69,12 @@ DEMO_HOURS = 1.0
 @earlier_option()
 @covariate_option()
 @output_options("Folder for the run; made if missing.")
-@report_errors
+@answering
 def command(
     out: Path,
     overwrite: bool,
     navigator: str | None,
     choices: dict[str, Any],
-    old_speed: float | None,
     time_factor: float,
     scenario: str,
     console: bool,
@@ -96,9 +92,6 @@ def command(
     for module, remedy in (("rclpy", "scripts/demo sets it up; on a robot, source /opt/ros/jazzy/setup.bash"),):
         if importlib.util.find_spec(module) is None:
             raise InputError(f"{module} is not installed", remedy)
-    if old_speed is not None:
-        click.echo("warning: --speed of the demo has become --time-factor", err=True)
-        time_factor = old_speed
     if navigator is None:
         navigator = "goto_node" if importlib.util.find_spec("topological_navigation_msgs") else "goal_pose"
     mission = chosen_settings({"hours": DEMO_HOURS, **choices})
@@ -140,8 +133,7 @@ def command(
                 replay = stack.enter_context(run_demo(settings, show, started))
             written = write_outputs(out, replay.run)
             print_replay(replay)
-            for path in (*written, out / "bag"):
-                click.echo(f"wrote {path}")
+            wrote((*written, out / "bag"), out)
             if console and not leave and sys.stdin.isatty() and sys.stdout.isatty():
                 click.echo(f"{address} stays until Ctrl-C")
                 while True:
@@ -174,41 +166,3 @@ def _prepare(out: Path, overwrite: bool) -> None:
             shutil.rmtree(out / name, ignore_errors=True)
         for saved in (out / "map", *out.glob("map_*/")):  # by the mappers
             remove_earlier(saved, earlier_outputs(saved), ())
-
-
-@contextmanager
-def live_view() -> Iterator[Callable[[LiveMission], None]]:
-    """Show a mission: a live picture on a terminal, otherwise a line per change of state."""
-    from rich.console import Console
-
-    from soilmoist_ros.reporting.live.terminal import render
-
-    console = Console()
-    if not console.is_terminal:
-        said: dict[str, str] = {}
-
-        def plain(live: LiveMission) -> None:
-            for robot in live.robots:
-                text = robot.state
-                if text.partition(" (")[0] != said.get(robot.namespace):
-                    said[robot.namespace] = text.partition(" (")[0]
-                    used_s = float(robot.status.get("time_used_s", 0.0))
-                    name = f"{robot.namespace.replace('_', ' ')}: " if robot.namespace else ""
-                    click.echo(f"{used_s:7.0f} s  {name}{text}")
-
-        yield plain
-        return
-    from rich.live import Live
-
-    shown_s = 0.0
-    with Live(console=console, auto_refresh=False, transient=False) as screen:
-
-        def picture(live: LiveMission) -> None:
-            nonlocal shown_s
-            now_s = time.monotonic()
-            if now_s - shown_s >= _SHOW_S:
-                shown_s = now_s
-                rows = max(6, min(22, console.height - 7 - len(live.maps) - 3 * len(live.robots)))
-                screen.update(render(live.view(), min(64, console.width - 2), rows), refresh=True)
-
-        yield picture

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import click
 
-from soilmoist_ros.cli.console import FILE, report_errors
+from soilmoist_ros.cli.answers.answer import answering, put, say, wrote
+from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.foundation.errors import InputError
 
 
 @click.command("graph")
-@click.argument("field")
+@click.argument("field", type=Name("field"))
 @click.option("--spacing", type=click.FloatRange(min=0, min_open=True), default=10.0, show_default=True,
               help="Distance between nodes [m]; with --rows, along the row.")  # fmt: skip
 @click.option("--rows", type=click.FloatRange(min=0, min_open=True), help="Distance between crop rows [m].")
@@ -24,7 +25,7 @@ from soilmoist_ros.foundation.errors import InputError
               help="Distance that the robot keeps from the border and no-go areas: its radius [m].")  # fmt: skip
 @click.option("--name", help="Name of the map. Default: the name of the field.")
 @click.option("--out", type=FILE, required=True, help="File to write: .yaml, or .json as on /topological_map_2.")
-@report_errors
+@answering
 def command(
     field: str,
     spacing: float,
@@ -57,5 +58,6 @@ def command(
         out.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "choose another file", out) from None
-    click.echo(built.summary)
-    click.echo(f"wrote {out}")
+    say(built.summary)
+    put(nodes=len(built.graph.names), out=str(out))
+    wrote([out])

@@ -1,4 +1,4 @@
-"""The ``soilmoist`` command. Exit code 0: success; 1: incomplete or failed; 2: bad input; 130: interrupted.
+"""The ``soilmoist`` command.
 
 Each subcommand is in the file of its name and is loaded on use, which keeps ``--help`` fast.
 """
@@ -6,9 +6,12 @@ Each subcommand is in the file of its name and is loaded on use, which keeps ``-
 from __future__ import annotations
 
 from importlib import import_module
+from typing import Any
 
 import click
 
+from soilmoist_ros.cli.answers.answer import EXIT_CODES
+from soilmoist_ros.cli.options.examples import epilog
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.foundation.version import __version__
 
@@ -24,9 +27,29 @@ COMMANDS = {
     "season": "Make a time series of all RUNS of one field.",
     "calibrate": "Find N0 from soil CORES (a CSV file) and the counts at the calibration.",
     "graph": "Build a travel graph for a FIELD and write it as a topological map.",
+    "list": "List what can be chosen by name: fields, strategies, loggers, sites ...",
     "check": "Check configuration files and report every mistake in them.",
 }
 """Subcommands with the first sentence of their help."""
+_PLAY = "play recordings with soilmoist bag play"
+RENAMED = {
+    ("simulate", "--variogram"): "use --model",
+    ("demo", "--variogram"): "use --model",
+    ("simulate", "--also"): "use --property FIELD[:WEIGHT]",
+    ("demo", "--also"): "use --property FIELD[:WEIGHT]",
+    ("simulate", "--also-weight"): "use --property FIELD:WEIGHT",
+    ("demo", "--also-weight"): "use --property FIELD:WEIGHT",
+    ("simulate", "--overhead"): "use --stop-overhead",
+    ("demo", "--overhead"): "use --stop-overhead",
+    ("demo", "--speed"): "use --time-factor",
+    ("replay", "--also-truth"): "use --truth PROPERTY=FIELD",
+    ("replay", "--live"): _PLAY,
+    ("replay", "--topics"): _PLAY,
+    ("replay", "--speed"): _PLAY,
+    ("replay", "--start"): _PLAY,
+    ("export", "--formats"): "soilmoist list exports shows the formats",
+}
+"""Options of earlier releases, by command and name -> what to do."""
 
 
 class _Commands(click.Group):
@@ -41,18 +64,40 @@ class _Commands(click.Group):
         if cmd_name not in COMMANDS:
             ctx.fail(f"there is no command {cmd_name!r}{did_you_mean(cmd_name, COMMANDS)}")
         command: click.Command = import_module(f"soilmoist_ros.cli.{cmd_name}").command
+        command.epilog = epilog(cmd_name)
+        if isinstance(command, click.Group):
+            for name, one in command.commands.items():
+                one.epilog = epilog(f"{cmd_name} {name}")
         return command
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the subcommand; an option of an earlier release is a usage error that names the new one."""
+        try:
+            return super().invoke(ctx)
+        except click.NoSuchOption as error:
+            name = error.ctx.info_name if error.ctx is not None else None
+            remedy = RENAMED.get((name or "", error.option_name))
+            if remedy is None:
+                raise
+            raise click.UsageError(
+                f"there is no option {error.option_name} any more: {remedy}", error.ctx
+            ) from None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write names and help texts without loading a subcommand."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
+        with formatter.section("Exit codes"):
+            formatter.write_dl([(str(code), meaning) for code, meaning in EXIT_CODES.items()])
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="soilmoist")
 def main() -> None:
-    """Soil-moisture mapping with a cosmic-ray neutron sensor."""
+    """Soil-moisture mapping with a cosmic-ray neutron sensor.
+
+    soilmoist COMMAND --help shows the options of a command, with examples. Results go to the folder --out.
+    """
 
 
 if __name__ == "__main__":

@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.console import (
-    FILE,
-    VariogramModel,
-    print_knowledge,
-    print_notes,
-    progress_bar,
-    report_errors,
-)
+from soilmoist_ros.cli.answers.answer import answering, say, wrote
+from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_notes
+from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
+from soilmoist_ros.cli.options.map_options import crs_option, map_options
+from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
 from soilmoist_ros.simulation.mission.settings import PRESETS
 
@@ -25,9 +22,17 @@ if TYPE_CHECKING:
 
 @click.command("map")
 @click.argument("logs", type=FILE, nargs=-1, required=True)
-@click.option("--logger", help="Logger format: a shipped name or a YAML file. Default: detected from the header.")
-@click.option("--site", help="Site file: corrections, soil, calibration. Default: standard corrections.")
-@click.option("--field", help="Field file: boundary, cell size. Default: the surroundings of the track.")
+@click.option(
+    "--logger",
+    type=Name("logger"),
+    help="Logger format: a shipped name or a YAML file. Default: detected from the header.",
+)
+@click.option(
+    "--site", type=Name("site"), help="Site file: corrections, soil, calibration. Default: standard corrections."
+)
+@click.option(
+    "--field", type=Name("field"), help="Field file: boundary, cell size. Default: the surroundings of the track."
+)
 @click.option(
     "--nmea", type=FILE, multiple=True, help="GNSS log (NMEA), for loggers without positions. Repeatable."
 )
@@ -38,38 +43,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Model and fit where none are given: the recommended ones, or the published ones.",
 )
-@click.option(
-    "--model",
-    type=VariogramModel(),
-    help="Variogram model: gaussian, exponential, spherical, matern32, matern52, or that of a plug-in. "
-    "Default: matern32 or gaussian, by --preset.",
-)
-@click.option(
-    "--fit", type=click.Choice(["reml", "soft_l1"]), help="Variogram fit. Default: reml or soft_l1, by --preset."
-)
-@click.option(
-    "--noise",
-    type=click.Choice(["local", "mean"]),
-    help="Rate in the Poisson noise of a sample: local to its place or the mean rate. Default: by --preset.",
-)
-@click.option("--local", type=click.Choice(["auto", "off"]),
-              help="Whether the variance may differ from place to place. Default: by --preset.")  # fmt: skip
-@click.option("--drift-model", type=click.Choice(["auto", "off"]),
-              help="Whether the mean rate may change during the survey. Default: by --preset.")  # fmt: skip
-@click.option(
-    "--nugget",
-    type=click.Choice(["keep", "filter"]),
-    default="keep",
-    show_default=True,
-    help="Map the rate with its micro-scale variation, or its smooth part only.",
-)
-@click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")
-@click.option(
-    "--merge",
-    "merge_radius_m",
-    type=click.FloatRange(min=0),
-    help="Records within this radius become one sample [m]. Default: a quarter of the footprint.",
-)
+@map_options("by --preset")
 @click.option("--exact", "max_exact_samples", type=click.IntRange(min=1), default=2000, show_default=True,
               help="Samples up to which the map is exact; beyond, it is made tile by tile.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes for tiles. Default: one per core.")
@@ -77,10 +51,10 @@ if TYPE_CHECKING:
 @earlier_option()
 @covariate_option()
 @reference_option
-@click.option("--crs", help="CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum.")
+@crs_option
 @click.option("--title", help="Title of the report.")
 @output_options()
-@report_errors
+@answering
 def command(
     logs: tuple[Path, ...],
     site: str | None,
@@ -91,7 +65,7 @@ def command(
     noise: str | None,
     local: str | None,
     drift_model: str | None,
-    nugget: str,
+    nugget: str | None,
     workers: int | None,
     scheduler: str | None,
     crs: str | None,
@@ -114,7 +88,7 @@ def command(
     settings = MapSettings(
         site=resource("sites", site) if site else None,
         field=resource("fields", field) if field else None,
-        keep_nugget=nugget == "keep",
+        keep_nugget=nugget != "filter",
         model=model or PRESETS[preset]["model"],
         crs=crs,
         fit="soft_l1" if (fit or PRESETS[preset]["fit"]) == "soft_l1" else "reml",
@@ -129,8 +103,7 @@ def command(
         progress("writing the results", 0.0)
         written = write_outputs(out, run, crs)
     _print_summary(run)
-    for path in written:
-        click.echo(f"wrote {path}")
+    wrote(written, out)
 
 
 def _print_summary(run: MapRun) -> None:
@@ -143,24 +116,24 @@ def _print_summary(run: MapRun) -> None:
     soil_map = run.soil_map
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
     out = f"{len(run.quarantined)} quarantined, {lost} lost"
-    click.echo(f"records    {len(run.track)} used, {out}; {len(soil_map.samples)} samples after merging")
+    say(f"records    {len(run.track)} used, {out}; {len(soil_map.samples)} samples after merging")
     inside, placed = run.inside
     where = place_text((run.frame.latitude_deg, run.frame.longitude_deg))
-    click.echo(f"place      {inside} of {placed} records inside the field, {where}")
+    say(f"place      {inside} of {placed} records inside the field, {where}")
     if at_one_place(run):
         _print_place(run)
         return
     rate, sd = np.nanmean(soil_map.rate), np.nanmean(soil_map.rate_sd)
-    click.echo(f"rate       mean {rate:.3f} counts/s, standard deviation of a cell {sd:.3f}")
+    say(f"rate       mean {rate:.3f} counts/s, standard deviation of a cell {sd:.3f}")
     if soil_map.curve is None:
-        click.echo("moisture   not mapped: the site file has no soil properties or calibration")
+        say("moisture   not mapped: the site file has no soil properties or calibration")
     else:
         low, high = np.nanquantile(soil_map.vwc, [0.05, 0.95])
         mean, known = np.nanmean(soil_map.vwc), mean_moisture(soil_map)
         interval = "" if known is None else f" ({known.p05:.3f} to {known.p95:.3f})"
-        click.echo(f"moisture   mean {mean:.3f}{interval} m3/m3, 5 to 95 % of the area {low:.3f} to {high:.3f}")
+        say(f"moisture   mean {mean:.3f}{interval} m3/m3, 5 to 95 % of the area {low:.3f} to {high:.3f}")
     if soil_map.accuracy is not None:
-        click.echo(f"kriging    {soil_map.accuracy}")
+        say(f"kriging    {soil_map.accuracy}")
     print_knowledge(run)
     print_notes(run)
 
@@ -171,12 +144,12 @@ def _print_place(run: MapRun) -> None:
 
     curve = run.soil_map.curve
     mean, series = mean_moisture(run.track, curve), moisture_series(run.track, curve)
-    click.echo(f"rate       mean {mean.rate:.4f} +- {mean.rate_sd:.4f} counts/s")
+    say(f"rate       mean {mean.rate:.4f} +- {mean.rate_sd:.4f} counts/s")
     if curve is None:
-        click.echo("moisture   not computed: the site file has no soil properties or calibration")
+        say("moisture   not computed: the site file has no soil properties or calibration")
     else:
         low, high = series.bands.vwc.min(), series.bands.vwc.max()
         steps = f"{len(series.begin_s)} steps of {series.step_s / 3600:g} h"
-        click.echo(f"moisture   mean {mean.vwc:.3f} m3/m3, 90 % interval {mean.vwc_p05:.3f} to {mean.vwc_p95:.3f}")
-        click.echo(f"           {low:.3f} to {high:.3f} over time, in {steps}")
+        say(f"moisture   mean {mean.vwc:.3f} m3/m3, 90 % interval {mean.vwc_p05:.3f} to {mean.vwc_p95:.3f}")
+        say(f"           {low:.3f} to {high:.3f} over time, in {steps}")
     print_notes(run)

@@ -7,19 +7,23 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.console import FILE, VariogramModel, progress_bar, report_errors
+from soilmoist_ros.cli.answers.answer import answering, say, warn, wrote
+from soilmoist_ros.cli.answers.progress import progress_bar
+from soilmoist_ros.cli.options.names import FILE, Name, VariogramModel
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
 
 
 @click.command("season")
 @click.argument("runs", type=FILE, nargs=-1, required=True)
-@click.option("--field", help="Field file. Default: the boundary of the last run.")
-@click.option("--site", help="Site file with the calibration. Default: the calibration of the last run.")
+@click.option("--field", type=Name("field"), help="Field file. Default: the boundary of the last run.")
+@click.option(
+    "--site", type=Name("site"), help="Site file with the calibration. Default: the calibration of the last run."
+)
 @click.option("--model", type=VariogramModel(), default="matern32", show_default=True, help="Variogram model.")
 @click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")
 @click.option("--title", help="Title of the page.")
 @output_options()
-@report_errors
+@answering
 def command(
     runs: tuple[Path, ...], field: str | None, site: str | None, out: Path, overwrite: bool, **choices: Any
 ) -> None:
@@ -43,13 +47,12 @@ def command(
         progress("writing the results", 1.0)
         written = write_season(out, season)
     share = season.persistence
-    click.echo(f"patterns   correlation of two surveys {share.share:.2f} +- {share.sd:.2f}")
+    say(f"patterns   correlation of two surveys {share.share:.2f} +- {share.sd:.2f}")
     for label, survey in zip(season.labels, season.surveys, strict=True):
-        click.echo(f"{label:10} {estimate_text(survey)}")
+        say(f"{label:10} {estimate_text(survey)}")
     for survey in season.surveys:
         for remark in survey.run.remarks:
-            click.echo(f"remark     {survey.run.survey.name}: {remark}")
+            say(f"remark     {survey.run.survey.name}: {remark}")
     for note in season.notes:
-        click.echo(f"warning    {note}")
-    for path in written:
-        click.echo(f"wrote {path}")
+        warn(f"warning    {note}")
+    wrote(written, out)

@@ -8,7 +8,9 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.console import print_knowledge, print_notes, progress_bar, rate_error, report_errors
+from soilmoist_ros.cli.answers.answer import answering, say, wrote
+from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_notes, rate_error
+from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option
 from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
@@ -19,7 +21,7 @@ from soilmoist_ros.cli.options.output_options import output_options, prepare_out
 @earlier_option(" Not for a series of simulated surveys: --earlier-surveys.")
 @covariate_option()
 @output_options()
-@report_errors
+@answering
 def command(
     out: Path, overwrite: bool, earlier: tuple[Path, ...], covariates: tuple[str, ...], choices: dict[str, Any]
 ) -> None:
@@ -47,27 +49,24 @@ def command(
         run = None if result.soil_map is None else mission_run(result, earlier=runs)
         written = write_mission(out, result, run=run)
     last = result.series[-1]
-    click.echo(
-        f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {last.samples} samples: {result.ended}"
-    )
+    say(f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {last.samples} samples: {result.ended}")
     if settings.robots > 1:
-        click.echo(f"robots     {', '.join(f'{polyline_length_m(track):.0f} m' for track in result.tracks)}")
+        say(f"robots     {', '.join(f'{polyline_length_m(track):.0f} m' for track in result.tracks)}")
     if run is None:
-        click.echo("map        no map: the mission ended before the first map update; report.html says what to do")
+        say("map        no map: the mission ended before the first map update; report.html says what to do")
     else:
-        click.echo(f"rate       {rate_error(last.mse, last.coverage95)}")
+        say(f"rate       {rate_error(last.mse, last.coverage95)}")
         rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
-        click.echo(f"moisture   {rmse if run.soil_map.curve else 'not mapped: the field has no calibration'}")
+        say(f"moisture   {rmse if run.soil_map.curve else 'not mapped: the field has no calibration'}")
         for mapped, errors in zip(result.properties[1:], last.errors[1:], strict=True):
-            click.echo(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")
+            say(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")
         for one in run.properties:
             print_knowledge(one)
-        click.echo(f"deviation  {forecast_text(result.forecasts, 3600 * settings.hours)}")
+        say(f"deviation  {forecast_text(result.forecasts, 3600 * settings.hours)}")
         if (plan := mission_efficiency(result)) is not None:
-            click.echo(f"efficiency {100 * plan.reached:.0f} % of the best possible plan, which need not drive")
+            say(f"efficiency {100 * plan.reached:.0f} % of the best possible plan, which need not drive")
         for one in run.properties:
             print_notes(one)
-    for path in written:
-        click.echo(f"wrote {path}")
+    wrote(written, out)
     if run is None:
         sys.exit(1)

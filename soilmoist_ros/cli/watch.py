@@ -8,26 +8,30 @@ import time
 
 import click
 
-from soilmoist_ros.cli.console import report_errors
-from soilmoist_ros.cli.demo import live_view
-from soilmoist_ros.foundation.configuration import resource
+from soilmoist_ros.cli.answers.answer import reporting_errors
+from soilmoist_ros.cli.answers.live import live_view
+from soilmoist_ros.cli.options.names import Name
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 
 _POLL_S = 0.2
 
 
 @click.command("watch")
-@click.option("--field", required=True, help="Field file of the nodes, or the name of a shipped one.")
+@click.option(
+    "--field", type=Name("field"), required=True, help="Field file of the nodes, or the name of a shipped one."
+)
 @click.option("--robot", "robots", multiple=True, help="Namespace of a robot, repeatable. Default: none.")
 @click.option("--property", "properties", multiple=True, help="Further property to show, repeatable.")
-@report_errors
+@reporting_errors
 def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...]) -> None:
     """Watch a running survey in a terminal, until Ctrl-C: state, numbers, and the map as it grows.
 
     It listens on the ROS domain of the shell, and changes nothing.
     """
+    from soilmoist_ros.foundation.configuration import resource
+    from soilmoist_ros.mapping.field import load_field
+    from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
+
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
     place = load_field(resource("fields", field))

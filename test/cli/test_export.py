@@ -11,16 +11,9 @@ def run(*arguments):
     return CliRunner().invoke(main, ["export", *map(str, arguments)])
 
 
-def test_formats_are_listed():
-    result = run("--formats")
-    assert result.exit_code == 0
-    assert [line.split()[0] for line in result.output.splitlines()][:2] == ["qgis", "gpkg"]
-    assert "management zones (.zip)" in result.output
-
-
 def test_bad_input_is_named(tmp_path):
     for arguments, message in (
-        ((), "needs the folder of a run"),
+        ((), "Missing argument 'RUN'"),
         ((tmp_path, "--to", "kmz"), "holds no summary.json"),
         ((tmp_path, "--to", "kml"), "there is no export 'kml'"),
         ((tmp_path,), "no export is given"),

@@ -1,6 +1,8 @@
 """The command as a user runs it: map.py, simulate.py, replay.py, demo.py, calibrate.py, mission_options.py ...."""
 
 import json
+import re
+import shlex
 import subprocess
 import sys
 
@@ -11,9 +13,12 @@ import rasterio
 import rasterio.warp
 from click.testing import CliRunner
 
-from soilmoist_ros.cli.main import COMMANDS, main
+from soilmoist_ros.cli.answers.answer import EXIT_CODES
+from soilmoist_ros.cli.main import COMMANDS, RENAMED, main
+from soilmoist_ros.cli.options.examples import EXAMPLES
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.sensing.moisture.site import load_site
+from soilmoist_ros.simulation.mission.settings import SETTINGS
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey
 
 OUTPUTS = ["map.tif", "records.csv", "report.html", "samples.geojson", "summary.json"]
@@ -226,18 +231,55 @@ def test_an_unknown_command_suggests_the_nearest():
     assert "there is no command 'simulat' (did you mean 'simulate'?)" in result.output
 
 
-def test_replay_refers_the_options_of_playback_to_bag_play(tmp_path):
-    result = run("replay", tmp_path, "--speed", 10, "--out", tmp_path / "out")
+@pytest.mark.parametrize(("command", "option"), RENAMED)
+def test_options_of_earlier_releases_are_errors_that_name_the_new_ones(command, option, tmp_path):
+    result = run(command, option, "1", "--out", tmp_path / "out")
     assert result.exit_code == 2
-    assert "use soilmoist bag play" in result.output
+    assert f"there is no option {option} any more: {RENAMED[command, option]}" in result.output
+
+
+@pytest.mark.parametrize("name", sorted(EXAMPLES))
+def test_the_examples_of_the_help_are_commands(name):
+    command, words = main, name.split()
+    for word in words:
+        command = command.get_command(click.Context(command), word)
+    help_text = run(*words, "--help").output
+    for example in EXAMPLES[name]:
+        assert f"  soilmoist {example}" in help_text
+        group, rest = main, shlex.split(example)
+        while isinstance(group, click.Group):
+            group, rest = group.get_command(click.Context(group), rest[0]), rest[1:]
+        assert isinstance(group.make_context(name, rest), click.Context)
+
+
+def test_the_help_shows_the_exit_codes():
+    text = run("--help").output
+    assert all(re.search(rf"^  {code} +{meaning}$", text, re.MULTILINE) for code, meaning in EXIT_CODES.items())
+
+
+def test_one_option_means_one_thing():
+    """Options of one name have the same type in all commands, apart from those that differ on purpose."""
+    settings = {setting.option for setting in SETTINGS.values()}  # their types are those of the settings
+    on_purpose = {"--to", "--site", "--logger"} | settings
+    kinds = {}
+    for name in COMMANDS:
+        command = main.get_command(click.Context(main), name)
+        parts = command.commands.values() if isinstance(command, click.Group) else [command]
+        for option in (each for part in parts for each in part.params if isinstance(each, click.Option)):
+            assert not option.hidden
+            assert option.help
+            for spelling in option.opts:
+                kinds.setdefault(spelling, set()).add((option.type.name, option.multiple))
+    assert {name for name, found in kinds.items() if len(found) > 1} <= on_purpose
 
 
 @pytest.mark.process
-def test_help_imports_no_heavy_libraries():
+def test_no_help_imports_heavy_libraries():
     code = (
-        "import sys; from soilmoist_ros.cli.main import main\n"
-        "try: main(['map', '--help'])\n"
-        "except SystemExit: pass\n"
+        "import sys; from soilmoist_ros.cli.main import COMMANDS, main\n"
+        "for words in [[], *([name] for name in COMMANDS), ['bag', 'play']]:\n"
+        "    try: main([*words, '--help'])\n"
+        "    except SystemExit: pass\n"
         "print('heavy:', *({'numpy', 'scipy', 'matplotlib', 'rasterio', 'pydantic', 'rich'} & set(sys.modules)))"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
@@ -269,7 +311,7 @@ def test_several_robots_are_simulated(tmp_path):
         0.3,
         "--cell",
         5,
-        "--variogram",
+        "--model",
         "matern32",
         "--fit",
         "reml",
@@ -300,27 +342,11 @@ def test_further_properties_are_mapped(tmp_path):
         assert f"property   {name}: MSE {about['final'][f'mse_{name}']:.4f} (counts/s)2" in result.output
 
 
-@pytest.mark.slow
-def test_the_deprecated_options_of_properties_are_read_with_a_warning(tmp_path):
-    result = run(
-        "simulate", "--also", "rough", "--also-weight", 0.5, "--hours", 0.1, "--cell", 5, "--out", tmp_path
-    )
-    assert result.exit_code == 0, result.output
-    assert "--also and --also-weight have become --property" in result.output
-    about = json.loads((tmp_path / "summary.json").read_text())["mission"]
-    assert about["settings"]["properties"] == [{"field": "rough", "weight": 0.5}]
-    assert (about["settings"]["also"], about["settings"]["also_weight"]) == ("rough", 0.5), (
-        "keys of earlier releases"
-    )
-    assert about["also"]["name"] == "rough"
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (["--property", "patches"], "does not cover the field 'synthetic-high'"),
         (["--property", "rough:-1"], "'rough:-1' is not a property with a weight"),
-        (["--also", "rough", "--also-weight", "-1"], "'rough:-1.0' is not a property"),
         (["--robots", "0"], "must be >= 1, but it is 0"),
         (["--hours", "two"], "must be a number, but it is 'two'"),
         (["--field", "sinthetic-high"], "did you mean 'synthetic-high'"),

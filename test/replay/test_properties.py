@@ -109,12 +109,3 @@ def test_the_command_writes_all_maps_and_says_so(run_with, tmp_path, capsys):
     assert "map_salt.tif" in said
     assert {"map_salt.tif", "samples_salt.geojson"} <= {path.name for path in out.iterdir()}
     assert ": Rate uncertainty" in (out / "report.html").read_text()
-
-
-@pytest.mark.slow
-def test_the_old_option_means_the_second_property_and_warns(run_with, tmp_path, capsys):
-    command = ["replay", str(run_with(["salt"])), "--also-truth", "half-wet", "--out", str(tmp_path / "out")]
-    main(command, standalone_mode=False)
-    said = capsys.readouterr()
-    assert "--also-truth is deprecated: give --truth PROPERTY=FIELD" in said.err
-    assert said.out.index("property   salt") < said.out.index("rate       MSE")

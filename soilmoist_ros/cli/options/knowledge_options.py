@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import click
 
-from soilmoist_ros.cli.console import FILE
+from soilmoist_ros.cli.options.names import FILE
 
 Command = Callable[..., None]
 

@@ -7,7 +7,9 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.shell_completion import CompletionItem
 
+from soilmoist_ros.cli.options.names import NAMES, Name, completions
 from soilmoist_ros.simulation.mission.setting import Setting
 from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
 
@@ -32,7 +34,15 @@ class _Value(click.ParamType):  # type: ignore[type-arg]
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         """The permitted values, or their type."""
-        return f"[{self._setting.limits}]" if self._setting.choices else self.name.upper()
+        name = self._setting.name if self._setting.name in NAMES else self.name
+        return f"[{self._setting.limits}]" if self._setting.choices else name.upper()
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Permitted values and names that continue the word."""
+        name = {"field": "surrogate"}.get(self._setting.name, self._setting.name)
+        if name in NAMES:
+            return completions(name, incomplete)
+        return [CompletionItem(choice) for choice in self._setting.choices if choice.startswith(incomplete)]
 
 
 def mission_options(names: Iterable[str] = tuple(SETTINGS)) -> Callable[[Command], Command]:
@@ -46,15 +56,11 @@ def mission_options(names: Iterable[str] = tuple(SETTINGS)) -> Callable[[Command
         @wraps(command)
         def run(*args: Any, **kwargs: Any) -> None:
             choices = {one.name: value for one in chosen if (value := kwargs.pop(one.name)) not in (None, ())}
-            _read_old(choices, kwargs)
             command(*args, choices=choices, **kwargs)
 
-        options = [_option(one) for one in chosen]
-        old = (("--variogram", str), ("--also", str), ("--also-weight", float))
-        options += [click.option(name, type=kind, hidden=True) for name, kind in old]
         wrapped: Command = run
-        for option in reversed(options):
-            wrapped = option(wrapped)
+        for one in reversed(chosen):
+            wrapped = _option(one)(wrapped)
         return wrapped
 
     return decorate
@@ -71,6 +77,7 @@ def _option(setting: Setting) -> Callable[[Command], Command]:
             setting.option,
             setting.name,
             multiple=True,
+            type=Name("surrogate"),
             metavar="FIELD[:WEIGHT]",
             help=f"{setting.help} Repeatable.",
         )
@@ -78,7 +85,7 @@ def _option(setting: Setting) -> Callable[[Command], Command]:
     unit = f" [{setting.unit}]" if setting.unit else ""
     text = f"{first.rstrip('.')}{unit}. {rest if dot else ''}".strip()
     return click.option(
-        setting.option, *filter(None, [setting.short]), setting.name, type=_Value(setting),
+        setting.option, setting.name, type=_Value(setting),
         help=f"{text} {_default(setting)}".rstrip(),
     )  # fmt: skip
 
@@ -93,18 +100,6 @@ def _default(setting: Setting) -> str:
     if setting.kind is bool:
         return f"Default: {'yes' if setting.default else 'no'}."
     return "" if setting.default is None else f"Default: {setting.default}."
-
-
-def _read_old(choices: dict[str, Any], given: dict[str, Any]) -> None:
-    """Read options of earlier releases with a warning."""
-    variogram, also, weight = (given.pop(name) for name in ("variogram", "also", "also_weight"))
-    if variogram is not None:
-        click.echo("warning: --variogram has become --model", err=True)
-        choices.setdefault("model", variogram)
-    if also or weight is not None:
-        click.echo("warning: --also and --also-weight have become --property FIELD[:WEIGHT]", err=True)
-    if also:
-        choices["properties"] = (*choices.get("properties", ()), f"{also}:{1.0 if weight is None else weight}")
 
 
 def chosen_settings(choices: dict[str, Any]) -> MissionSettings:

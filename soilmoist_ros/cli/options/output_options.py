@@ -9,7 +9,8 @@ from pathlib import Path
 
 import click
 
-from soilmoist_ros.cli.console import FILE
+from soilmoist_ros.cli.answers.answer import wrote
+from soilmoist_ros.cli.options.names import FILE
 from soilmoist_ros.foundation.errors import InputError
 
 Command = Callable[..., None]
@@ -18,7 +19,7 @@ Command = Callable[..., None]
 def output_options(
     text: str = "Folder for the results; made if missing.", required: bool = True
 ) -> Callable[[Command], Command]:
-    """Add ``--out`` and ``--overwrite``.
+    """Add ``--out`` and ``--overwrite``, which ``--force`` means as well.
 
     :param text: help of ``--out``
     :param required: whether the command needs ``--out``
@@ -26,7 +27,13 @@ def output_options(
 
     def decorate(command: Command) -> Command:
         for option in (
-            click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run in --out."),
+            click.option(
+                "--overwrite",
+                "--force",
+                "overwrite",
+                is_flag=True,
+                help="Replace the results of an earlier run in --out.",
+            ),
             click.option("--out", type=FILE, required=required, help=text),
         ):
             command = option(command)
@@ -63,9 +70,10 @@ def confirmed(out: Path, held: str) -> bool:
 
 @contextmanager
 def reported_failure(out: Path) -> Iterator[None]:
-    """Write the report of a run without a map, print why there is none, and exit with code 1.
+    """Write the report of a run without a map.
 
     :param out: output folder
+    :raises NoMapError: why there is no map
     """
     from soilmoist_ros.reporting.failed_run import NoMapError
 
@@ -74,7 +82,5 @@ def reported_failure(out: Path) -> Iterator[None]:
     except NoMapError as error:
         from soilmoist_ros.reporting.failed_outputs import write_failed
 
-        for path in write_failed(out, error.failed):
-            click.echo(f"wrote {path}")
-        click.echo(f"error: {error}", err=True)
-        sys.exit(1)
+        wrote(write_failed(out, error.failed), out)
+        raise

@@ -303,11 +303,15 @@ class DwellKind:
         raises :class:`InputError` if the text is no value
     :param describe: returns a readable description for the text after ``NAME:``
     :param needs_value: whether the rule requires this text; otherwise the rule is its name alone
+    :param about: what it does, for people in the field
+    :param example: how it is written; empty for the name alone
     """
 
     read: Callable[[str, float], DwellRule]
     describe: Callable[[str], str]
     needs_value: bool = True
+    about: str = ""
+    example: str = ""
 
 
 def _fixed(number: str, longest_s: float) -> DwellRule:
@@ -373,9 +377,24 @@ DWELL_RULES: Registry[DwellKind] = Registry(
     "soilmoist_ros.dwell_rules",
     "dwell rule",
     {
-        "fmi": DwellKind(_fixed, lambda number: f"FMI {float(number):g} s"),
-        "ami": DwellKind(_adaptive, lambda number: f"AMI {100 * float(number):g} %"),
-        "optimal": DwellKind(lambda _, longest_s: Optimal(longest_s), lambda _: "Optimal", needs_value=False),
+        "fmi": DwellKind(
+            _fixed,
+            lambda number: f"FMI {float(number):g} s",
+            about="Counts for a fixed time, in seconds.",
+            example="fmi:600",
+        ),
+        "ami": DwellKind(
+            _adaptive,
+            lambda number: f"AMI {100 * float(number):g} %",
+            about="Counts until the relative standard error of the count falls to a threshold.",
+            example="ami:3%",
+        ),
+        "optimal": DwellKind(
+            lambda _, longest_s: Optimal(longest_s),
+            lambda _: "Optimal",
+            needs_value=False,
+            about="Counts as long as counting here is worth more than driving on.",
+        ),
     },
     _checked,
 )

@@ -1,4 +1,4 @@
-"""``soilmoist replay --live``: plays a bag to real nodes, with the time of the recording."""
+"""``soilmoist bag play``: plays a bag to real nodes, with the time of the recording."""
 
 from __future__ import annotations
 

@@ -384,24 +384,21 @@ def _faults_of_field(name: str, folder: Path) -> Iterator[tuple[str, str]]:
     :raises InputError: if the field file cannot be read
     """
     from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
+    from soilmoist_ros.simulation.fields.truth_file import has_truth
 
     shipped = {file: config_folder() / "fields" / f"{file}.yaml" for file in resource_names("fields")}
-    usable = [*surrogate_field_names(), *(file for file, path in shipped.items() if _has_truth(path))]
+    usable = surrogate_field_names()
     remedy = f"give one of: {', '.join(usable)}; or a path that starts at the campaign file"
     path = Path(_whole_path(name, folder)) if _is_path(name) else shipped.get(name)
     if name in usable:
         return
     if path is None or not path.is_file():
         yield f"there is no field {'file ' if _is_path(name) else ''}{name!r}", remedy
-    elif not _has_truth(path):
+    elif not has_truth(path):
         yield (
             f"the field {name!r} has no truth: it cannot be simulated",
             f"add a section 'truth' to its file, or {remedy}",
         )
-
-
-def _has_truth(path: Path) -> bool:
-    return "truth" in _mapping(read_yaml(path))
 
 
 def _mapping(content: Any) -> Mapping[str, Any]:

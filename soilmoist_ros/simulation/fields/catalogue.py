@@ -29,7 +29,7 @@ from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.simulation.fields.rate_extrapolation import KrigedRate
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.fields.truth_file import load_surrogate, truth_stamps
+from soilmoist_ros.simulation.fields.truth_file import has_truth, load_surrogate, truth_stamps
 
 Array = NDArray[np.float64]
 
@@ -52,8 +52,8 @@ TURF = CalibrationCurve(n0_cps=4.75, bulk_density_gcm3=1.1)
 def surrogate_field(name_or_path: str, rng: np.random.Generator | None = None) -> SurrogateField:
     """A surrogate field by name or from a file, cached per process.
 
-    :param name_or_path: name of a built-in field (see :func:`surrogate_field_names`), or name or path of a field
-        file with a truth
+    :param name_or_path: name of a surrogate field (see :func:`surrogate_field_names`), or path of a field file
+        with a truth
     :param rng: source of randomness for the field (point rates of ``airfield-simulated``, random formulas); a
         fixed seed if ``None``. A field with ``rng`` is not cached.
     :raises InputError: if the field is unknown, or for any mistake in its files
@@ -77,8 +77,9 @@ def known_field(name_or_path: str) -> Field:
 
 
 def surrogate_field_names() -> list[str]:
-    """Names of the built-in fields."""
-    return list(BUILT_IN)
+    """Names of all surrogate fields: built-in ones, then shipped field files with a truth."""
+    folder = config_folder() / "fields"
+    return [*BUILT_IN, *(name for name in resource_names("fields") if has_truth(folder / f"{name}.yaml"))]
 
 
 @cache

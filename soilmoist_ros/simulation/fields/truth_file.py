@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field as Setting
 from pydantic import model_validator
 
-from soilmoist_ros.foundation.configuration import Section, load_model
+from soilmoist_ros.foundation.configuration import Section, load_model, read_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.mapping.field import Field, FieldFile, load_field
 from soilmoist_ros.mapping.variogram.correlation import ModelName
@@ -136,6 +137,15 @@ def _random_variogram(section: TruthSection) -> Variogram | None:
         low, high = section.curve.rate_cps([formula.mean - formula.sd / 2, formula.mean + formula.sd / 2])
         slope = float(high - low) / formula.sd
     return Variogram(formula.model, 0.0, formula.range_m, (slope * formula.sd) ** 2)
+
+
+def has_truth(path: Path) -> bool:
+    """Whether a field file has a truth; the truth itself is not read.
+
+    :raises InputError: if the file cannot be read
+    """
+    content = read_yaml(path)
+    return isinstance(content, Mapping) and "truth" in content
 
 
 def truth_stamps(path: Path) -> tuple[int, ...]:

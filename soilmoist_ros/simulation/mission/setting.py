@@ -25,7 +25,6 @@ class Setting:
     :param choices: permitted values; any if empty
     :param registered: function that returns the registered names; called when a value is checked
     :param check: function that returns a value in its plain form, or raises :class:`InputError`
-    :param short: another, shorter option
     :param method: in Python, objects with this method are permitted instead of a name; empty for names only
     """
 
@@ -40,7 +39,6 @@ class Setting:
     registered: Callable[[], Sequence[str]] | None = None
     check: Callable[[Any], Any] | None = None
     method: str = ""
-    short: str = ""
 
     @property
     def option(self) -> str:

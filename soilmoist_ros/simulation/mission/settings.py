@@ -214,7 +214,7 @@ class MissionSettings:
         None, "Topological map to travel on, a file. Default: an open lattice of about 300 nodes.", str
     )
     speed_mps: float = _setting(0.6, "Speed of the robot.", unit="m/s", low=0, above=True)
-    stop_overhead_s: float = _setting(12.0, "Time lost at each stop.", unit="s", low=0, short="--overhead")
+    stop_overhead_s: float = _setting(12.0, "Time lost at each stop.", unit="s", low=0)
     min_dwell_s: float | None = _setting(
         None, "Shortest time at a stop, whatever the dwell rule says; stops that leave less are skipped. Default: "
         "one record.", float, unit="s", low=0, above=True,

@@ -36,7 +36,7 @@ def test_a_setting_is_declared_once_and_is_an_option_a_key_and_a_column(name):
 def test_trips_have_options_in_simulate_and_demo(name):
     command = main.get_command(click.Context(main), name)
     options = {option for parameter in command.params for option in parameter.opts}
-    assert {"--overhead", "--stop-overhead", "--turn", "--stop-cost", "--metre-cost", "--min-dwell"} <= options
+    assert {"--stop-overhead", "--turn", "--stop-cost", "--metre-cost", "--min-dwell"} <= options
 
 
 def test_options_keep_their_names():

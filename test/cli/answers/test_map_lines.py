@@ -1,11 +1,10 @@
-"""What the commands print (console.py): errors with exit codes, what informed a map, its notes."""
+"""Lines on a map: what informed it, its notes."""
 
 from dataclasses import replace
 
 import pytest
 
-from soilmoist_ros.cli.console import print_knowledge, print_notes, rate_error, report_errors
-from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
+from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_notes, rate_error
 from soilmoist_ros.reporting.mission_report import mission_run
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
@@ -41,28 +40,6 @@ def test_nothing_is_printed_of_a_map_without_them(informed, capsys):
 def test_notes_are_printed_as_warnings(informed, capsys):
     print_notes(informed)
     assert all(line.startswith("warning    ") for line in capsys.readouterr().out.splitlines())
-
-
-@pytest.mark.parametrize(
-    ("error", "code", "printed"),
-    [
-        (
-            InputError([Mistake("one", "mend it"), Mistake("two")]),
-            2,
-            "error: one -> mend it\nerror: two\n",
-        ),
-        (SoilmoistError("broken"), 1, "error: broken\n"),
-        (KeyboardInterrupt(), 130, "interrupted: nothing was written\n"),
-    ],
-)
-def test_errors_become_messages_and_exit_codes(error, code, printed, capsys):
-    def command():
-        raise error
-
-    with pytest.raises(SystemExit) as ended:
-        report_errors(command)()
-    assert ended.value.code == code
-    assert capsys.readouterr().err == printed
 
 
 def test_the_error_of_a_rate_map_in_words():

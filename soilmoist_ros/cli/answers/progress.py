@@ -1,0 +1,43 @@
+"""Progress of the commands: a bar on a terminal, otherwise plain lines."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import click
+
+from soilmoist_ros.cli.answers.answer import current
+
+
+@contextmanager
+def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None]]:
+    """Report progress: a bar on a terminal, otherwise a line per step and tenth; nothing with ``--quiet``.
+
+    :param time_left: whether the bar states the remaining time
+    """
+    if current().quiet:
+        yield lambda step, share: None
+        return
+    if not sys.stderr.isatty():
+        last = ("", 0)
+
+        def plain(step: str, share: float) -> None:
+            nonlocal last
+            tenths = int(10 * share)
+            if step != last[0]:
+                click.echo(f"... {step}", err=True)
+            elif tenths > last[1] and tenths < 10:
+                click.echo(f"... {step}: {10 * tenths} %", err=True)
+            last = (step, tenths)
+
+        yield plain
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description:32}"), BarColumn(), *([TimeRemainingColumn()] * time_left))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        yield lambda step, share: bar.update(task, description=step, completed=share)

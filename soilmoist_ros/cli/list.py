@@ -1,0 +1,216 @@
+"""``soilmoist list``: all that can be chosen by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import click
+
+from soilmoist_ros.cli.answers.answer import answering, put, say, tables
+from soilmoist_ros.foundation.errors import InputError
+
+
+@dataclass(frozen=True)
+class Item:
+    """Something that can be chosen by its name.
+
+    :param name: the name
+    :param about: what it is, in a sentence
+    :param traits: what sets it apart, by words that are keys with ``--json``
+    :param file: where it is; ``None`` for what is part of the program
+    """
+
+    name: str
+    about: str
+    traits: dict[str, Any] = field(default_factory=dict)
+    file: Path | None = None
+
+
+def _shipped(kind: str) -> Iterator[tuple[str, Path]]:
+    from soilmoist_ros.foundation.configuration import resource, resource_names
+
+    for name in resource_names(kind):
+        yield name, resource(kind, name)
+
+
+def _fields() -> Iterator[Item]:
+    import numpy as np
+
+    from soilmoist_ros.mapping.field import load_field
+    from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
+
+    files = dict(_shipped("fields"))
+    surrogates = surrogate_field_names()
+    for name in [*surrogates, *(name for name in files if name not in surrogates)]:
+        surrogate = surrogate_field(name) if name in surrogates else None
+        place = surrogate.field if surrogate is not None else load_field(files[name])
+        width_m, height_m = np.ptp(place.polygon, axis=0).tolist()
+        traits: dict[str, Any] = {"size": f"{width_m:.0f} x {height_m:.0f} m", "simulated": surrogate is not None}
+        if surrogate is not None:
+            traits["hours"] = surrogate.hours
+            cells = place.grid().cells
+            curve = surrogate.curve
+            values = surrogate.rate_at(cells) if curve is None else 100 * surrogate.vwc_at(cells)
+            low, high = np.quantile(values, [0.05, 0.95]).tolist()
+            if curve is None:
+                traits["rate"] = f"{low:.1f} to {high:.1f} counts/s"
+            else:
+                traits["moisture"] = f"{low:.0f} to {high:.0f} % by volume"
+        yield Item(name, place.name, traits, files.get(name))
+
+
+def _strategies() -> Iterator[Item]:
+    from soilmoist_ros.exploration.strategies.registry import STRATEGIES
+    from soilmoist_ros.simulation.mission.settings import PRESETS
+
+    for name in STRATEGIES.names():
+        kind = STRATEGIES.get(name)
+        traits: dict[str, Any] = {"label": kind.label, "needs_map": kind.needs_map, "baseline": kind.is_baseline}
+        traits["presets"] = [preset for preset, values in PRESETS.items() if values["strategy"] == name]
+        yield Item(name, kind.about, traits)
+
+
+def _dwell_rules() -> Iterator[Item]:
+    from soilmoist_ros.exploration.planning.dwell import DWELL_RULES
+
+    for name in DWELL_RULES.names():
+        kind = DWELL_RULES.get(name)
+        yield Item(name, kind.about, {"write": kind.example or (f"{name}:VALUE" if kind.needs_value else name)})
+
+
+def _models() -> Iterator[Item]:
+    from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
+
+    for name in VARIOGRAM_MODELS.names():
+        model = VARIOGRAM_MODELS.get(name)
+        about = f"{model.label or name}; reaches {'the' if model.has_edge else '95 % of the'} sill at"
+        yield Item(name, about, {"ranges": round(model.practical, 2)})
+
+
+def _loggers() -> Iterator[Item]:
+    from soilmoist_ros.sensing.formats.logger_format import load_logger_format, logger_names, logger_path
+
+    for name in logger_names():
+        logger = load_logger_format(name)
+        weather = [each for each in ("pressure", "temperature", "humidity") if getattr(logger, each) is not None]
+        traits = {"positions": logger.position is not None, "weather": weather}
+        yield Item(name, logger.title, traits, logger_path(name))
+
+
+def _sites() -> Iterator[Item]:
+    from soilmoist_ros.sensing.moisture.site import load_site
+
+    for name, path in _shipped("sites"):
+        site = load_site(path)
+        known = site.calibration
+        calibration = "none" if known is None else "illustrative" if known.illustrative else known.date or "yes"
+        yield Item(name, site.name, {"calibration": calibration, "stationary": site.location is not None}, path)
+
+
+def _exports() -> Iterator[Item]:
+    from soilmoist_ros.reporting.exports.registry import EXPORTS, export_kind
+
+    for name in EXPORTS.names():
+        kind = export_kind(name)
+        yield Item(name, f"{kind.label}: {kind.description}", {"suffix": kind.suffix})
+
+
+def _campaigns() -> Iterator[Item]:
+    from soilmoist_ros.simulation.campaign.campaign_file import load_campaign, missions
+
+    for name, path in _shipped("campaigns"):
+        campaign = load_campaign(name)
+        yield Item(name, campaign.title, {"missions": len(missions(campaign))}, path)
+
+
+def _scenarios() -> Iterator[Item]:
+    from soilmoist_ros.simulation.robot.scenario import load_scenario
+
+    for name, path in _shipped("scenarios"):
+        yield Item(name, load_scenario(name).title, {}, path)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of things with names.
+
+    :param items: reads all of them
+    :param used_by: where a name is given
+    """
+
+    items: Callable[[], Iterator[Item]]
+    used_by: str
+
+
+KINDS = {
+    "fields": Kind(_fields, "--field of simulate and demo; those that are not simulated: --field of map"),
+    "strategies": Kind(_strategies, "--strategy of simulate and demo"),
+    "dwell-rules": Kind(_dwell_rules, "--dwell of simulate and demo"),
+    "models": Kind(_models, "--model of map, replay, simulate, demo and season"),
+    "loggers": Kind(_loggers, "--logger of map, replay and calibrate"),
+    "sites": Kind(_sites, "--site of map and replay"),
+    "exports": Kind(_exports, "--to of export"),
+    "campaigns": Kind(_campaigns, "campaign NAME"),
+    "scenarios": Kind(_scenarios, "--scenario of demo"),
+}
+
+
+@click.command("list")
+@click.argument("kind", type=click.Choice(tuple(KINDS)), required=False, metavar="[KIND]")
+@answering
+def command(kind: str | None) -> None:
+    """List what can be chosen by name: fields, strategies, loggers, sites ...
+
+    Names, what they stand for, their traits and files, those of plug-ins included. Without a KIND, all names.
+    Kinds: fields, strategies, dwell-rules, models, loggers, sites, exports, campaigns, scenarios.
+    """
+    if kind is None:
+        for one, about in KINDS.items():
+            items = list(about.items())
+            say(f"{one:12} {', '.join(item.name for item in items)}")
+            put(**{one: [_plain(item) for item in items]})
+        say("")
+        say("soilmoist list KIND says more about each.")
+        return
+    items = list(KINDS[kind].items())
+    if not items:
+        raise InputError(f"there are no {kind}", "install soilmoist_ros again")
+    put(kind=kind, items=[_plain(item) for item in items])
+    _print(kind, items)
+
+
+def _print(kind: str, items: list[Item]) -> None:
+    from rich.table import Table
+
+    from soilmoist_ros.recording.bag.tables import print_plain
+
+    keys = list(dict.fromkeys(key for item in items for key in item.traits))
+    table = Table("name", "what it is", *(key.replace("_", " ") for key in keys), box=None, pad_edge=False)
+    table.columns[0].no_wrap = True
+    for item in items:
+        table.add_row(item.name, item.about, *(_text(item.traits.get(key)) for key in keys))
+    print_plain(tables(), table)
+    say("")
+    say(f"A name is given to: {KINDS[kind].used_by}.")
+    folders = sorted({str(item.file.parent) for item in items if item.file is not None})
+    for folder in folders:
+        names = [item.name for item in items if item.file is not None and str(item.file.parent) == folder]
+        say(
+            f"Files, to read and copy: {folder}/NAME.yaml"
+            + ("" if len(names) == len(items) else f" of {', '.join(names)}")
+        )
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ", ".join(value) or "-"
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _plain(item: Item) -> dict[str, Any]:
+    return {"name": item.name, "about": item.about, **item.traits, "file": item.file}
