@@ -7,22 +7,54 @@ Everything else is a fault: another exception, more than :data:`LIMIT_S` of time
 from __future__ import annotations
 
 import base64
-import json
+import io
 import random
+import shutil
 import signal
 import tempfile
+import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from types import FrameType
 
-import numpy as np
+from fuzz_seeds import (
+    CAMPAIGN,
+    DRAWN,
+    FIELD,
+    GEOJSON,
+    KML,
+    ROOT,
+    SHAPES,
+    archive,
+    event_lines,
+    journal,
+    live_lines,
+    logs,
+    mission_state,
+    model,
+    plain_bags,
+    points,
+    raster,
+    records,
+    run_files,
+    shapefile,
+    shipped,
+    snapshot,
+    texts,
+    topic,
+    travel_map,
+    truths,
+)
 
 from soilmoist_ros.console.plan.outline import outline
+from soilmoist_ros.console.plan.work import TASKS
 from soilmoist_ros.console.requests import request_from_json
+from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, interrupted_records
 from soilmoist_ros.exploration.mission.stored import state_from_json
+from soilmoist_ros.exploration.mission.types import MissionRules
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.foundation.geodesy import LocalFrame
@@ -34,23 +66,28 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import recover_bag
-from soilmoist_ros.recording.journal import load_journal
+from soilmoist_ros.recording.bag.verify import verify_bag
+from soilmoist_ros.recording.journal import ENTRIES, load_journal
 from soilmoist_ros.recording.record_table import read_records
+from soilmoist_ros.replay.bag_map import replay_bag
+from soilmoist_ros.replay.replay_settings import ReplaySettings
+from soilmoist_ros.reporting.earlier.run_records import read_run
+from soilmoist_ros.reporting.opened_run import open_run
 from soilmoist_ros.sensing.corrections.neutron_monitor import read_neutron_monitor
-from soilmoist_ros.sensing.formats.logger_format import logger_names
+from soilmoist_ros.sensing.formats.logger_format import load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.logger_reader import parse_log, read_log
 from soilmoist_ros.sensing.moisture.cores import read_soil_cores
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.survey.stream import SensorStream
 from soilmoist_ros.simulation.campaign.campaign_file import load_campaign
+from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError, unpack
 from soilmoist_ros.simulation.fields.truth_file import load_surrogate
 from soilmoist_ros.simulation.robot.scenario import load_scenario
 
-ROOT = Path(__file__).resolve().parent.parent
 LIMIT_S = 20.0
+RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60"))
 FRAME = LocalFrame(52.0, 5.0)
-SQUARE = [[5.0, 52.0], [5.001, 52.0], [5.001, 52.001], [5.0, 52.001], [5.0, 52.0]]
 
 
 @dataclass(frozen=True)
@@ -68,8 +105,8 @@ class Target:
     name: str = ""
     refusals: tuple[type[Exception], ...] = (SoilmoistError,)
 
-    def __call__(self, data: bytes) -> None:
-        """Read; raises what is a fault."""
+    def __call__(self, data: bytes) -> bool:
+        """Whether an input is read, and not refused; raises what is a fault."""
         with (
             time_limit(),
             tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder,
@@ -79,8 +116,11 @@ class Target:
                 given = Path(folder, self.name)
                 given.parent.mkdir(exist_ok=True)
                 given.write_bytes(data)
-            with suppress(self.refusals):
+            try:
                 self.read(given)
+            except self.refusals:
+                return False
+            return True
 
 
 @contextmanager
@@ -99,47 +139,14 @@ def time_limit() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def shipped(pattern: str, limit: int = 60_000) -> Callable[[], list[bytes]]:
-    """Files of the repository, cut to a size [bytes]."""
-    return lambda: [path.read_bytes()[:limit] for path in sorted(ROOT.glob(pattern))]
-
-
-def texts(*contents: object) -> Callable[[], list[bytes]]:
-    """JSON of values, or texts as they are."""
-    return lambda: [(one if isinstance(one, str) else json.dumps(one)).encode() for one in contents]
-
-
-@cache
-def raster() -> bytes:
-    """A small GeoTIFF."""
-    from rasterio.io import MemoryFile
-    from rasterio.transform import Affine
-
-    with MemoryFile() as memory:
-        with memory.open(
-            driver="GTiff", width=12, height=9, count=2, dtype="float32", crs="EPSG:4326", nodata=-9999.0,
-            transform=Affine(3e-4, 0.0, 4.999, 0.0, -3e-4, 52.002), compress="deflate",
-        ) as file:  # fmt: skip
-            file.write(np.arange(216, dtype="float32").reshape(2, 9, 12))
-        return bytes(memory.read())
-
-
-def logs() -> list[bytes]:
-    """Logs of several loggers."""
-    return [
-        log
-        for pattern in ("examples/*.KSU", "examples/*.dat", "test/data/*.csv")
-        for log in shipped(pattern, 5000)()
-    ]
-
-
 def read_logger(path: Path) -> None:
     """A log, by its format as it is found, and by each format that is given."""
     lines = path.read_bytes().splitlines()
     for logger in logger_names():
         with suppress(SoilmoistError):
-            parse_log(lines, logger, 5.0, path)
-    read_log(path)
+            parse_log(lines, logger, "signed", path)
+    with suppress(SoilmoistError):
+        read_log(path)
 
 
 def read_live(data: bytes) -> None:
@@ -150,16 +157,6 @@ def read_live(data: bytes) -> None:
         stream.take_nmea_line(line)
         stream.take_ready(float(number))
     stream.take_ready(1e9)
-
-
-def live_lines() -> list[bytes]:
-    """What a simulated robot sends in two minutes."""
-    from soilmoist_ros.simulation.mission.settings import MissionSettings
-    from soilmoist_ros.simulation.robot.faulty_link import Sent
-    from soilmoist_ros.simulation.system import VirtualSystem
-
-    outputs = VirtualSystem(MissionSettings(field="rough"), 1_780_000_000.0).advance(120.0)[0]
-    return [b"".join(output.data for output in outputs if isinstance(output, Sent))]
 
 
 def read_bag(path: Path) -> None:
@@ -177,21 +174,18 @@ def read_bag(path: Path) -> None:
 
 
 def read_journal(path: Path) -> None:
-    """A journal, with its snapshot."""
+    """A journal with its snapshot, and the mission that it continues."""
     found = load_journal(path.parent)
-    if found.snapshot is not None:
-        state_from_json(found.snapshot)
+    events = [entry.payload for entry in found.entries if entry.kind == EVENT]
+    interrupted_mission(RULES, found.snapshot, events)
 
 
-def journal() -> list[bytes]:
-    """A journal of some events."""
-    from soilmoist_ros.recording.journal import ENTRIES, Journal
-
-    with tempfile.TemporaryDirectory() as folder:
-        with Journal.open(Path(folder)) as written:
-            for number in range(20):
-                written.append("event", {"number": number, "text": "é" * number, "place": [1.5, float(number)]})
-        return [Path(folder, ENTRIES).read_bytes()]
+def read_events(data: bytes) -> None:
+    """Events of a journal whose checksums are right: the mission and the records that are continued."""
+    read = [read_json(line) for line in data.splitlines()]
+    found = [one for one in read if isinstance(one, dict)]  # as an entry of a journal is
+    interrupted_mission(RULES, None, found)
+    interrupted_records(None, found)
 
 
 def read_raster(path: Path) -> None:
@@ -200,19 +194,98 @@ def read_raster(path: Path) -> None:
     read_covariates([CovariateSource.parse(str(path))], FRAME, grid)
 
 
+def read_vectors(path: Path) -> None:
+    """Polygons as a covariate on the grid of a field."""
+    grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=10.0)
+    read_covariates([CovariateSource.parse(f"{path}:kind")], FRAME, grid)
+
+
+def read_truth(kind: str) -> Callable[[Path], object]:
+    """A surrogate field whose truth is in a file."""
+
+    def read(path: Path) -> None:
+        field = path.parent / "truth.yaml"
+        field.write_text(f"{FIELD}truth: {{{kind}: {path.name}}}\n")
+        load_surrogate(field)
+
+    return read
+
+
+def read_replay(path: Path) -> None:
+    """Map a recording again, in a field that is given."""
+    field = path.parent / "field.yaml"
+    field.write_text(FIELD)
+    several = b"/robot1/counts" in path.read_bytes()
+    topic = "/robot1/counts" if several else "counts"
+    replay_bag(path, ReplaySettings(field=str(field), cell_m=10.0, counts_topic=topic))
+
+
+def read_metadata(path: Path) -> None:
+    """A whole recording whose metadata is given: what is in it, and whether it is whole."""
+    shutil.copy(ROOT / "test/golden/one_stop/bag/bag_0.mcap", path.parent)
+    bag_info(path.parent)
+    verify_bag(path.parent)
+
+
+def read_snapshot(path: Path) -> None:
+    """A journal whose snapshot is given."""
+    (path.parent / ENTRIES).write_bytes(journal()[0])
+    read_journal(path)
+
+
+def read_output(name: str) -> Callable[[Path], object]:
+    """The output folder of a run, one file of which is given: as an earlier survey, and by the Python API."""
+
+    def read(path: Path) -> None:
+        for other in ("summary.json", "records.csv", "samples.geojson", "series.csv", "visits.csv", "map.tif"):
+            if other != name:
+                (path.parent / other).write_bytes(run_files()[other])
+        with suppress(SoilmoistError):
+            read_run(path.parent)
+        run = open_run(path.parent)
+        for part in (run.samples, run.records, run.bands):
+            with suppress(SoilmoistError):
+                part()
+        assert repr(run)
+        for table in ("series", "visits"):
+            with suppress(SoilmoistError):
+                getattr(run, table)
+
+    return read
+
+
+def output(name: str) -> Target:
+    """A file of an output folder."""
+    return Target(read_output(name), lambda: [run_files()[name]], f"run/{name}")
+
+
+def read_model(data: bytes) -> None:
+    """The text of the topic ``model``."""
+    from std_msgs.msg import String
+
+    from msg_adapters.model import model_from_message
+
+    model_from_message(String(data=data.decode(errors="replace")))
+
+
+def read_status(data: bytes) -> None:
+    """The values of the topic ``mission``."""
+    from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+    from msg_adapters.mission import mission_from_message
+
+    pairs = [line.partition("=") for line in data.decode(errors="replace").splitlines()]
+    mission_from_message(DiagnosticStatus(values=[KeyValue(key=key, value=value) for key, _, value in pairs]))
+
+
+def drawn_task(task: str) -> Target:
+    """What somebody draws on the page: a field, its stops, or a walk around it."""
+    return Target(lambda data: TASKS[task](read_json(data)), texts(DRAWN), refusals=WORK_REFUSALS)
+
+
 def read_map(data: bytes) -> None:
     """The topological map of a navigation."""
     parse_topological_map(data.decode(errors="replace"))
-
-
-def travel_map() -> list[bytes]:
-    """The map of a lattice."""
-    from soilmoist_ros.cli.main import main
-
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, "map.yaml")
-        main(["graph", "smooth", "--out", str(file)], standalone_mode=False)
-        return [file.read_bytes()]
 
 
 def drawn(suffix: str) -> Callable[[bytes], object]:
@@ -222,28 +295,17 @@ def drawn(suffix: str) -> Callable[[bytes], object]:
     )
 
 
-KML = (
-    '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><name>f</name><Polygon>'
-    "<outerBoundaryIs><LinearRing><coordinates>"
-    + " ".join(f"{x},{y},0" for x, y in SQUARE)
-    + "</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></Document></kml>"
-)
-GEOJSON = {
-    "type": "FeatureCollection",
-    "features": [{"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [SQUARE]}}],
-}
-CAMPAIGN = """title: a title
-runs: 3
-defaults: {hours: 2, cell_m: 2}
-experiments:
-  - {name: one, field: [smooth, rough], strategy: gcb, dwell: optimal}
-  - {name: two, strategy: lattice, dwell: ["fmi:10", "ami:0.03"]}
-"""
-FIELD = """name: f
-datum: [52.0, 5.0]
-polygon: [[0, 0], [60, 0], [60, 50], [0, 50]]
-no_go: [[[10, 10], [20, 10], [20, 20]]]
-"""
+def read_shapefile(data: bytes) -> None:
+    """The main part of a shapefile that somebody sends to the page; the other parts are right."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, content in shapefile().items():
+            archive.writestr(name, data if name.endswith(".shp") else content)
+    drawn(".zip")(stream.getvalue())
+
+
+WORK_REFUSALS = (SoilmoistError, KeyError, TypeError, ValueError, OverflowError)
+"""What the process refuses that draws fields."""
 
 
 def read_geojson_field(path: Path) -> None:
@@ -267,22 +329,46 @@ TARGETS = {
     "site": Target(load_site, shipped("config/sites/*.yaml"), "site.yaml"),
     "scenario": Target(lambda path: load_scenario(str(path)), shipped("config/scenarios/*.yaml"), "scenario.yaml"),
     "campaign": Target(load_campaign, texts(CAMPAIGN), "campaign.yaml"),
-    "truth": Target(load_surrogate, shipped("config/fields/*.yaml"), "truth.yaml"),
-    "bag": Target(read_bag, shipped("test/golden/*/bag/*.mcap"), "bag/bag_0.mcap"),
+    "truth": Target(load_surrogate, truths, "truth.yaml"),
+    "truth_points": Target(read_truth("points"), points, "truth.csv"),
+    "truth_grid": Target(read_truth("grid"), points, "truth.csv"),
+    "truth_raster": Target(read_truth("grid"), lambda: [raster()], "truth.tif"),
+    "logger_format": Target(load_logger_format, shipped("config/loggers/*.yaml"), "logger.yaml"),
+    "bag": Target(read_bag, shipped("test/golden/*/bag/*.mcap", 100_000), "bag/bag_0.mcap"),
+    "plain_bag": Target(read_bag, plain_bags, "bag/bag_0.mcap"),
+    "metadata": Target(read_metadata, shipped("test/golden/one_stop/bag/metadata.yaml"), "bag/metadata.yaml"),
+    "replay": Target(read_replay, plain_bags, "bag/bag_0.mcap"),
     "journal": Target(read_journal, journal, "journal/entries.jsonl"),
-    "records": Target(read_records, texts("stamp_s,x_m,y_m,raw_counts\n1,2,3,4\n"), "records.csv"),
+    "snapshot": Target(read_snapshot, snapshot, "journal/snapshot.json"),
+    "summary": output("summary.json"),
+    "samples": output("samples.geojson"),
+    "series": output("series.csv"),
+    "visits": output("visits.csv"),
+    "stored_mission": Target(unpack, lambda: [run_files()["mission.npz"]], refusals=(DamagedMissionError,)),
+    "records": Target(read_records, records, "records.csv"),
     "cores": Target(read_soil_cores, shipped("examples/*cores.csv"), "cores.csv"),
     "monitor": Target(
         read_neutron_monitor, texts("start_date_time;RCORR_E\n2021-10-01 00:00:00;101.5\n"), "monitor.txt"
     ),
     "raster": Target(read_raster, lambda: [raster()], "covariate.tif"),
+    "vectors": Target(read_vectors, texts(SHAPES), "soil.geojson"),
     "topological_map": Target(read_map, travel_map),
-    "mission": Target(lambda data: state_from_json(data.decode(errors="replace")), texts({"phase": "idle"})),
+    "mission": Target(lambda data: state_from_json(data.decode(errors="replace")), mission_state),
+    "mission_events": Target(read_events, event_lines, refusals=(SoilmoistError, ValueError)),
     "request": Target(
         read_request, texts({"verb": "measure", "place": [1, 2]}), refusals=(SoilmoistError, ValueError)
     ),
     "drawn_geojson": Target(drawn(".geojson"), texts(GEOJSON)),
     "drawn_kml": Target(drawn(".kml"), texts(KML)),
+    "drawn_kmz": Target(drawn(".kmz"), archive(".kmz")),
+    "drawn_zip": Target(drawn(".zip"), archive(".zip")),
+    "drawn_shapefile": Target(read_shapefile, lambda: [shapefile()["field.shp"]]),
+    "drawn_field": drawn_task("field"),
+    "drawn_map": drawn_task("map"),
+    "drawn_walk": drawn_task("walk"),
+    # These need ROS: they are what nodes of others may publish.
+    "model": Target(read_model, model, refusals=(ValueError,)),
+    "status": Target(read_status, topic("mission"), refusals=(ValueError,)),
 }
 
 _TOKENS = (

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.lazy import optional_module
 from soilmoist_ros.foundation.plain_values import read_json, text_of_csv
 from soilmoist_ros.recording.record_table import COLUMNS, read_records
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 Columns = dict[str, NDArray[Any]]
+Row = TypeVar("Row")
 
 
 @dataclass(frozen=True)
@@ -85,14 +86,21 @@ class OpenedRun:
 
     @cached_property
     def series(self) -> Columns:
-        """Columns of ``series.csv``, each of shape (n,); empty without a mission."""
-        rows = _rows(self.folder / "series.csv")
-        return {name: np.array([float(row[name] or "nan") for row in rows]) for name in (rows[0] if rows else ())}
+        """Columns of ``series.csv``, each of shape (n,); empty without a mission.
+
+        :raises InputError: if the file is damaged
+        """
+        path = self.folder / "series.csv"
+        rows = _rows(path, lambda row: {name: float(text or "nan") for name, text in row.items()})
+        return {name: np.array([row[name] for row in rows]) for name in (rows[0] if rows else ())}
 
     @cached_property
     def visits(self) -> list[Visit]:
-        """The visits in order; empty without a mission. Older files get the defaults of :class:`Visit`."""
-        return [_visit(row) for row in _rows(self.folder / "visits.csv")]
+        """The visits in order; empty without a mission. Older files get the defaults of :class:`Visit`.
+
+        :raises InputError: if the file is damaged
+        """
+        return _rows(self.folder / "visits.csv", _visit)
 
     def bands(self, name: str = "") -> Columns:
         """The map of a property by the names of its bands, each of shape (rows, columns), north up, NaN outside.
@@ -199,11 +207,20 @@ def _json(path: Path) -> Any:
         raise InputError(f"cannot be read: {error}", "make the run again", path) from None
 
 
-def _rows(path: Path) -> Sequence[dict[str, str]]:
+def _rows(path: Path, read: Callable[[dict[str, str]], Row]) -> list[Row]:
+    """What is read of each row; nothing if there is no such file."""
     if not path.is_file():
         return []
+    found: list[Row] = []
     with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
+        table = csv.DictReader(stream)
+        try:
+            found.extend(map(read, table))
+        except (ValueError, TypeError, csv.Error) as error:  # TypeError: more or fewer cells than columns
+            remedy = "restore the file, or make the run again"
+            mistake = Mistake(f"cannot be read: {error!s:.200}", remedy, path, table.line_num)
+            raise InputError([mistake]) from None
+    return found
 
 
 def _visit(row: dict[str, str]) -> Visit:

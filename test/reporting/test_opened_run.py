@@ -68,6 +68,14 @@ def test_visits_of_an_older_file_have_defaults(tmp_path):
     assert np.isnan(visit.exposure_s)
 
 
+@pytest.mark.parametrize(("name", "row"), [("visits", "a,1.2.3"), ("series", "x,2"), ("series", "1,2,3")])
+def test_damaged_tables_are_named_with_their_line(tmp_path, name, row):
+    (tmp_path / "summary.json").write_text("{}")
+    (tmp_path / f"{name}.csv").write_text(f"name,x_m\n{row}\n" if name == "visits" else f"time_s,mse\n{row}\n")
+    with pytest.raises(InputError, match=rf"{name}.csv:2: cannot be read"):
+        getattr(open_run(tmp_path), name)
+
+
 @pytest.mark.slow
 def test_tables_of_other_packages(run):
     frame = run.to_dataframe()

@@ -40,7 +40,9 @@ def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> N
 
     shapes, values = _read(path, attribute, frame)
     place, polygon = shapely.STRtree(shapes).query(shapely.points(xy), predicate="intersects")
-    # Where polygons overlap, the first one counts.
+    # Where polygons overlap, the first one of the file counts; the tree returns them in any order.
+    order = np.lexsort((polygon, place))
+    place, polygon = place[order], polygon[order]
     first, index = np.unique(place, return_index=True)
     found = np.full(len(xy), np.nan if values.dtype.kind == "f" else None, values.dtype)
     found[first] = values[polygon[index]]

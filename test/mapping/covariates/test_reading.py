@@ -135,16 +135,19 @@ def test_derived_values_need_no_cover_beyond_the_field(tmp_path):
     assert coverage(read(f"{path}:slope"), GRID)["relief slope"] > 0.97
 
 
+def soil_area(west, east):
+    """A strip from south to north."""
+    ring = np.array(shapely.box(west, -5, east, 55).exterior.coords)
+    return {"type": "Polygon", "coordinates": [FRAME.to_geographic(ring)[:, ::-1].tolist()]}
+
+
 def soil_map(path, classes, **more):
     """Strips of equal width from west to east, one per class."""
     edges = np.linspace(-5, 65, len(classes) + 1)
     features = []
     for west, east, name in zip(edges[:-1], edges[1:], classes, strict=True):
-        ring = np.array(shapely.box(west, -5, east, 55).exterior.coords)
-        lonlat = FRAME.to_geographic(ring)[:, ::-1].tolist()
         properties = {"soil": name, **{key: value for key, value in more.items() if value is not None}}
-        geometry = {"type": "Polygon", "coordinates": [lonlat]}
-        features.append({"type": "Feature", "properties": properties, "geometry": geometry})
+        features.append({"type": "Feature", "properties": properties, "geometry": soil_area(west, east)})
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     return path
 
@@ -155,6 +158,23 @@ def test_polygons_give_a_column_for_each_class_but_the_most_common(tmp_path):
     clay = found.at([(20, 25), (50, 25), (5, 25)])[:, 0]
     assert clay[0] > 1 > 0 > clay[1] == clay[2]
     assert coverage(found, GRID) == {"map clay": 1, "map loam": 1}
+
+
+def test_where_polygons_overlap_the_first_one_of_the_file_counts(tmp_path):
+    path = soil_map(tmp_path / "map.geojson", ["sand", "clay"])
+    content = json.loads(path.read_text())
+    everywhere = {**content["features"][0], "properties": {"soil": "clay"}}
+    everywhere["geometry"] = soil_area(-5, 65)
+    for features, clay in (
+        ([*content["features"], everywhere], False),
+        ([content["features"][1], everywhere, content["features"][0]], True),
+    ):
+        path.write_text(json.dumps({**content, "features": features}))
+        if clay:
+            with pytest.raises(InputError, match="a single class"):
+                read(path)
+        else:
+            assert read(path).at([(5, 25)])[0] != read(path).at([(55, 25)])[0]
 
 
 def test_numbers_of_polygons_are_numbers(tmp_path):
