@@ -85,11 +85,14 @@ setup(
         "gis": ["pyogrio>=0.8", "shapely>=2.1"],
         # The operator's page.
         "console": ["aiohttp>=3.9", "segno>=1.5"],
+        # Live view for the viewer Foxglove, without a bridge.
+        "foxglove": ["foxglove-sdk>=0.30,<1"],
         "test": [
             "pytest>=8",
             "pytest-xdist>=3.5",
             "hypothesis>=6.100",
             "mpmath>=1.3",
+            "foxglove-sdk>=0.30,<1",
             "crnpy>=0.7",
             "pyogrio>=0.8",
             "mcap-ros2-support>=0.5",

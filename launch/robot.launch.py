@@ -20,9 +20,11 @@ from soilmoist_ros.exploration.planning.property_names import property_weights
 from soilmoist_ros.nodes.system.launching import (
     TOPICS,
     foxglove_bridge,
+    foxglove_server,
     parameters_from,
     property_argument,
     remappings,
+    tcp_port,
 )
 from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.recording.map_sources import open_session
@@ -58,7 +60,10 @@ PROPERTY = (
 JOURNAL = "folder of the mission's journal, which survives a power cut (empty: as in params_file, or OUT/journal)"
 CONSOLE = "true: the operator's page is served, on port 8050 of this computer unless params_file says otherwise"
 REMAP = "further topics and services by other names: FROM:=TO,FROM:=TO, such as /tf:=tf,/tf_static:=tf_static"
-FOXGLOVE = "true: foxglove_bridge (ros-jazzy-foxglove-bridge) is started, for the viewer Foxglove"
+FOXGLOVE = (
+    "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove; console: the operator's "
+    "page serves it, to look only"
+)
 FOXGLOVE_HOST = "address on which foxglove_bridge listens; 0.0.0.0 for all networks, from where it can steer"
 RESPAWN = "true: nodes that crash start again, with the map and the mission that they had"
 RESPAWN_DELAY_S = 2.0
@@ -86,7 +91,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("console", default_value="false", description=CONSOLE),
             DeclareLaunchArgument("foxglove", default_value="false", description=FOXGLOVE),
             DeclareLaunchArgument("foxglove_host", default_value="127.0.0.1", description=FOXGLOVE_HOST),
-            DeclareLaunchArgument("foxglove_port", default_value="8765", description="port of foxglove_bridge"),
+            DeclareLaunchArgument("foxglove_port", default_value="8765", description="TCP port for Foxglove"),
             DeclareLaunchArgument("respawn", default_value="true", description=RESPAWN),
             DeclareLaunchArgument("autostart", default_value="false", description=AUTOSTART),
             DeclareLaunchArgument(
@@ -126,6 +131,9 @@ def nodes(context: LaunchContext) -> list[Node]:
     if flag("console"):
         values["console"] = parameters_from("console", arguments)
         values["console"] |= {"runs": arguments["out"]} if arguments["out"] else {}
+    viewer = foxglove_server(given("foxglove"), flag("console"))
+    if viewer == "console":
+        values["console"] |= {"foxglove_port": tcp_port(given("foxglove_port"))}
     properties = property_argument(given("property"), "properties", given("properties"))
     if properties:
         values["planner"] |= parameters_from("planner", {"properties": str(properties)})
@@ -152,9 +160,8 @@ def nodes(context: LaunchContext) -> list[Node]:
         ("mapper", *one, general)
         for one in property_mappers(given("namespace"), arguments, properties, start, records)
     ]
-    viewers = [bridge(context)] if flag("foxglove") else []
     return [
-        *viewers,
+        *([bridge(context)] if viewer == "bridge" else []),
         *(
             Node(
                 package="soilmoist_ros",

@@ -27,7 +27,13 @@ from soilmoist_ros.nodes.system.demo_configuration import (
     shared_mapper,
     write_configuration,
 )
-from soilmoist_ros.nodes.system.launching import foxglove_bridge, parameters_from, property_argument
+from soilmoist_ros.nodes.system.launching import (
+    foxglove_bridge,
+    foxglove_server,
+    parameters_from,
+    property_argument,
+    tcp_port,
+)
 from soilmoist_ros.recording.run_folder import CONFIGURATION
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
@@ -63,9 +69,13 @@ MISSION = {
     "params_file": ("", "parameters of all nodes (YAML); arguments override them"),
     "record": ("true", "false to record nothing"),
     "console": ("false", "true to serve the operator's page on port 8050"),
-    "foxglove": ("false", "true to start foxglove_bridge (ros-jazzy-foxglove-bridge), for the viewer Foxglove"),
+    "foxglove": (
+        "false",
+        "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove; console: the operator's "
+        "page serves it, to look only",
+    ),
     "foxglove_host": ("127.0.0.1", "address on which foxglove_bridge listens"),
-    "foxglove_port": ("8765", "port of foxglove_bridge"),
+    "foxglove_port": ("8765", "TCP port for Foxglove"),
 }
 
 PROPERTY = "further properties that are counted and mapped, such as rough:0.5,ridge: FIELD[:WEIGHT] to simulate"
@@ -144,7 +154,10 @@ def team(
         return [] if under_way else [Shutdown(reason="all missions have ended")]
 
     nodes: list[LaunchDescriptionEntity] = []
-    if flag("foxglove"):
+    served = foxglove_server(given("foxglove"), flag("console"))
+    if served == "console":
+        differ["console"] = {"foxglove_port": tcp_port(given("foxglove_port"))}
+    if served == "bridge":
         viewer = foxglove_bridge(given("foxglove_host"), given("foxglove_port"))
         nodes.append(
             Node(

@@ -49,6 +49,7 @@ from soilmoist_ros.nodes.parameters.console import PARAMETERS
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR, VISITS
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes.wiring.console_foxglove import FoxgloveView
 from soilmoist_ros.nodes.wiring.console_steering import ConsoleSteering
 
 __all__ = ["PARAMETERS", "Console", "main"]
@@ -100,6 +101,8 @@ class Console(Node):
             self._walks,
             background and str(Path(background).expanduser().absolute()),
         )
+        fox = values.whole("foxglove_port")
+        self._viewers = FoxgloveView(self, host, fox) if fox else None
         port = self._server.start(host, values.whole("port"))
         self._page = public or f"http://{reachable(host)}:{port}/"
         self.get_logger().info(f"console: {self._page}")
@@ -107,8 +110,10 @@ class Console(Node):
         self.create_timer(SHOW_S, self._show_health, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
-        """End the server."""
+        """End the servers."""
         self._server.close()
+        if self._viewers is not None:
+            self._viewers.close()
 
     def _subscribe(self, robots: list[str], map_topic: str) -> None:
         for robot in robots:

@@ -51,5 +51,13 @@ PARAMETERS: Final = (
         default="covariates",
         description="folder of GeoTIFFs that may be chosen as covariates",
     ),
+    Parameter(
+        name="foxglove_port",
+        default=0,
+        description="TCP port of a live view for the viewer Foxglove, on the address host (needs the extra "
+        "foxglove); whoever reaches it sees all topics, and can steer nothing; 0 for none",
+        low=0,
+        high=65535,
+    ),
     Parameter(name="map_topic", default="/topological_map_2", description="topic of the navigation's map"),
 )

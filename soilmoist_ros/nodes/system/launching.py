@@ -86,6 +86,21 @@ def remappings(topics: Mapping[str, str], further: str = "") -> list[tuple[str, 
     return rules
 
 
+def foxglove_server(choice: str, console: bool) -> str:
+    """What serves the viewer Foxglove: ``bridge``, ``console``, or nothing if empty.
+
+    :param choice: the argument ``foxglove``
+    :param console: whether the console is started
+    :raises InputError: if the argument is invalid, or the console is not started
+    """
+    wanted = {"false": "", "0": "", "true": "bridge", "1": "bridge", "console": "console"}.get(choice.lower())
+    if wanted is None:
+        raise InputError(f"foxglove: {choice!r} is no choice", "choose true (foxglove_bridge), console or false")
+    if wanted == "console" and not console:
+        raise InputError("foxglove:=console needs the operator's page", "add console:=true")
+    return wanted
+
+
 def foxglove_bridge(host: str, port: str) -> dict[str, Value]:
     """Parameters of the node ``foxglove_bridge``.
 
@@ -98,11 +113,19 @@ def foxglove_bridge(host: str, port: str) -> dict[str, Value]:
     except (PackageNotFoundError, OSError):  # OSError: no AMENT_PREFIX_PATH
         raise InputError(
             "foxglove:=true needs the package foxglove_bridge, which is not installed",
-            "sudo apt install ros-jazzy-foxglove-bridge",
+            "sudo apt install ros-jazzy-foxglove-bridge, or use console:=true foxglove:=console",
         ) from None
-    if not port.isdigit() or not 0 < int(port) < 65536:
-        raise InputError(f"{port!r} is no TCP port", "the usual one is foxglove_port:=8765")
-    return {"address": host, "port": int(port)}
+    return {"address": host, "port": tcp_port(port)}
+
+
+def tcp_port(text: str) -> int:
+    """Number of a TCP port.
+
+    :raises InputError: if it is none
+    """
+    if not text.isdigit() or not 0 < int(text) < 65536:
+        raise InputError(f"{text!r} is no TCP port", "the usual one is foxglove_port:=8765")
+    return int(text)
 
 
 def _value(text: str) -> object:
