@@ -167,6 +167,12 @@ def test_readme_and_index_lead_to_every_page():
     assert set(PAGES) - {"README.md"} <= linked
 
 
+def test_every_page_is_in_the_navigation_of_the_site():
+    shown = set(re.findall(r": ([\w./]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE))
+    pages = {page.removeprefix("docs/") for page in PAGES} - {"README.md"}
+    assert pages - shown - {"api.md"} == set(), "nav in mkdocs.yml has every page"
+
+
 def test_the_tables_of_the_pages_are_complete():
     research = "docs/research.md"
     assert sorted(table(research, "`--field`")) == sorted(surrogate_field_names())
