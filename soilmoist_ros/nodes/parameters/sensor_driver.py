@@ -12,8 +12,8 @@ PARAMETERS: Final = (
     Parameter(
         name="logger_uri",
         default="tcp://127.0.0.1:4001",
-        description="address of the neutron logger: tcp://HOST:PORT, udp://0.0.0.0:PORT, "
-        "serial:///dev/ttyUSB0?baud=115200 or file:///PATH?speed=10",
+        description="address of the neutron logger: tcp://HOST:PORT, udp://0.0.0.0:PORT?from=ADDRESS, "
+        "serial:///dev/ttyUSB0?baud=115200 or file:///PATH?speed=10; tcp and udp take interface=NAME of a network",
     ),
     Parameter(name="logger_format", default=FORMAT_NAME, description="name of a shipped logger format, or a file"),
     Parameter(

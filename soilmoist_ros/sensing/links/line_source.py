@@ -33,6 +33,10 @@ class LinkStatus:
     :param n_bytes: bytes received
     :param n_lines: lines received
     :param n_oversized: lines dropped because they were too long
+    :param n_refused: datagrams refused for their sender
+    :param last_refused: address of the last refused sender, empty if there is none
+    :param senders: addresses of the last few senders whose datagrams were accepted in the last minute
+    :param is_open: whether datagrams of anybody are accepted
     :param silent_s: time since the last byte or connection [s]
     """
 
@@ -44,6 +48,10 @@ class LinkStatus:
     n_bytes: int = 0
     n_lines: int = 0
     n_oversized: int = 0
+    n_refused: int = 0
+    last_refused: str = ""
+    senders: tuple[str, ...] = ()
+    is_open: bool = False
     silent_s: float = 0.0
 
 

@@ -10,6 +10,7 @@ from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.sensing.links.line_source import LineSource
+from soilmoist_ros.sensing.links.networks import Network, Senders, parse_networks
 from soilmoist_ros.sensing.links.reconnecting import ReconnectingSource, Retry
 from soilmoist_ros.sensing.links.recording import PlaybackClock, RecordingSource, StampOf
 from soilmoist_ros.sensing.links.tcp import connect_tcp
@@ -22,7 +23,12 @@ EXAMPLES = {
     "file": "file:///home/robot/survey.log?speed=10",
 }
 """An example of each kind of address."""
-_OPTIONS: dict[str, tuple[str, ...]] = {"tcp": (), "udp": (), "serial": ("baud",), "file": ("speed",)}
+_OPTIONS: dict[str, tuple[str, ...]] = {
+    "tcp": ("interface",),
+    "udp": ("from", "interface"),
+    "serial": ("baud",),
+    "file": ("speed",),
+}
 DEFAULT_BAUD = 115_200
 
 
@@ -34,8 +40,9 @@ def open_source(
 ) -> LineSource:
     """Line source at an address; it connects at the first read.
 
-    * ``tcp://host:port`` connects to a server,
-    * ``udp://0.0.0.0:port`` listens for datagrams,
+    * ``tcp://host:port`` connects to a server; ``?interface=eth1`` by this network interface only,
+    * ``udp://0.0.0.0:port`` listens for datagrams; ``?from=192.168.5.20,10.0.5.0/24`` drops those of other
+      senders, ``?interface=eth1`` those of other networks,
     * ``serial:///dev/ttyUSB0?baud=115200`` opens a port,
     * ``file:///path?speed=10`` plays a recording at ten times its speed, with ``speed=0`` as fast as possible.
 
@@ -58,8 +65,12 @@ def open_source(
             raise _bad(uri, "lacks the host" if port else "lacks the port", [parts.scheme])
         if parts.path not in ("", "/"):
             raise _bad(uri, f"has a path {parts.path!r}, which this kind does not have", [parts.scheme])
-        make = connect_tcp if parts.scheme == "tcp" else bind_udp
-        return ReconnectingSource(uri, partial(make, parts.hostname, port), retry)
+        interface = options.get("interface", "")
+        if parts.scheme == "tcp":
+            return ReconnectingSource(uri, partial(connect_tcp, parts.hostname, port, interface), retry)
+        senders = Senders(_networks(uri, options))
+        connect = partial(bind_udp, parts.hostname, port, interface, senders)
+        return ReconnectingSource(uri, connect, retry, senders=senders)
     if parts.netloc or not parts.path.startswith("/") or len(parts.path) < 2:
         raise _bad(uri, "lacks the absolute path: mind the three slashes", [parts.scheme])
     path = unquote(parts.path)
@@ -81,6 +92,18 @@ def _options(uri: str, parts: SplitResult) -> dict[str, str]:
             there_are = f"there are: {', '.join(known)}" if known else "there are none"
             raise _bad(uri, f"has an unknown option {name!r}; {there_are}", [parts.scheme])
     return options
+
+
+def _networks(uri: str, options: dict[str, str]) -> tuple[Network, ...]:
+    if "from" not in options:
+        return ()
+    try:
+        return parse_networks(options["from"])
+    except ValueError as error:
+        raise InputError(
+            f"the address {uri!r} accepts data from no network: {error}",
+            "give numeric addresses or networks: from=192.168.5.20 or from=192.168.5.20,10.0.5.0/24",
+        ) from None
 
 
 def _number(uri: str, options: dict[str, str], name: str, default: float, low: float) -> float:

@@ -11,6 +11,7 @@ from typing import Protocol
 
 from soilmoist_ros.sensing.links.line_buffer import LineBuffer
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
+from soilmoist_ros.sensing.links.networks import Senders
 
 
 class Connection(Protocol):
@@ -59,6 +60,7 @@ class ReconnectingSource:
     :param retry: pauses between attempts
     :param clock: monotonic time [s]
     :param rng: randomness of the pauses
+    :param senders: whose datagrams the connections accept; ``None`` if they have a single sender
     """
 
     def __init__(
@@ -68,12 +70,14 @@ class ReconnectingSource:
         retry: Retry | None = None,
         clock: Callable[[], float] = time.monotonic,
         rng: random.Random | None = None,
+        senders: Senders | None = None,
     ) -> None:
         self._uri = uri
         self._connect = connect
         self._retry = retry or Retry()
         self._clock = clock
         self._rng = rng or random.Random()
+        self._senders = senders
         self._buffer = LineBuffer()
         self._connection: Connection | None = None
         self._closed = threading.Event()
@@ -92,6 +96,7 @@ class ReconnectingSource:
             state = LinkState.SILENT
         else:
             state = LinkState.CONNECTING if self._connection is None else LinkState.CONNECTED
+        senders = self._senders or Senders()
         return LinkStatus(
             uri=self._uri,
             state=state,
@@ -101,6 +106,10 @@ class ReconnectingSource:
             n_bytes=self._n_bytes,
             n_lines=self._n_lines,
             n_oversized=self._buffer.n_oversized,
+            n_refused=senders.n_refused,
+            last_refused=senders.last_refused,
+            senders=senders.recent,
+            is_open=self._senders is not None and not senders.allowed,
             silent_s=silent_s,
         )
 

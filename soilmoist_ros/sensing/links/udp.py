@@ -2,25 +2,59 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 
-from soilmoist_ros.sensing.links.tcp import SocketConnection
+from soilmoist_ros.sensing.links.networks import Senders, bind_to_interface
 
 RECEIVE_BUFFER = 1 << 20
+CHUNK = 65_536
 
 
-def bind_udp(host: str, port: int) -> SocketConnection:
+class DatagramConnection:
+    """A bound UDP socket.
+
+    :param bound: the socket
+    :param senders: whose datagrams are accepted
+    """
+
+    datagrams = True
+
+    def __init__(self, bound: socket.socket, senders: Senders) -> None:
+        self._socket = bound
+        self._senders = senders
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """A datagram, ``None`` after the timeout, or if it is refused for its sender."""
+        try:
+            self._socket.settimeout(timeout_s)
+            data, sender = self._socket.recvfrom(CHUNK)
+        except (TimeoutError, BlockingIOError):
+            return None
+        return data if self._senders.accepts(str(sender[0])) else None
+
+    def close(self) -> None:
+        """Close the socket."""
+        with contextlib.suppress(OSError):  # only this wakes a reader in another thread
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
+
+
+def bind_udp(host: str, port: int, interface: str = "", senders: Senders | None = None) -> DatagramConnection:
     """Listen for datagrams of one or more whole lines.
 
     :param host: address of this machine to listen on, ``0.0.0.0`` for all
-    :raises OSError: if the address is not this machine's, or the port is in use
+    :param interface: network interface to listen on; empty for all
+    :param senders: whose datagrams are accepted; anybody's if ``None``
+    :raises OSError: if the address or interface is not this machine's, or the port is in use
     """
     family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
     bound = socket.socket(family, kind, protocol)
     try:
+        bind_to_interface(bound, interface)
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         bound.bind(address)
     except OSError:
         bound.close()
         raise
-    return SocketConnection(bound, datagrams=True)
+    return DatagramConnection(bound, senders or Senders())

@@ -44,6 +44,14 @@ def link_health(name: str, status: LinkStatus) -> Health:
     message = status.state.value
     if level is Level.ERROR and status.last_error:
         message += f": {status.last_error}; check the cable, the power and the address {status.uri}"
+    elif level is Level.ERROR and status.n_refused:
+        message += f": datagrams of {status.last_refused} were refused; compare 'from' in the address {status.uri}"
+    elif status.is_open and len(status.senders) > 1:
+        level = max(level, Level.WARN)
+        message += (
+            f": mixes the lines of {len(status.senders)} senders ({', '.join(status.senders)}); "
+            f"name the right one in the address, such as {_with_sender(status)}"
+        )
     values = {
         "address": status.uri,
         "connections": str(status.connections),
@@ -52,9 +60,16 @@ def link_health(name: str, status: LinkStatus) -> Health:
         "lines": str(status.n_lines),
         "bytes": str(status.n_bytes),
         "lines too long": str(status.n_oversized),
+        "senders": ", ".join(status.senders) or "none",
+        "datagrams refused": str(status.n_refused),
+        "last refused sender": status.last_refused or "none",
         "silent [s]": f"{status.silent_s:.1f}",
     }
     return Health(name, level, message, values)
+
+
+def _with_sender(status: LinkStatus) -> str:
+    return f"{status.uri}{'&' if '?' in status.uri else '?'}from={status.senders[0]}"
 
 
 def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s: float = 0.0) -> Health:
