@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.recording.run_folder import SUMMARY
 
-SUMMARY: Final = "summary.json"
 REPORT: Final = "report.html"
 MAX_RUNS: Final = 200
 MAX_FILES: Final = 200

@@ -9,12 +9,13 @@ from typing import Any
 
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.recording.record_table import RECORDS, write_records
+from soilmoist_ros.recording.run_folder import SUMMARY
 from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary, utc_text
 from soilmoist_ros.reporting.geometry import track_xy
-from soilmoist_ros.reporting.output_folder import MISSION_NAMES, SUMMARY, replaced_together
+from soilmoist_ros.reporting.output_folder import MISSION_NAMES, replaced_together
 from soilmoist_ros.reporting.page.failed import render_failed
 from soilmoist_ros.reporting.run import NoteCode
 

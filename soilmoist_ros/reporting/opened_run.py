@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.lazy import optional_module
-from soilmoist_ros.foundation.plain_values import read_json, text_of_csv
+from soilmoist_ros.foundation.plain_values import text_of_csv
 from soilmoist_ros.recording.record_table import COLUMNS, read_records
+from soilmoist_ros.recording.run_folder import SUMMARY, read_result
 
 if TYPE_CHECKING:
     import geopandas
@@ -43,7 +44,7 @@ class OpenedRun:
 
         :raises InputError: if it is damaged
         """
-        return dict(_json(self.folder / "summary.json"))
+        return dict(read_result(self.folder / SUMMARY))
 
     @property
     def properties(self) -> list[str]:
@@ -71,7 +72,7 @@ class OpenedRun:
 
         :raises InputError: if there is no such property, or its file is damaged
         """
-        return list(_json(self._file("samples", name, "geojson")).get("features", ()))
+        return list(read_result(self._file("samples", name, "geojson")).get("features", ()))
 
     def records(self, name: str = "") -> Columns:
         """Columns of ``records.csv`` of a property, the fields of :class:`CountRecord`; empty in older folders.
@@ -194,17 +195,10 @@ def open_run(folder: Path | str) -> OpenedRun:
     (True, ['rate', 'rate_sd', 'vwc', 'vwc_p05', 'vwc_p95', 'vwc_sd'])
     """
     run = OpenedRun(Path(folder))
-    if not (run.folder / "summary.json").is_file():
-        raise InputError("holds no summary.json", "give the folder that --out of a run named", run.folder)
+    if not (run.folder / SUMMARY).is_file():
+        raise InputError(f"holds no {SUMMARY}", "give the folder that --out of a run named", run.folder)
     _ = run.summary
     return run
-
-
-def _json(path: Path) -> Any:
-    try:
-        return read_json(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read: {error}", "make the run again", path) from None
 
 
 def _rows(path: Path, read: Callable[[dict[str, str]], Row]) -> list[Row]:

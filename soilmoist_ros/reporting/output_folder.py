@@ -15,9 +15,9 @@ from typing import Any
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.recording.run_folder import SUMMARY
 from soilmoist_ros.recording.whole_file import sync_file, sync_folder
 
-SUMMARY = "summary.json"
 NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv")
 MISSION_NAMES = ("series.csv", "visits.csv")
 SERIES_NAME = "moisture.csv"

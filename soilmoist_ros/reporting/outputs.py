@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, FieldChange
 from soilmoist_ros.recording.record_table import write_records
+from soilmoist_ros.recording.run_folder import SUMMARY
 from soilmoist_ros.reporting.files.cell_raster import CellBand, write_cell_raster
 from soilmoist_ros.reporting.files.geojson import write_samples
 from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
@@ -59,7 +60,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
         if run.mission is not None:
             write_series(workshop / "series.csv", run.mission)
             write_visits(workshop / "visits.csv", run.mission)
-        write_summary(workshop / "summary.json", run, crs=target.to_string(), outputs=names)
+        write_summary(workshop / SUMMARY, run, crs=target.to_string(), outputs=names)
     return [folder / name for name in names]
 
 

@@ -14,11 +14,10 @@ from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.recording.earlier_records import read_earlier
 from soilmoist_ros.recording.record_table import RECORDS, read_records
-from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
+from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of, read_parameters
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.records import CountRecord
 
-SUMMARY = "summary.json"
 FIRST_NAMES = ("", "moisture")
 """Names of the robot's own property, which is no name to compare."""
 

@@ -12,10 +12,10 @@ from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.registry import Registry
+from soilmoist_ros.recording.run_folder import SUMMARY
 from soilmoist_ros.recording.whole_file import sync_file
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, open_source
 from soilmoist_ros.reporting.opened_run import open_run
-from soilmoist_ros.reporting.output_folder import SUMMARY
 
 Write = Callable[[RunSource, Path, ExportSettings], list[Path]]
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
@@ -32,10 +31,10 @@ from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
+from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of, read_parameters, read_result
 from soilmoist_ros.reporting.earlier.doubts import doubts, mean_rate
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, date_text, read_earlier_runs
-from soilmoist_ros.reporting.earlier.run_records import SUMMARY, find_runs
+from soilmoist_ros.reporting.earlier.run_records import find_runs
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.sensing.moisture.site import load_site
 
@@ -212,7 +211,7 @@ def _notes(runs: Sequence[EarlierRun], now: datetime) -> Iterator[str]:
 
 def _has_covariates(path: Path) -> bool:
     summary = path / SUMMARY
-    return summary.is_file() and bool(_json(summary).get("covariates"))
+    return summary.is_file() and bool(read_result(summary).get("covariates"))
 
 
 def _mapped(
@@ -274,8 +273,10 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
     folders = [path for path in runs if (path / SUMMARY).is_file()]
     about: dict[str, Any] = {}
     if folders:
-        about = max((_json(path / SUMMARY) for path in folders), key=lambda one: one.get("last_stamp_s") or 0.0)
-        home = next(path for path in folders if _json(path / SUMMARY) == about)
+        about = max(
+            (read_result(path / SUMMARY) for path in folders), key=lambda one: one.get("last_stamp_s") or 0.0
+        )
+        home = next(path for path in folders if read_result(path / SUMMARY) == about)
     field = load_field(settings.field) if settings.field else None
     curve = load_site(settings.site).curve if settings.site else _curve(about)
     if field is None and not folders:
@@ -322,7 +323,7 @@ def _frame(about: dict[str, Any], path: Path) -> LocalFrame:
 
 def _rings(path: Path, frame: LocalFrame) -> tuple[list[Array], list[Array]]:
     """Outlines and holes of the field of a run, in its plane [m]."""
-    features = _json(path / "samples.geojson").get("features", ())
+    features = read_result(path / "samples.geojson").get("features", ())
     shape = next((one["geometry"] for one in features if one["properties"].get("kind") == "field"), None)
     if shape is None:
         raise InputError("has no boundary of the field", "give the field file with --field", path)
@@ -340,10 +341,3 @@ def _field_of_bag(path: Path) -> Field:
     if not field:
         raise InputError("does not say in which field it was recorded", "give the field file with --field", path)
     return load_field(Path(field))
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        return dict(read_json(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read: {error}", "make the run again", path) from None

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.plain_values import csv_text
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
+from soilmoist_ros.recording.run_folder import SUMMARY
 from soilmoist_ros.reporting.files.strict_json import write_json
 from soilmoist_ros.reporting.output_folder import replaced_together
 from soilmoist_ros.reporting.season.season import Season, SeasonSurvey
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-NAMES = ("summary.json", "report.html", "season.nc", "season.csv")
+NAMES = (SUMMARY, "report.html", "season.nc", "season.csv")
 FILL = np.float32(9.96921e36)
 """Value of cells outside the field: the default of NetCDF."""
 _MOISTURE = ("vwc", "vwc_sd", "vwc_p05", "vwc_p95", "vwc_change", "vwc_change_sd")
@@ -60,7 +61,7 @@ def write_season(folder: Path, season: Season) -> list[Path]:
         write_season_page(workshop / "report.html", season)
         write_stack(workshop / "season.nc", season)
         _write_table(workshop / "season.csv", season)
-        write_json(workshop / "summary.json", summary(season))
+        write_json(workshop / SUMMARY, summary(season))
     return [folder / name for name in NAMES]
 
 
