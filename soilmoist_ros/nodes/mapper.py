@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -86,6 +86,7 @@ class Mapper(Node):
         self._soil_map = self.create_publisher(PointCloud2, "soil_map", qos.LATCHED)
         self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", qos.LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+        self._publish_summary = self._summary_publisher()
         self._change = ChangeOutput(self, self._survey, self._frame)
         self._worker = MapWorker(self._online.compute, self._publish)
         # The planner needs the cell size before the first map.
@@ -212,7 +213,19 @@ class Mapper(Node):
         self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing)))
         self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))
         self._uncertainty.publish(uncertainty_to_message(grid, soil_map, stamp_s, frame))
+        self._publish_summary(state, soil_map)
         self._change.put(soil_map, stamp_s)
+
+    def _summary_publisher(self) -> Callable[[MapState, SoilMap | None], None]:
+        """Function that publishes the map in numbers, if ``soilmoist_msgs`` is built."""
+        try:
+            from soilmoist_msgs.msg import MapSummary
+        except ImportError:
+            return lambda _state, _soil_map: None
+        from msg_adapters.soilmoist.map_summary import map_summary_to_message
+
+        summaries = self.create_publisher(MapSummary, "map_summary", qos.LATCHED)
+        return lambda state, soil_map: summaries.publish(map_summary_to_message(state, soil_map, self._frame))
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._guard:

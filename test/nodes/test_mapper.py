@@ -14,7 +14,7 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import PointCloud2
-from soilmoist_msgs.msg import Mission
+from soilmoist_msgs.msg import MapSummary, Mission
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -24,6 +24,7 @@ from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import FRAME
 from msg_adapters.samples import samples_from_message
 from msg_adapters.soil_map import change_from_message, map_cells, soil_map_from_message, uncertainty_from_message
+from msg_adapters.soilmoist.map_summary import map_summary_to_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
@@ -123,11 +124,14 @@ def surveyed(field, records, **options):
 def test_maps_are_those_of_the_core_bit_for_bit(ros, start, field):
     records = survey_records()
     outputs = Outputs(ros)
+    summaries = ros.collect(MapSummary, "map_summary", qos.LATCHED)
     _, publisher = start()
     publish(publisher, records)
     ros.wait_for(lambda: outputs.complete(records[-1].stamp_s), message="the last map")
     core = on_line(field, records)
     soil_map = core.compute(core.state)
+    in_numbers = map_summary_to_message(core.state, soil_map)
+    ros.wait_for(lambda: summaries and summaries[-1] == in_numbers, message="the map in numbers")
     message = outputs.soil_map[-1]
     assert message.header.frame_id == FRAME
     assert (message.height, message.width) == core.grid.shape == (25, 30)
