@@ -13,8 +13,9 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, wrote
+from soilmoist_ros.cli.answers.answer import answering, say, warn, wrote
 from soilmoist_ros.cli.answers.live import live_view
+from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option
 from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
 from soilmoist_ros.cli.options.names import Name
@@ -45,12 +46,12 @@ DEMO = (
     "min_dwell_s",
 )
 """Mission settings that are options of the demo."""
-DEMO_HOURS = 1.0
-"""Default mission time of a demo [h]; lasts a minute with the default time factor."""
+DEFAULTS = {"field": "farm", "hours": 1.0}
+"""Settings of a demo that differ from those of a simulated mission; the hour lasts a minute."""
 
 
 @click.command("demo")
-@mission_options(DEMO)
+@mission_options(DEMO, DEFAULTS)
 @click.option("--time-factor", type=click.FloatRange(min=0.1, max=200), default=60.0, show_default=True,
               help="Simulated seconds per real second.")  # fmt: skip
 @click.option("--navigator", type=click.Choice(["goto_node", "navigate_to_pose", "goal_pose"]),
@@ -94,12 +95,13 @@ def command(
             raise InputError(f"{module} is not installed", remedy)
     if navigator is None:
         navigator = "goto_node" if importlib.util.find_spec("topological_navigation_msgs") else "goal_pose"
-    mission = chosen_settings({"hours": DEMO_HOURS, **choices})
+    mission = chosen_settings(choices)
     _prepare(out, overwrite)
     from soilmoist_ros.mapping.covariates.reading import read_covariates
     from soilmoist_ros.mapping.covariates.source import CovariateSource
     from soilmoist_ros.nodes.system.demo import DemoSettings, free_port, run_demo
     from soilmoist_ros.nodes.system.demo_configuration import CONSOLE_PORT
+    from soilmoist_ros.replay import replay_bag
     from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
     from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -110,7 +112,7 @@ def command(
     read_covariates((*field.covariates, *sources), field.frame, field.grid())
     if console and importlib.util.find_spec("aiohttp") is None:
         console = False
-        click.echo('console: not served, aiohttp is not installed -> pip install "soilmoist_ros[console]"')
+        warn('console: not served, aiohttp is not installed -> pip install "soilmoist_ros[console]"')
     port = free_port(CONSOLE_PORT) if console else 0
     settings = DemoSettings(
         out,
@@ -123,19 +125,21 @@ def command(
         covariates=sources,
         console_port=port,
     )
-    address = f"console: http://127.0.0.1:{port}/"
+    address = f"console    http://127.0.0.1:{port}/"
     replay = None
     try:
         with ExitStack() as stack:
             stack.enter_context(reported_failure(out))
             with live_view() as show:
-                started = partial(click.echo, address)
-                replay = stack.enter_context(run_demo(settings, show, started))
-            written = write_outputs(out, replay.run)
+                recorded = stack.enter_context(run_demo(settings, show, partial(say, address)))
+            with progress_bar() as progress:
+                replay = replay_bag(out / "bag", recorded, progress)
+                progress("writing the results", 1.0)
+                written = write_outputs(out, replay.run)
             print_replay(replay)
             wrote((*written, out / "bag"), out)
             if console and not leave and sys.stdin.isatty() and sys.stdout.isatty():
-                click.echo(f"{address} stays until Ctrl-C")
+                say(f"{address} stays until Ctrl-C")
                 while True:
                     time.sleep(1.0)
     except KeyboardInterrupt:

@@ -75,6 +75,8 @@ def wrote(paths: Iterable[Path], out: Path | None = None) -> None:
         say(f"wrote {path}")
         answer.values.setdefault("written", []).append(str(path))
     if out is not None:
+        if (out / "report.html").is_file():
+            say(f"open       {(out / 'report.html').absolute().as_uri()}")
         answer.values["out"] = str(out)
         if answer.as_json and (out / "summary.json").is_file():
             answer.values["summary"] = json.loads((out / "summary.json").read_text(encoding="utf-8"))

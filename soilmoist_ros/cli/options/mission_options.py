@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -45,33 +46,37 @@ class _Value(click.ParamType):  # type: ignore[type-arg]
         return [CompletionItem(choice) for choice in self._setting.choices if choice.startswith(incomplete)]
 
 
-def mission_options(names: Iterable[str] = tuple(SETTINGS)) -> Callable[[Command], Command]:
+def mission_options(
+    names: Iterable[str] = tuple(SETTINGS), defaults: Mapping[str, Any] = MappingProxyType({})
+) -> Callable[[Command], Command]:
     """Add an option per setting; the command receives the given options as ``choices``.
 
     :param names: settings that become options
+    :param defaults: defaults of the command that are not those of the settings
     """
     chosen = [SETTINGS[name] for name in names]
 
     def decorate(command: Command) -> Command:
         @wraps(command)
         def run(*args: Any, **kwargs: Any) -> None:
-            choices = {one.name: value for one in chosen if (value := kwargs.pop(one.name)) not in (None, ())}
-            command(*args, choices=choices, **kwargs)
+            given = {one.name: value for one in chosen if (value := kwargs.pop(one.name)) not in (None, ())}
+            command(*args, choices={**defaults, **given}, **kwargs)
 
         wrapped: Command = run
         for one in reversed(chosen):
-            wrapped = _option(one)(wrapped)
+            wrapped = _option(one, defaults)(wrapped)
         return wrapped
 
     return decorate
 
 
-def _option(setting: Setting) -> Callable[[Command], Command]:
+def _option(setting: Setting, defaults: Mapping[str, Any]) -> Callable[[Command], Command]:
     """The option of a setting; ``None`` unless given."""
+    default = f"Default: {defaults[setting.name]}." if setting.name in defaults else _default(setting)
     if setting.kind is bool:
         stem = setting.option.removeprefix("--")
         names = f"--{stem}/--no-{stem}"
-        return click.option(names, setting.name, default=None, help=f"{setting.help} {_default(setting)}")
+        return click.option(names, setting.name, default=None, help=f"{setting.help} {default}")
     if setting.kind is tuple:
         return click.option(
             setting.option,
@@ -86,7 +91,7 @@ def _option(setting: Setting) -> Callable[[Command], Command]:
     text = f"{first.rstrip('.')}{unit}. {rest if dot else ''}".strip()
     return click.option(
         setting.option, setting.name, type=_Value(setting),
-        help=f"{text} {_default(setting)}".rstrip(),
+        help=f"{text} {default}".rstrip(),
     )  # fmt: skip
 
 
@@ -96,7 +101,7 @@ def _default(setting: Setting) -> str:
         of_preset = dict.fromkeys(values[setting.name] for values in PRESETS.values())
         return f"Default: {' or '.join(of_preset)}, by --preset."
     if setting.name == "hours":
-        return ""
+        return "Default: the usual time of the field."
     if setting.kind is bool:
         return f"Default: {'yes' if setting.default else 'no'}."
     return "" if setting.default is None else f"Default: {setting.default}."

@@ -19,7 +19,7 @@ from soilmoist_ros.nodes.system.demo_configuration import (
     write_configuration,
 )
 from soilmoist_ros.nodes.system.process_group import ProcessGroup
-from soilmoist_ros.replay import Replay, ReplaySettings, replay_bag
+from soilmoist_ros.replay import ReplaySettings
 from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.simulated_robot import robot_namespaces
@@ -37,8 +37,12 @@ class DemoError(SoilmoistError):
 
 
 @contextlib.contextmanager
-def run_demo(settings: DemoSettings, show: Show, started: Callable[[], object] = lambda: None) -> Iterator[Replay]:
-    """Explore a surrogate field with all nodes, and map the recording. The operator's page lasts with the context.
+def run_demo(
+    settings: DemoSettings, show: Show, started: Callable[[], object] = lambda: None
+) -> Iterator[ReplaySettings]:
+    """Explore a surrogate field with all nodes. The operator's page lasts with the context.
+
+    The context begins when the mission has ended and the recording is complete, and gives the settings to map it.
 
     The folder receives ``bag/``, ``configuration/``, ``log/``, ``map/``, and ``map_NAME/`` for each
     further property.
@@ -85,7 +89,7 @@ def run_demo(settings: DemoSettings, show: Show, started: Callable[[], object] =
                 0: mission.field_name,
                 **{one.name: one.field_name for one in mission.properties},
             }
-            yield replay_bag(out / "bag", ReplaySettings(truths=fields))
+            yield ReplaySettings(truths=fields)
 
 
 def free_port(wanted: int) -> int:

@@ -26,6 +26,7 @@ from soilmoist_ros.simulation.fields.formula_base import (
 )
 from soilmoist_ros.simulation.fields.random_field import random_field
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
+from soilmoist_ros.simulation.fields.texture_formula import Texture
 from soilmoist_ros.simulation.fields.uneven_formula import Halves, RoughPatch, Strips
 
 Array = NDArray[np.float64]
@@ -212,6 +213,7 @@ FAMILIES: dict[str, type[RateFormula]] = {
         Halves,
         RoughPatch,
         Strips,
+        Texture,
     )
 }
 

@@ -169,9 +169,7 @@ class MissionSettings:
         None, "Time at a stop: fmi:SECONDS (fixed), ami:THRESHOLD (until 1/sqrt(counts) falls to it) or optimal. "
         "Thresholds take the counts of --field.", str, check=_plain_dwell, method="enough",
     )  # fmt: skip
-    hours: float = _setting(
-        2.0, "Mission time; on the command line the field's usual time by default.", unit="h", low=0, above=True
-    )
+    hours: float = _setting(2.0, "Mission time.", unit="h", low=0, above=True)
     seed: int = _setting(1, "Seed of all randomness.", low=0)
     model: ModelName = _setting(
         None,

@@ -32,8 +32,20 @@ def run_demo(out, *options):
 
 def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(tmp_path):
     out = tmp_path / "run"
-    said = run_demo(out, "--property", "rough:2", "--hours", "0.15", "--time-factor", "60", "--strategy", "ivr")
-    assert said.startswith("console: http://127.0.0.1:")
+    said = run_demo(
+        out,
+        "--field",
+        "synthetic-high",
+        "--property",
+        "rough:2",
+        "--hours",
+        "0.15",
+        "--time-factor",
+        "60",
+        "--strategy",
+        "ivr",
+    )
+    assert said.startswith("console    http://127.0.0.1:")
     assert said.count("map        equals the robot's last one, bit for bit") == 2
 
     with BagReader(out / "bag") as bag:

@@ -25,6 +25,7 @@ PARAMETERS = {
     "halves": {"mean": 4.0, "sd": 0.8},
     "rough_patch": {"mean": 4.0, "sd": 0.8},
     "strips": {"mean": 4.0, "sd": 0.8},
+    "texture": {"low": 3.0, "high": 4.0},
 }
 UNEVEN = ["halves", "rough_patch", "strips"]
 

@@ -365,7 +365,8 @@ def test_a_formula_of_moisture_and_its_generator(tmp_path):
         (
             "  formula:\n    family: rigde\n",
             "field.yaml:6 [truth.formula.family]: unknown family 'rigde'; known are gaussian_field, exponential, "
-            "matern32, patches, ridge, gradient, half, halves, rough_patch, strips (did you mean 'ridge'?)",
+            "matern32, patches, ridge, gradient, half, halves, rough_patch, strips, texture "
+            "(did you mean 'ridge'?)",
         ),
         (
             "  formula:\n    family: half\n    low: 1\n    hihg: 2\n",
