@@ -121,13 +121,13 @@ class Recorder(Node):
         """Record the messages that arrived; returns their number."""
         count = 0
         for topic, request, subscription in self._topics.values():
-            # Of latched topics only the latest matters; several publishers number their messages, each for itself.
-            numbered = not request.latched and self._publisher_counts[topic.name] == 1
+            numbered = not request.latched  # of latched topics only the latest message matters
+            publishers = max(1, self._publisher_counts[topic.name])  # those that are gone have messages in transit
             with subscription.handle:
                 while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
                     data, info = taken
                     if numbered:
-                        self._gaps.take(topic.name, info["publication_sequence_number"])
+                        self._gaps.take(topic.name, info["publication_sequence_number"], publishers)
                     self._recorder.put(topic, info["received_timestamp"], info["source_timestamp"], data)
                     count += 1
         return count

@@ -19,6 +19,7 @@ from visualization_msgs.msg import MarkerArray
 
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import recover_bag
+from soilmoist_ros.recording.bag.storage import recorder_notes
 from soilmoist_ros.recording.mcap.scan import McapScan
 from soilmoist_ros.recording.run_folder import read_parameters
 
@@ -154,6 +155,34 @@ def test_a_weaker_publisher_that_comes_later_is_recorded_too(ros, tmp_path):
     weak = ros.node.create_publisher(String, "/notes", BEST_EFFORT)
     ros.wait_for(weak.get_subscription_count)
     ros.wait_for(lambda: [weak.publish(String(data="weak")), "/notes" in on_disk(path)][1])
+
+
+def test_messages_of_two_publishers_that_never_came_are_counted(ros, tmp_path):
+    path = tmp_path / "bags" / "run" / "run_0.mcap"
+    both = [ros.node.create_publisher(String, "/notes", BEST_EFFORT) for _ in range(2)]
+    process = ros.start("recorder", params=params(tmp_path))
+    sent = 0
+
+    def speak(data="short"):
+        nonlocal sent
+        for one in both:
+            one.publish(String(data=data))
+        sent += 2
+
+    ros.wait_for(lambda: all(one.get_subscription_count() for one in both))
+    ros.wait_for(lambda: [speak(), on_disk(path).count("/notes") >= 8][1])
+    process.process.send_signal(signal.SIGSTOP)
+    for _ in range(100):  # more than the buffers of the sockets hold
+        speak("long" * 10_000)
+    process.process.send_signal(signal.SIGCONT)
+    before = on_disk(path).count("/notes")
+    ros.wait_for(lambda: [speak(), on_disk(path).count("/notes") >= before + 8][1])
+    assert process.stop(signal.SIGINT) == 0
+    with BagReader(tmp_path / "bags" / "run") as bag:
+        missing = sent - len(bag.read_texts("notes"))
+    assert missing > 50
+    noted = int(recorder_notes(tmp_path / "bags" / "run")["messages of /notes lost on the way"])
+    assert missing - 8 <= noted <= missing, "some were sent before it listened to both, some while it ended"
 
 
 @pytest.mark.parametrize(

@@ -63,8 +63,45 @@ def recorder_health(
     return Health("bag", level, message, values)
 
 
+class _Publishers:
+    """Next numbers of the publishers of a topic.
+
+    :param count: how many there are
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self._next: list[int] = []  # the last entry has come last
+        self._followed: list[bool] = []
+        """Whether the very next number has come after each since the last one was new. All have: these are all the
+        publishers, each with one entry; so is a single one at once."""
+
+    def missing(self, number: int) -> int:
+        """Messages that are missing before this one."""
+        below = max((one for one in self._next if one <= number), default=None)
+        all_known = len(self._next) == self.count and (self.count == 1 or all(self._followed))
+        if below == number or (all_known and below is not None):
+            at = self._next.index(below)
+            del self._next[at], self._followed[at]
+            self._append(number + 1, followed=True)
+            return number - below
+        if all_known:  # somebody has begun to count again
+            self._next, self._followed = [], []
+        self._followed = [False] * len(self._next)
+        self._append(number + 1, followed=False)
+        return 0
+
+    def _append(self, number: int, followed: bool) -> None:
+        self._next = [*self._next, number][-self.count :]
+        self._followed = [*self._followed, followed][-self.count :]
+
+
 class SequenceGaps:
-    """Counts messages that a publisher numbered and that never came, on topics with one publisher.
+    """Counts messages that their publishers numbered and that never came.
+
+    A message does not say which publisher of its topic has sent it. It counts for the publisher whose next number
+    is equal or the nearest below it, so the count is not too high. With several publishers, gaps count as soon as
+    each has sent two messages in succession.
 
     Attributes
     ----------
@@ -74,9 +111,9 @@ class SequenceGaps:
 
     def __init__(self) -> None:
         self.lost: dict[str, int] = {}
-        self._last: dict[str, int] = {}
+        self._publishers: dict[str, _Publishers] = {}
 
-    def take(self, topic: str, number: int | None) -> None:
+    def take(self, topic: str, number: int | None, publishers: int = 1) -> None:
         """A message has come.
 
         >>> gaps = SequenceGaps()
@@ -87,10 +124,13 @@ class SequenceGaps:
 
         :param topic: its topic
         :param number: its number, which grows by 1 with each message of the publisher; ``None`` if unknown
+        :param publishers: publishers of the topic now
         """
         if number is None:
             return
-        missing = number - self._last.get(topic, number) - 1
-        if missing > 0:
+        known = self._publishers.get(topic)
+        if known is None or known.count != publishers:
+            known = self._publishers[topic] = _Publishers(publishers)
+        missing = known.missing(number)
+        if missing:
             self.lost[topic] = self.lost.get(topic, 0) + missing
-        self._last[topic] = number

@@ -8,6 +8,8 @@ import time
 
 import pytest
 from bags import NOTES, PRESSURE, START_NS, number_message, text_message
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
@@ -274,6 +276,40 @@ def test_health_names_what_never_came():
     health = recorder_health(RecorderState(recording=True), None, 5e6, lost=gaps.lost)
     assert health.level is Level.WARN
     assert health.message == "messages lost on the way to the recorder: 2 of /counts"
+
+
+@pytest.mark.slow
+@given(
+    st.lists(st.lists(st.booleans(), min_size=3, max_size=60), min_size=1, max_size=5),
+    st.booleans(),
+    st.integers(),
+)
+def test_lost_messages_of_several_publishers(arrived, apart, seed):
+    """Streams of numbers in any order, with gaps after the first three."""
+    rng, gaps = random.Random(seed), SequenceGaps()
+    streams = []
+    for publisher, those in enumerate(arrived):
+        first = 1000 * rng.randrange(1, 9) + 200 * publisher if apart else 7
+        numbers = [first + number for number in range(len(those)) if number < 3 or (those[number] and apart)]
+        streams.append([*numbers, first + len(those)] if apart else numbers)
+    for turn in range(3):  # everybody is heard before messages are lost
+        for numbers in streams:
+            gaps.take("/t", numbers[turn], len(streams))
+    lost = sum(numbers[-1] - numbers[0] + 1 - len(numbers) for numbers in streams)
+    rests = [numbers[3:] for numbers in streams]
+    while any(rests):
+        gaps.take("/t", rng.choice([rest for rest in rests if rest]).pop(0), len(streams))
+    assert gaps.lost.get("/t", 0) == lost
+
+
+def test_a_publisher_that_is_late_or_silent_is_no_gap():
+    gaps = SequenceGaps()
+    for number in (500, 501, 503, 504, 9000, 9001, 505, 9002, 507):
+        gaps.take("/t", number, 2)
+    assert gaps.lost == {"/t": 1}
+    for number in (508, 9003, 9007, 3):  # one publisher has gone, another one has begun
+        gaps.take("/t", number, 3)
+    assert gaps.lost == {"/t": 1}
 
 
 @pytest.mark.parametrize(
