@@ -5,12 +5,13 @@ from __future__ import annotations
 import importlib.util
 import os
 import time
+from pathlib import Path
 
 import click
 
 from soilmoist_ros.cli.answers.answer import reporting_errors
 from soilmoist_ros.cli.answers.live import live_view
-from soilmoist_ros.cli.options.names import Name
+from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.foundation.errors import InputError
 
 _POLL_S = 0.2
@@ -22,8 +23,10 @@ _POLL_S = 0.2
 )
 @click.option("--robot", "robots", multiple=True, help="Namespace of a robot, repeatable. Default: none.")
 @click.option("--property", "properties", multiple=True, help="Further property to show, repeatable.")
+@click.option("--layouts", type=FILE, metavar="DIR",
+              help="Write layouts of RViz, Foxglove and PlotJuggler for these robots, and end.")  # fmt: skip
 @reporting_errors
-def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...]) -> None:
+def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...], layouts: Path | None) -> None:
     """Watch a running survey in a terminal, until Ctrl-C: state, numbers, and the map as it grows.
 
     It listens on the ROS domain of the shell, and changes nothing.
@@ -32,10 +35,18 @@ def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...]) ->
     from soilmoist_ros.mapping.field import load_field
     from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 
-    if importlib.util.find_spec("rclpy") is None:
-        raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
     place = load_field(resource("fields", field))
     names = [name.strip("/") for name in robots] or [""]
+    if layouts is not None:
+        from soilmoist_ros.reporting.live.layouts import write_layouts
+
+        for name in names:
+            folder = layouts / name if len(names) > 1 else layouts
+            for path in write_layouts(place, name, properties, folder):
+                click.echo(f"wrote {path}")
+        return
+    if importlib.util.find_spec("rclpy") is None:
+        raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
     live = LiveMission(f" {place.name} ", [LiveMap(name) for name in ("", *properties)], names)
     from soilmoist_ros.nodes.system.monitor import monitored
 

@@ -18,14 +18,19 @@ TOPICS = {
     "relative_humidity": "RelativeHumidity", "samples": "PointCloud2", "soil_map": "PointCloud2",
     "uncertainty": "OccupancyGrid", "model": "String", "plan": "Path", "plan_markers": "MarkerArray",
     "mission": "DiagnosticStatus", "diagnostics": "DiagnosticArray", "mission_state": "Mission",
-    "emergency_stop": "Bool", "robot_pose": "PoseWithCovarianceStamped",
+    "emergency_stop": "Bool", "robot_pose": "PoseWithCovarianceStamped", "map_summary": "MapSummary",
 }  # fmt: skip
-LATCHED = {"samples", "soil_map", "uncertainty", "model", "plan", "plan_markers", "mission"}
+OF_THE_ROBOT = {"robot_description": "String", "odom": "Odometry"}
+"""Topics that the robot itself may publish."""
+LATCHED = {"samples", "soil_map", "uncertainty", "model", "plan", "plan_markers", "mission", "map_summary"}
 RVIZ_SHOWS = {
     "PointCloud2": "PointCloud2", "Map": "OccupancyGrid", "Path": "Path", "MarkerArray": "MarkerArray",
     "PoseWithCovariance": "PoseWithCovarianceStamped",
 }  # fmt: skip
 """Message type by display of RViz."""
+
+
+NUMBERS = {"double", "uint8", "uint32", "uint64"}
 
 
 def base(topic):
@@ -36,7 +41,8 @@ def base(topic):
 def rviz_displays():
     layout = yaml.safe_load((ROOT / "config" / "rviz" / "soilmoist.rviz").read_text())["Visualization Manager"]
     assert layout["Global Options"]["Fixed Frame"] == "map"
-    return [display for display in layout["Displays"] if "Topic" in display]
+    topics = [display for display in layout["Displays"] if "Topic" in display]
+    return [display for display in topics if base(display["Topic"]["Value"]) not in OF_THE_ROBOT]
 
 
 def foxglove_layout():
@@ -88,6 +94,16 @@ def test_rviz_shows_topics_in_their_type_and_quality_of_service():
     }
 
 
+def test_rviz_shows_the_robot():
+    layout = yaml.safe_load((ROOT / "config" / "rviz" / "soilmoist.rviz").read_text())["Visualization Manager"]
+    shown = {display["Class"].removeprefix("rviz_default_plugins/"): display for display in layout["Displays"]}
+    assert shown["RobotModel"]["Description Topic"]["Value"] == "/robot_description"
+    assert shown["RobotModel"]["Description Topic"]["Durability Policy"] == "Transient Local"
+    assert shown["Odometry"]["Topic"]["Value"] == "/odom"
+    on = {name for name in ("RobotModel", "PoseWithCovariance", "TF", "Odometry") if shown[name]["Enabled"]}
+    assert on == {"RobotModel", "PoseWithCovariance"}
+
+
 def test_rviz_opens_with_one_map_that_covers_nothing_else():
     on = [display["Name"] for display in rviz_displays() if display["Enabled"]]
     assert on == [
@@ -131,15 +147,36 @@ def test_foxglove_panels_show_topics_that_they_can_show():
     assert json.loads(button["value"]) == {"data": True}
 
 
-def test_foxglove_plots_fields_of_the_mission():
+def numeric_topics():
+    """Message types by topics of which layouts plot fields."""
     pytest.importorskip("rclpy")
-    from soilmoist_msgs.msg import Mission
+    from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
+    from soilmoist_msgs.msg import MapSummary, Mission
 
-    known = Mission.get_fields_and_field_types()
-    for path in foxglove_layout()["configById"]["Plot!mission"]["paths"]:
-        topic, _, field = path["value"].partition(".")
-        assert topic == "/mission_state"
-        assert known[field] in {"double", "uint8", "uint32", "uint64"}, "a number"
+    weather = {"/pressure": FluidPressure, "/temperature": Temperature, "/relative_humidity": RelativeHumidity}
+    return {"/mission_state": Mission, "/map_summary": MapSummary, **weather}
+
+
+def test_plotjuggler_plots_numbers_of_the_topics_that_it_subscribes_to():
+    root = ET.parse(ROOT / "config" / "plotjuggler" / "soilmoist.xml").getroot()
+    kinds = numeric_topics()
+    curves = [curve.attrib["name"] for curve in root.iter("curve")]
+    assert len(curves) == len(set(curves)) > 10
+    for curve in curves:
+        _, topic, field = curve.split("/")
+        assert kinds[f"/{topic}"].get_fields_and_field_types()[field] in NUMBERS, curve
+        assert "header" in kinds[f"/{topic}"].get_fields_and_field_types(), "its time stamps are the header's"
+    assert {one.attrib["name"] for one in root.iter("topic")} == {f"/{curve.split('/')[1]}" for curve in curves}
+    for splitter in root.iter("DockSplitter"):
+        assert len(list(splitter)) == int(splitter.attrib["count"]) == len(splitter.attrib["sizes"].split(";"))
+
+
+def test_foxglove_plots_fields_of_the_mission():
+    kinds = numeric_topics()
+    for panel in ("mission", "map"):
+        for path in foxglove_layout()["configById"][f"Plot!{panel}"]["paths"]:
+            topic, _, field = path["value"].partition(".")
+            assert kinds[topic].get_fields_and_field_types()[field] in NUMBERS
 
 
 def test_foxglove_buttons_call_the_services_of_the_planner():
@@ -166,7 +203,7 @@ def test_foxglove_layout_places_every_panel_once():
 def test_both_layouts_say_nothing_of_other_topics():
     text = (ROOT / "config" / "rviz" / "soilmoist.rviz").read_text()
     named = {base(topic) for topic in re.findall(r"Value: (/\S+)", text)}
-    assert named - {"uncertainty_updates"} <= TOPICS.keys()
+    assert named - {"uncertainty_updates"} <= TOPICS.keys() | OF_THE_ROBOT.keys()
 
 
 def test_the_architecture_picture_names_every_node_and_topic():

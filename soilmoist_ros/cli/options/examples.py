@@ -18,7 +18,11 @@ EXAMPLES = {
         "demo --field validation --hours 2 --robots 3 --out out/team",
         "demo --scenario bad_link --no-console --exit --out out/bad-link",
     ),
-    "watch": ("watch --field my_field.yaml", "watch --field my_field.yaml --robot robot_1 --robot robot_2"),
+    "watch": (
+        "watch --field my_field.yaml",
+        "watch --field my_field.yaml --robot robot_1 --robot robot_2",
+        "watch --field my_field.yaml --robot robot_1 --property salt --layouts out/viewers",
+    ),
     "campaign": (
         "campaign paper --runs 1 --out out/paper",
         "campaign my_campaign.yaml --workers 4 --out out/mine",
