@@ -3,38 +3,15 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LatLon, distance_and_bearing
 from soilmoist_ros.foundation.lazy import optional_module
-
-if TYPE_CHECKING:
-    from pyproj import Geod
-
-LatLon = tuple[float, float]
-"""Latitude and longitude, WGS-84, north and east positive [deg]."""
 
 _COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 _NEAR_M = 30_000.0
 """Distance up to which a place is near a town [m]."""
-
-
-def distance_and_bearing(start: LatLon, end: LatLon) -> tuple[float, float]:
-    """Length of the geodesic on the WGS-84 ellipsoid [m], and its bearing at the start, 0..360 [deg from north].
-
-    >>> distance_m, bearing_deg = distance_and_bearing((53.27, -0.52), (38.71, -97.43))
-    >>> round(distance_m / 1000), round(bearing_deg)
-    (7088, 300)
-    """
-    bearing_deg, _, distance_m = _geod().inv(start[1], start[0], end[1], end[0])
-    return float(distance_m), float(bearing_deg) % 360
-
-
-@lru_cache(maxsize=1)
-def _geod() -> Geod:
-    from pyproj import Geod
-
-    return Geod(ellps="WGS84")
 
 
 def direction(bearing_deg: float) -> str:

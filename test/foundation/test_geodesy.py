@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pyproj import Transformer
+from pyproj import Geod, Transformer
 
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
 
 
 @pytest.mark.slow
@@ -12,7 +12,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 def test_local_and_geographic_are_inverse(latitude, longitude, x, y):
     frame = LocalFrame(latitude, longitude)
     geographic = frame.to_geographic([[x, y]])
-    np.testing.assert_allclose(frame.to_local(geographic[:, 0], geographic[:, 1]), [[x, y]], atol=1e-5)
+    np.testing.assert_allclose(frame.to_local(geographic[:, 0], geographic[:, 1]), [[x, y]], atol=1e-8)
 
 
 def test_the_plane_is_topocentric_east_north():
@@ -56,3 +56,54 @@ def test_the_plane_has_the_datum_of_gnss():
     easting, northing = Transformer.from_crs(4326, 27700, always_xy=True).transform(-0.5245, 53.268)
     to_local = Transformer.from_crs(27700, LocalFrame(53.268, -0.5245).crs, always_xy=True)
     assert np.hypot(*to_local.transform(easting, northing)) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude"),
+    [
+        (53.26841, -0.52437),
+        (-36.5, 149.1),
+        (0.0, 10.0),
+        (90.0, 0.0),
+        (-90.0, 30.0),
+        (64.1, -180.0),
+        (-17.8, 180.0),
+    ],
+)
+def test_it_is_the_projection_of_proj(latitude, longitude):
+    """Bit for bit, except for a field on the antimeridian."""
+    frame, rng = LocalFrame(latitude, longitude), np.random.default_rng(4)
+    proj = Transformer.from_crs("EPSG:4326", frame.crs, always_xy=True)
+    places = np.clip(rng.normal((latitude, longitude), 0.02, (200, 2)), (-90, -999), (90, 999))
+    wanted = np.column_stack(proj.transform(*places.T[::-1]))
+    found = frame.to_local(*places.T)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=0 if abs(longitude) < 180 else 2e-8)
+    back = frame.to_geographic(found)
+    np.testing.assert_allclose(frame.to_local(*back.T), found, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(back[:, 0], places[:, 0], rtol=0, atol=1e-10)
+
+
+def test_positions_that_are_none_are_nan():
+    frame = LocalFrame(53.0, 1.0)
+    places = frame.to_local([np.nan, 53.0, np.inf, 90.1, 53.0], [1.0, np.nan, 1.0, 1.0, 1.0])
+    assert np.isnan(places[:4]).all()
+    np.testing.assert_array_equal(places[4], 0.0)
+    assert np.isnan(frame.to_geographic([[7e6, 0.0]])).all()
+
+
+def test_the_geodesic_agrees_with_the_test_line_of_the_ellipsoid():
+    """Flinders Peak to Buninyon on GRS-80, from the manual of the Geocentric Datum of Australia."""
+    flinders, buninyon = (-37.95103341666667, 144.42486788888888), (-37.65282113888889, 143.92649552777777)
+    distance_m, bearing_deg = distance_and_bearing(flinders, buninyon)
+    assert distance_m == pytest.approx(54972.271, abs=0.002)
+    assert bearing_deg == pytest.approx(306 + 52 / 60 + 5.37 / 3600, abs=1e-5)
+
+
+@given(st.tuples(st.floats(-90, 90), st.floats(-180, 180)), st.tuples(st.floats(-90, 90), st.floats(-180, 180)))
+def test_geodesics_are_those_of_proj(start, end):
+    bearing_deg, _, distance_m = Geod(ellps="WGS84").inv(start[1], start[0], end[1], end[0])
+    found_m, found_deg = distance_and_bearing(start, end)
+    opposite = distance_m > 19.5e6  # the iteration does not converge there
+    assert found_m == pytest.approx(distance_m, abs=0.01 * distance_m if opposite else 1e-3)
+    if distance_m > 1.0 and not opposite and max(abs(start[0]), abs(end[0])) < 89.99:
+        assert (found_deg - bearing_deg + 180) % 360 - 180 == pytest.approx(0, abs=1e-4)

@@ -6,24 +6,9 @@ import sys
 
 import pytest
 
-from soilmoist_ros.foundation.places import (
-    coordinates_text,
-    direction,
-    distance_and_bearing,
-    distance_text,
-    place_text,
-    town_text,
-)
+from soilmoist_ros.foundation.places import coordinates_text, direction, distance_text, place_text, town_text
 
 LINCOLN = (53.268, -0.5245)
-
-
-def test_the_geodesic_agrees_with_the_test_line_of_the_ellipsoid():
-    """Flinders Peak to Buninyon on GRS-80, from the manual of the Geocentric Datum of Australia."""
-    flinders, buninyon = (-37.95103341666667, 144.42486788888888), (-37.65282113888889, 143.92649552777777)
-    distance_m, bearing_deg = distance_and_bearing(flinders, buninyon)
-    assert distance_m == pytest.approx(54972.271, abs=0.002)
-    assert bearing_deg == pytest.approx(306 + 52 / 60 + 5.37 / 3600, abs=1e-5)
 
 
 @pytest.mark.parametrize(

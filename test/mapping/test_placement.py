@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -52,7 +54,7 @@ def test_records_of_another_continent_are_refused_with_distance_and_direction():
 
 def test_the_other_side_of_the_earth_is_no_exception():
     mistake = refusal(KANSAS, records_in(field_at(-38.7, 82.5)))
-    assert "records lie 20,0" in mistake.message
+    assert re.search(r"records lie (19,9|20,0)\d\d km", mistake.message)  # the geodesic is exact to 1 % there
 
 
 @pytest.mark.parametrize(
