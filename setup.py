@@ -7,6 +7,7 @@ from setuptools import find_packages, setup
 
 NAME = "soilmoist_ros"
 NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console")
+BAGS = ["mcap>=1.2", "rosbags>=0.10", "lz4>=4.0", "zstandard>=0.20"]
 ROOT = Path(__file__).parent
 VERSION_FILE = ROOT / NAME / "foundation" / "version.py"
 VERSION = re.search(r'^__version__ = "(.+)"$', VERSION_FILE.read_text(encoding="utf-8"), re.M)
@@ -48,65 +49,73 @@ setup(
         *shared("launch"),
         *shared("examples"),
     ],
+    # The core is light: reading logs, mapping, planning, simulating. What writes pictures or rasters is an extra.
     install_requires=[
-        "setuptools",
         "numpy>=1.26",
         "scipy>=1.11",
         "shapely>=2.0",
-        "pyproj>=3.6",
         "pydantic>=2.7",
         "ruamel.yaml>=0.17.21",
-        "pykrige>=1.7",
         "pynmea2>=1.19",
         "click>=8.1",
         "rich>=13.7",
-        "rasterio>=1.3",
-        "matplotlib>=3.6",
-        "jinja2>=3.1",
         "pyserial>=3.5",
-        "mcap>=1.2",
-        "rosbags>=0.10",
-        "lz4>=4.0",
-        "zstandard>=0.20",
     ],
+    # soilmoist_ros/foundation/lazy.py names the extra of each module in messages.
     extras_require={
-        # Real ROS 2 Jazzy for laptops and CI (x86_64 only); a robot has ROS from apt.
-        "ros-wheels": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
-        # Routes of the strategies adaptive_sampling and lattice; its data classes change between versions.
-        "explore": ["pyvrp>=0.14,<0.15"],
-        # Tables of simulated campaigns, and campaigns on more than one machine.
-        "campaign": ["pandas>=2.2", "pyarrow>=14"],
-        "cluster": ["distributed>=2024.1"],
+        # Reports, GeoTIFFs, reference systems, GIS exports, and the nearest town of a field (GeoNames).
+        "reports": [
+            "matplotlib>=3.6",
+            "jinja2>=3.1",
+            "rasterio>=1.3",
+            "pyproj>=3.6",
+            "pyogrio>=0.8",
+            "shapely>=2.1",
+            "reverse-geocode>=1.6",
+        ],
+        # Recordings: the recorder, soilmoist bag, map and replay of bags.
+        "bags": [*BAGS],
+        # Real ROS 2 Jazzy for laptops and CI (x86_64 only) with recordings; a robot has ROS from apt.
+        "ros": [*BAGS, "ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
+        # Campaigns with tables and reports, on more than one machine; the routes of adaptive_sampling and lattice,
+        # by PyVRP, whose data classes change between versions.
+        "campaign": [
+            "pandas>=2.2",
+            "pyarrow>=14",
+            "distributed>=2024.1",
+            "matplotlib>=3.6",
+            "jinja2>=3.1",
+            "pyvrp>=0.14,<0.15",
+        ],
+        # The operator's page, and its live view for the viewer Foxglove.
+        "console": ["aiohttp>=3.9", "segno>=1.5", "foxglove-sdk>=0.30,<1"],
         # Results of the Python API as tables, rasters and layers: to_dataframe, to_xarray, to_geodataframe.
         "frames": ["pandas>=2.2", "xarray>=2024.1", "geopandas>=1.0"],
-        # The nearest town of a field (GeoNames, 3 MB), in messages and by soilmoist check.
-        "places": ["reverse-geocode>=1.6"],
-        # Vector files of soilmoist export: GeoPackage, shapefiles, QGIS projects.
-        "gis": ["pyogrio>=0.8", "shapely>=2.1"],
-        # The operator's page.
-        "console": ["aiohttp>=3.9", "segno>=1.5"],
-        # Live view for the viewer Foxglove, without a bridge.
-        "foxglove": ["foxglove-sdk>=0.30,<1"],
-        "test": [
-            "pytest>=8",
-            "pytest-xdist>=3.5",
-            "hypothesis>=6.100",
-            "mpmath>=1.3",
-            "foxglove-sdk>=0.30,<1",
-            "crnpy>=0.7",
-            "pyogrio>=0.8",
-            "mcap-ros2-support>=0.5",
+        # Tests, checks, packaging, and what the benchmarks compare with.
+        "dev": [
+            "axe-playwright-python>=0.1",
+            "build>=1.2",
             "colcon-core",
             "colcon-library-path",
             "colcon-python-setup-py",
             "colcon-ros",
-            "playwright>=1.40",  # the operator's page in a real browser
-            "axe-playwright-python>=0.1",
+            "crnpy>=0.7",
+            "gstools>=1.5",
+            "hypothesis>=6.100",
+            "mcap-ros2-support>=0.5",
+            "mpmath>=1.3",
             "mypy>=1.10",
+            "playwright>=1.40",  # the operator's page in a real browser
+            "pykrige>=1.7",
+            "pylibkriging>=0.8",
+            "pytest>=8",
+            "pytest-xdist>=3.5",
             "ruff>=0.6",
+            "scikit-learn>=1.4",
+            "threadpoolctl>=3.4",
+            "twine>=6",
             "wheel",  # builds the example plug-in
         ],
-        "bench": ["gstools>=1.5", "scikit-learn>=1.4", "pylibkriging>=0.8", "threadpoolctl>=3.4"],
     },
     entry_points={
         "console_scripts": [

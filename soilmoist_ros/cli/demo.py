@@ -22,6 +22,7 @@ from soilmoist_ros.cli.options.names import Name
 from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output, reported_failure
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.lazy import install, is_installed
 
 DEMO = (
     "field",
@@ -110,9 +111,9 @@ def command(
     sources = tuple(map(CovariateSource.parse, covariates))
     field = surrogate_field(mission.field_name).field
     read_covariates((*field.covariates, *sources), field.frame, field.grid())
-    if console and importlib.util.find_spec("aiohttp") is None:
+    if console and not is_installed("aiohttp"):
         console = False
-        warn('console: not served, aiohttp is not installed -> pip install "soilmoist_ros[console]"')
+        warn(f"console: not served, aiohttp is not installed -> {install('console')}")
     port = free_port(CONSOLE_PORT) if console else 0
     settings = DemoSettings(
         out,

@@ -32,7 +32,7 @@ class FoxgloveServer:
     """
 
     def __init__(self, name: str, host: str, port: int) -> None:
-        self._sdk: Any = optional_module("foxglove", "foxglove")
+        self._sdk: Any = optional_module("foxglove")
         self._context = self._sdk.Context()
         self._channels: dict[str, Any] = {}
         self._changes: deque[tuple[str, int]] = deque()

@@ -38,7 +38,7 @@ def invitation(page: str, token: str) -> str:
     address = f"{page.rstrip('/')}/?token={token}"
     text = f"to steer from another machine, open {address} (once)"
     try:
-        code = optional_module("segno", "console").make(address, error="l")
+        code = optional_module("segno").make(address, error="l")
     except InputError:
         return text
     picture = io.StringIO()

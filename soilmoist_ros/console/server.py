@@ -96,7 +96,7 @@ class ConsoleServer:
         walks: Mapping[str, Walk],
         background: str = "",
     ) -> None:
-        self._web = optional_module("aiohttp.web", "console")
+        self._web = optional_module("aiohttp.web")
         self._board, self._steering, self._access, self._picture = board, steering, access, picture
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)

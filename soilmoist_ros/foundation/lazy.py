@@ -6,10 +6,22 @@ import ast
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
+
+EXTRAS = {
+    **dict.fromkeys(
+        ("jinja2", "markupsafe", "matplotlib", "pyogrio", "pyproj", "rasterio", "reverse_geocode"), "reports"
+    ),
+    **dict.fromkeys(("lz4", "mcap", "rosbags", "zstandard"), "bags"),
+    **dict.fromkeys(("distributed", "pyarrow", "pyvrp"), "campaign"),
+    **dict.fromkeys(("aiohttp", "foxglove", "segno"), "console"),
+    **dict.fromkeys(("geopandas", "pandas", "xarray"), "frames"),
+}
+"""Extra of this package that installs a module."""
 
 
 def load_on_use(package: str, file: str) -> Callable[[str], Any]:
@@ -38,19 +50,40 @@ def load_on_use(package: str, file: str) -> Callable[[str], Any]:
     return load
 
 
-def optional_module(name: str, extra: str) -> Any:
-    """A module of an optional extra of this package.
+def optional_module(name: str, extra: str = "") -> Any:
+    """A module of an extra of this package.
 
     :param name: name of the module
-    :param extra: name of the extra that installs it
+    :param extra: extra to name if the module is missing; default that of :data:`EXTRAS`
     :raises InputError: if it is not installed; states how to install it
-
-    >>> optional_module("absent", "frames")
-    Traceback (most recent call last):
-    ...
-    soilmoist_ros.foundation.errors.InputError: absent is not installed -> pip install "soilmoist_ros[frames]"
     """
     try:
         return import_module(name)
-    except ImportError:
-        raise InputError(f"{name} is not installed", f'pip install "soilmoist_ros[{extra}]"') from None
+    except ModuleNotFoundError as error:
+        raise not_installed(error, extra) from None
+
+
+def not_installed(error: ModuleNotFoundError, extra: str = "") -> InputError:
+    """The error of a user whose installation lacks an extra.
+
+    :param error: of an import
+    :param extra: as :func:`optional_module`
+    :raises ModuleNotFoundError: ``error``, if the module is in no extra
+
+    >>> not_installed(ModuleNotFoundError("No module named 'rasterio'", name="rasterio"))
+    InputError("rasterio is not installed -> pip install 'soilmoist_ros[reports]'")
+    """
+    name = (error.name or "").partition(".")[0]
+    if name not in EXTRAS:
+        raise error
+    return InputError(f"{name} is not installed", install(extra or EXTRAS[name]))
+
+
+def is_installed(*modules: str) -> bool:
+    """Whether modules can be imported, without importing them."""
+    return all(find_spec(module) is not None for module in modules)
+
+
+def install(extra: str) -> str:
+    """The command that installs an extra."""
+    return f"pip install 'soilmoist_ros[{extra}]'"

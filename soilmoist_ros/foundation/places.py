@@ -45,7 +45,7 @@ def coordinates_text(latitude_deg: float, longitude_deg: float, digits: int = 2)
 
 
 def town_text(place: LatLon) -> str:
-    """The nearest town with region and country; empty without the extra ``places``."""
+    """The nearest town with region and country; empty without the extra ``reports``."""
     town = _nearest_town(place)
     if town is None:
         return ""
@@ -60,7 +60,7 @@ def town_text(place: LatLon) -> str:
 
 
 def place_text(place: LatLon) -> str:
-    """Coordinates, and the nearest town if the extra ``places`` is installed."""
+    """Coordinates, and the nearest town if the extra ``reports`` is installed."""
     return ", ".join(filter(None, [coordinates_text(*place), town_text(place)]))
 
 
@@ -68,7 +68,7 @@ def place_text(place: LatLon) -> str:
 def _nearest_town(place: LatLon) -> dict[str, Any] | None:
     """Town of more than 1000 inhabitants (GeoNames), ``None`` without the gazetteer."""
     try:
-        gazetteer = optional_module("reverse_geocode", "places")
+        gazetteer = optional_module("reverse_geocode")
     except InputError:
         return None
     return dict(gazetteer.get(place))

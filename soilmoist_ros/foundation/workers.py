@@ -13,6 +13,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.lazy import install
 
 Compute = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]
 """Like ``map``: applies a function to items, in their order."""
@@ -60,9 +61,7 @@ def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
-        raise InputError(
-            "a cluster needs Dask, which is not installed", "pip install 'distributed>=2024.1'"
-        ) from None
+        raise InputError("a cluster needs Dask, which is not installed", install("campaign")) from None
     _check_address(scheduler, distributed)
     try:
         client = distributed.Client(scheduler, timeout=timeout_s, set_as_default=False)

@@ -165,7 +165,7 @@ class SoilMap:
         """
         x_m, y_m = self.grid.cells.T
         bands = {name: band[self.grid.mask] for name, band in self.bands._asdict().items()}
-        frame: pandas.DataFrame = optional_module("pandas", "frames").DataFrame({"x_m": x_m, "y_m": y_m, **bands})
+        frame: pandas.DataFrame = optional_module("pandas").DataFrame({"x_m": x_m, "y_m": y_m, **bands})
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
@@ -173,7 +173,7 @@ class SoilMap:
 
         :raises InputError: if xarray is not installed
         """
-        module = optional_module("xarray", "frames")
+        module = optional_module("xarray")
         bands = {name: (("y", "x"), band, {"units": UNITS[name]}) for name, band in self.bands._asdict().items()}
         axes = {"y": ("y", self.grid.y_m, {"units": "m"}), "x": ("x", self.grid.x_m, {"units": "m"})}
         about = {"variogram_model": self.variogram.model, "samples": len(self.samples)}

@@ -15,7 +15,7 @@ from soilmoist_ros.reporting.files.mission_tables import write_series, write_vis
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary, utc_text
 from soilmoist_ros.reporting.geometry import track_xy
-from soilmoist_ros.reporting.output_folder import MISSION_NAMES, replaced_together
+from soilmoist_ros.reporting.output_folder import MISSION_NAMES, replaced_together, writable
 from soilmoist_ros.reporting.page.failed import render_failed
 from soilmoist_ros.reporting.run import NoteCode
 
@@ -23,15 +23,17 @@ from soilmoist_ros.reporting.run import NoteCode
 def write_failed(folder: Path, failed: FailedRun) -> list[Path]:
     """Write ``summary.json``, ``report.html``, ``records.csv``; a mission adds ``series.csv``, ``visits.csv``.
 
+    Without the extra ``reports`` there is no ``report.html``; a warning says so.
     Results of an earlier run in the folder are removed: they would pass for those of this one.
 
     :param folder: output folder; made if missing
     :returns: the paths, in the order above
     :raises InputError: if the folder cannot be written
     """
-    names = (SUMMARY, "report.html", RECORDS, *(MISSION_NAMES if failed.mission is not None else ()))
+    names = writable((SUMMARY, "report.html", RECORDS, *(MISSION_NAMES if failed.mission is not None else ())))
     with replaced_together(folder, names) as workshop:
-        (workshop / "report.html").write_text(render_failed(failed), encoding="utf-8")
+        if "report.html" in names:
+            (workshop / "report.html").write_text(render_failed(failed), encoding="utf-8")
         write_records(workshop / RECORDS, failed.track)
         if failed.mission is not None:
             write_series(workshop / "series.csv", failed.mission)

@@ -116,7 +116,7 @@ class OpenedRun:
 
         :raises InputError: if there is no such map, or xarray is not installed
         """
-        module = optional_module("xarray", "frames")
+        module = optional_module("xarray")
         bands, transform, crs, _ = self.raster(name)
         height, width = next(iter(bands.values())).shape
         places = {
@@ -132,7 +132,7 @@ class OpenedRun:
 
         :raises InputError: if there is no such property, or pandas is not installed
         """
-        frame: pandas.DataFrame = optional_module("pandas", "frames").DataFrame(self.samples(name))
+        frame: pandas.DataFrame = optional_module("pandas").DataFrame(self.samples(name))
         return frame
 
     def to_geodataframe(self, name: str = "") -> geopandas.GeoDataFrame:
@@ -140,7 +140,7 @@ class OpenedRun:
 
         :raises InputError: if there is no such property, or geopandas is not installed
         """
-        module, columns = optional_module("geopandas", "frames"), self.samples(name)
+        module, columns = optional_module("geopandas"), self.samples(name)
         points = module.points_from_xy(columns.pop("longitude_deg"), columns.pop("latitude_deg"))
         frame: geopandas.GeoDataFrame = module.GeoDataFrame(columns, geometry=points, crs="EPSG:4326")
         return frame

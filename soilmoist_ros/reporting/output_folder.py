@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import shutil
 import stat
@@ -14,6 +15,7 @@ from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.lazy import install, is_installed
 from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.recording.run_folder import SUMMARY
 from soilmoist_ros.recording.whole_file import sync_file, sync_folder
@@ -23,6 +25,9 @@ MISSION_NAMES = ("series.csv", "visits.csv")
 SERIES_NAME = "moisture.csv"
 MAX_BEYOND_AREA_DEG = 6.0
 """Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
+_NEEDS = {".tif": ("pyproj", "rasterio"), ".html": ("jinja2", "matplotlib")}
+"""Modules of the extra ``reports`` that write a file, by its ending."""
+_LOG = logging.getLogger(__name__)
 _WORKSHOP = ".writing-"
 _LEFT_S = 3600.0
 """Age from which nobody writes such a folder any more [s]."""
@@ -121,6 +126,17 @@ def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
             f"'{crs}' ({target.name}) is for {area.name.split(' - ')[0]}, {beyond_deg:.0f} deg from the field",
             "choose one for this region, or none for the UTM zone of the field",
         )
+
+
+def writable(names: Sequence[str]) -> tuple[str, ...]:
+    """The results that the installed extras can write; a warning names the others, and what to install.
+
+    :param names: names of results
+    """
+    absent = [name for name in names if not is_installed(*_NEEDS.get(Path(name).suffix, ()))]
+    if absent:
+        _LOG.warning("%s not written: %s", ", ".join(absent), install("reports"))
+    return tuple(name for name in names if name not in absent)
 
 
 @contextmanager

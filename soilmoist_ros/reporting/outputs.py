@@ -14,7 +14,7 @@ from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.summary import write_summary
 from soilmoist_ros.reporting.moisture_series import at_one_place, write_moisture
-from soilmoist_ros.reporting.output_folder import MISSION_NAMES, NAMES, SERIES_NAME, replaced_together
+from soilmoist_ros.reporting.output_folder import MISSION_NAMES, NAMES, SERIES_NAME, replaced_together, writable
 from soilmoist_ros.reporting.page.report import write_report
 from soilmoist_ros.reporting.run import MapRun
 
@@ -27,7 +27,8 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
 
     Records that all lie at one place add ``moisture.csv``, a mission ``series.csv`` and ``visits.csv``. Each
     property after the first adds ``map_NAME.tif``, ``samples_NAME.geojson`` and ``records_NAME.csv``. Earlier
-    surveys add ``change.tif``.
+    surveys add ``change.tif``. Without the extra ``reports``, a warning names the GeoTIFFs and the report,
+    which are left out.
 
     The files are written to a hidden folder in ``folder`` and moved when all are complete. A reader never finds
     half a file, nor files of different runs after a failure.
@@ -39,28 +40,32 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     :returns: the paths, in the order above
     :raises InputError: if the folder cannot be written, or the field has no place in ``crs``
     """
-    target = export_crs(run.frame, crs)
     names: tuple[str, ...] = NAMES if run.mission is None else NAMES + MISSION_NAMES
     names += (SERIES_NAME,) if at_one_place(run) else ()
     names += tuple(name for other in run.others for name in property_names(other.name))
     names += tuple(_change_name(run, one) for one in run.properties if one.change is not None)
+    names = writable(names)
+    target = export_crs(run.frame, crs) if "map.tif" in names else None
     with replaced_together(folder, names) as workshop:
         for number, one in enumerate(run.properties):
             of_map, of_samples, of_records = property_names(one.name if number else "")
-            write_geotiff(workshop / of_map, one.soil_map, one.frame, target, _tags(one))
+            if target is not None:
+                write_geotiff(workshop / of_map, one.soil_map, one.frame, target, _tags(one))
             write_samples(workshop / of_samples, one)
             write_records(workshop / of_records, one.all_records)
-            if one.change is not None:
+            if one.change is not None and target is not None:
                 bands = change_bands(one.change.change)
                 tags = {**_tags(one), "SOILMOIST_CHANGE_SINCE": one.change.since.survey.name}
                 write_cell_raster(workshop / _change_name(run, one), one.soil_map, one.frame, target, bands, tags)
-        write_report(workshop / "report.html", run)
+        if "report.html" in names:
+            write_report(workshop / "report.html", run)
         if at_one_place(run):
             write_moisture(workshop / SERIES_NAME, run)
         if run.mission is not None:
             write_series(workshop / "series.csv", run.mission)
             write_visits(workshop / "visits.csv", run.mission)
-        write_summary(workshop / SUMMARY, run, crs=target.to_string(), outputs=names)
+        crs_name = "" if target is None else target.to_string()
+        write_summary(workshop / SUMMARY, run, crs=crs_name, outputs=names)
     return [folder / name for name in names]
 
 

@@ -1,8 +1,18 @@
 """Names of a package that are imported when they are first used."""
 
+import re
 import sys
+from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
+import setuptools  # noqa: F401 - before distutils, which Python 3.12 no longer has
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.lazy import EXTRAS, is_installed, optional_module
+
+ROOT = Path(__file__).resolve().parents[2]
+COMES_WITH = {"foxglove": "foxglove_sdk", "markupsafe": "jinja2"}
 
 INIT = """from typing import TYPE_CHECKING
 from soilmoist_ros.foundation.lazy import load_on_use
@@ -37,3 +47,25 @@ def test_other_names_do_not_exist(package):
         _ = __import__(package).question
     with pytest.raises(ImportError, match="question"):
         exec(f"from {package} import question")
+
+
+def test_extras_are_those_of_the_package():
+    from distutils.core import run_setup
+
+    extras = run_setup(str(ROOT / "setup.py"), stop_after="init").extras_require
+    for module, extra in EXTRAS.items():
+        names = {re.split(r"[<>=\[]", line)[0].replace("-", "_") for line in extras[extra]}
+        assert COMES_WITH.get(module, module) in names
+
+
+def test_an_absent_module_of_an_extra_is_an_error_with_a_remedy(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rasterio", None)
+    assert not is_installed("numpy", "rasterio")
+    with pytest.raises(InputError, match=r"rasterio is not installed -> pip install 'soilmoist_ros\[reports\]'"):
+        optional_module("rasterio.warp")
+
+
+def test_a_module_of_no_extra_is_a_fault_of_the_installation():
+    assert find_spec("soilmoist_absent") is None
+    with pytest.raises(ModuleNotFoundError, match="soilmoist_absent"):
+        optional_module("soilmoist_absent")

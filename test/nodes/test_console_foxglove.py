@@ -135,4 +135,4 @@ def test_a_console_without_foxglove_says_how_to_install_it(ros, tmp_path):
     params = {"field": "example", "port": 0, "foxglove_port": 9, "runs": str(tmp_path)}
     process = ros.start("console", params=params)
     assert process.wait() == 2
-    assert 'pip install "soilmoist_ros[foxglove]"' in process.output()
+    assert "pip install 'soilmoist_ros[console]'" in process.output()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import pytest
 
@@ -14,6 +15,7 @@ from soilmoist_ros.reporting.output_folder import (
     require_crs,
     require_free,
     results_in,
+    writable,
 )
 
 OURS = {"software": "soilmoist_ros", "title": "A map", "field": "north", "created_utc": "2026-05-01T10:00:00Z"}
@@ -98,3 +100,11 @@ def test_the_area_of_a_reference_system_may_cross_the_antimeridian():
     require_crs("EPSG:3851", LocalFrame(-43.5, 172.6))
     with pytest.raises(InputError, match="deg from"):
         require_crs("EPSG:3851", LocalFrame(-43.5, -120.0))
+
+
+def test_files_that_no_installed_extra_writes_are_named_and_left_out(monkeypatch, caplog):
+    assert writable(("summary.json", "map.tif", "report.html")) == ("summary.json", "map.tif", "report.html")
+    assert caplog.messages == []
+    monkeypatch.setitem(sys.modules, "rasterio", None)
+    assert writable(("summary.json", "map.tif", "report.html")) == ("summary.json", "report.html")
+    assert caplog.messages == ["map.tif not written: pip install 'soilmoist_ros[reports]'"]

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
+from soilmoist_ros.foundation.lazy import not_installed
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 EXIT_CODES = {
-    0: "all was done",
+    0: "all was done; files that need an extra that is not installed are named",
     1: "failed, or done in part",
     2: "bad input: nothing was changed",
     130: "interrupted by Ctrl-C",
@@ -126,7 +127,10 @@ def reporting_errors(command: Callable[..., None]) -> Callable[..., None]:
 def _run(command: Callable[[], None]) -> tuple[int, tuple[Mistake, ...]]:
     """Run a command; its exit code and mistakes, which are printed."""
     try:
-        command()
+        try:
+            command()
+        except ModuleNotFoundError as error:
+            raise not_installed(error) from None
     except InputError as error:
         for mistake in error.mistakes:
             click.echo(f"error: {mistake}", err=True)

@@ -164,7 +164,7 @@ def _shapefile(parts: Mapping[str, bytes]) -> Found:
 
     from soilmoist_ros.foundation.lazy import optional_module
 
-    pyogrio = optional_module("pyogrio", "gis")
+    pyogrio = optional_module("pyogrio")
     if not parts[".shp"].startswith(_SHAPEFILE):
         raise InputError("the shapefile is damaged", "export it again")
     with tempfile.TemporaryDirectory() as folder:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.lazy import install, is_installed
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -157,11 +157,8 @@ def require_solver() -> None:
 
     :raises InputError: if not
     """
-    if importlib.util.find_spec("pyvrp") is None:
-        raise InputError(
-            "planning a route of many stops needs PyVRP, which is not installed",
-            "install it with: pip install 'pyvrp>=0.14,<0.15'",
-        )
+    if not is_installed("pyvrp"):
+        raise InputError("planning a route of many stops needs PyVRP, which is not installed", install("campaign"))
 
 
 def _legs(order: Indices, from_start_s: Array, between_s: Array) -> Array:

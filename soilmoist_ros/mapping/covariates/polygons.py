@@ -53,7 +53,7 @@ def _read(path: Path, attribute: str, frame: LocalFrame) -> tuple[list[BaseGeome
     import shapely
     from pyproj import CRS, Transformer
 
-    pyogrio = optional_module("pyogrio", "gis")
+    pyogrio = optional_module("pyogrio")
     try:
         about, _, geometries, columns = pyogrio.raw.read(path)
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:

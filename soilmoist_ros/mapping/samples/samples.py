@@ -87,7 +87,7 @@ class Samples:
             "rate_cps": self.rate_cps,
             "rate_sd_cps": self.rate_sd_cps,
         }
-        frame: pandas.DataFrame = optional_module("pandas", "frames").DataFrame(columns)
+        frame: pandas.DataFrame = optional_module("pandas").DataFrame(columns)
         return frame
 
     def to_geodataframe(self, frame: LocalFrame) -> geopandas.GeoDataFrame:
@@ -96,7 +96,7 @@ class Samples:
         :param frame: plane about the datum of the field
         :raises InputError: if geopandas is not installed
         """
-        module, places = optional_module("geopandas", "frames"), frame.to_geographic(self.xy)
+        module, places = optional_module("geopandas"), frame.to_geographic(self.xy)
         points = module.points_from_xy(places[:, 1], places[:, 0])
         table: geopandas.GeoDataFrame = module.GeoDataFrame(self.to_dataframe(), geometry=points, crs="EPSG:4326")
         return table

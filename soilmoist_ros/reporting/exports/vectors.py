@@ -99,8 +99,8 @@ def write_layers(
     """
     from shapely import to_wkb
 
-    raw = optional_module("pyogrio.raw", "gis")
-    configure = optional_module("pyogrio", "gis").set_gdal_config_options
+    raw = optional_module("pyogrio.raw")
+    configure = optional_module("pyogrio").set_gdal_config_options
     path.unlink(missing_ok=True)
     # One sync of the whole file follows; a sync for each step takes seconds on a busy disk.
     configure({"OGR_SQLITE_SYNCHRONOUS": "OFF"})

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.lazy import install
 from soilmoist_ros.reporting.exports.classes import zone_limits
 from soilmoist_ros.reporting.exports.contours import PAD, continued, level_lines
 from soilmoist_ros.reporting.exports.source import PropertyMap
@@ -177,7 +178,7 @@ def _simplified(shapes: list[BaseGeometry], tolerance_m: float) -> list[BaseGeom
     try:
         from shapely import coverage_simplify
     except ImportError:
-        raise InputError("zones need shapely 2.1", 'pip install "soilmoist_ros[gis]"') from None
+        raise InputError("zones need shapely 2.1", install("reports")) from None
     return list(coverage_simplify(shapes, tolerance_m, simplify_boundary=False))
 
 

@@ -81,7 +81,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "cells": int(np.count_nonzero(soil_map.grid.mask)),
         "cell_m": float(soil_map.grid.cell_m),
         "datum": {"latitude_deg": run.frame.latitude_deg, "longitude_deg": run.frame.longitude_deg},
-        "crs": crs or run.frame.export_crs().to_string(),
+        "crs": crs or f"EPSG:{run.frame.export_epsg()}",
         "variogram": model_parameters(soil_map),
         "fit": _fit(run),
         "within_survey": _within_survey(soil_map),

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.lazy import install
 from soilmoist_ros.foundation.plain_values import csv_text
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.hindsight import QUARTER, hindsight_table
@@ -47,9 +48,7 @@ def require_pandas() -> Any:
         import pandas
         import pyarrow  # noqa: F401 - pandas imports pyarrow only when it writes
     except ImportError as error:
-        raise InputError(
-            f"campaigns need {error.name}, which is not installed", "pip install 'pandas>=2.2' 'pyarrow>=14'"
-        ) from None
+        raise InputError(f"campaigns need {error.name}, which is not installed", install("campaign")) from None
     return pandas
 
 

@@ -177,7 +177,7 @@ class MissionResult:
 
         :raises InputError: if pandas is not installed
         """
-        return optional_module("pandas", "frames").DataFrame(self.columns)
+        return optional_module("pandas").DataFrame(self.columns)
 
     def __repr__(self) -> str:
         end_h = self.series[-1].time_s / 3600 if self.series else 0.0

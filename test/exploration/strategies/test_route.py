@@ -1,4 +1,4 @@
-import importlib.util
+import sys
 from itertools import permutations
 
 import numpy as np
@@ -96,8 +96,8 @@ def test_no_targets_and_bad_times():
 
 
 def test_a_missing_solver_is_named_with_the_way_to_install_it(monkeypatch):
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"pip install 'pyvrp>=0\.14,<0\.15'"):
+    monkeypatch.setitem(sys.modules, "pyvrp", None)
+    with pytest.raises(InputError, match=r"pip install 'soilmoist_ros\[campaign\]'"):
         require_solver()
     small = len(open_route([1, 2], np.ones((2, 2)), np.random.default_rng(0)).order)
     assert small == 2

@@ -143,6 +143,6 @@ def test_contours_have_the_values_of_the_map(exported, tmp_path):
 
 def test_a_missing_library_is_named_with_its_remedy(exported, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyogrio.raw", None)
-    with pytest.raises(InputError, match=r"pyogrio.raw is not installed -> pip install \"soilmoist_ros\[gis\]\""):
+    with pytest.raises(InputError, match=r"pyogrio is not installed -> pip install 'soilmoist_ros\[reports\]'"):
         write_zones(exported.source, tmp_path, ExportSettings())
     assert list(tmp_path.iterdir()) == []
