@@ -257,22 +257,31 @@ class SamplePoints:
         :param out: takes the result, shape (m, g)
         """
         at_once = max(1, _AT_ONCE // max(1, len(x)))
-        for start in range(0, len(x), _AT_ONCE):
-            some = slice(start, start + _AT_ONCE)
-            for which, east, north, factor in self.layers:
-                for part in range(0, len(east), at_once):
-                    rows = slice(part, part + at_once)
-                    square = x[some] - east[rows, None]
-                    square *= square
-                    north_square = y[some] - north[rows, None]
-                    north_square *= north_square
-                    square += north_square
-                    correlation = self._correlation(square)
-                    correlation *= factor[rows, None]
-                    if isinstance(which, slice):
-                        out[rows, some] = correlation
-                    else:
-                        out[which[rows], some] += correlation
+        east, north, factor = (np.concatenate([layer[k] for layer in self.layers]) for k in (1, 2, 3))
+        for some in (slice(start, start + _AT_ONCE) for start in range(0, len(x), _AT_ONCE)):
+            for start in range(0, len(east), at_once):
+                points = slice(start, start + at_once)
+                square = x[some] - east[points, None]
+                square *= square
+                north_square = y[some] - north[points, None]
+                north_square *= north_square
+                square += north_square
+                correlation = self._correlation(square)
+                correlation *= factor[points, None]
+                self._add(correlation, start, out[:, some])
+
+    def _add(self, values: Array, first: int, out: Array) -> None:
+        """Add the values of some points, numbered through all layers from ``first`` on, to those of their samples."""
+        begin = 0
+        for which, east, _, _ in self.layers:
+            start, stop = max(first - begin, 0), min(first + len(values) - begin, len(east))
+            if start < stop:
+                part = values[begin + start - first : begin + stop - first]
+                if isinstance(which, slice):
+                    out[start:stop] = part
+                else:
+                    out[which[start:stop]] += part
+            begin += len(east)
 
 
 def differences(known: Array, samples: Array) -> NDArray[np.intp]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -165,6 +166,7 @@ def scaled(variogram: Variogram, x: Array, y: Array) -> tuple[Array, Array]:
     return xx * x + xy * y, xy * x + yy * y
 
 
+@lru_cache(maxsize=64)
 def isotropic_plane(anisotropy: float, angle_deg: float) -> Array:
     """Matrix M, shape (2, 2), such that the range of places ``xy @ M`` is the geometric mean in all directions.
 
@@ -175,7 +177,10 @@ def isotropic_plane(anisotropy: float, angle_deg: float) -> Array:
     """
     along, across = 1 / np.sqrt(anisotropy), np.sqrt(anisotropy)
     if angle_deg % 90 == 0:
-        return np.diag([along, across] if angle_deg % 180 == 0 else [across, along])
-    cosine, sine = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    axes = np.array([[cosine, sine], [-sine, cosine]])  # along and across, in the rows
-    return np.asarray(axes.T * [along, across] @ axes)
+        plane = np.diag([along, across] if angle_deg % 180 == 0 else [across, along])
+    else:
+        cosine, sine = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+        axes = np.array([[cosine, sine], [-sine, cosine]])  # along and across, in the rows
+        plane = np.asarray(axes.T * [along, across] @ axes)
+    plane.setflags(write=False)
+    return plane

@@ -20,6 +20,7 @@ The nugget (micro-scale variance) of a sample does not depend on its support.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,8 @@ _AREA_WEIGHT, _AREA_ARM = 1 / 6, np.sqrt(3.0)
 """Weight of each point around the centre, and its distance from there in standard deviations; of two of the three
 points of a small area across and along."""
 _LOG_STEP = 0.5
+_MAX_TOGETHER = 600
+"""Maximum number of points at which a function is evaluated in one call; more would leave the cache."""
 _FEW_ELEMENTS = 30_000
 """Maximum size of temporary matrices; larger ones are slower because their memory is allocated anew each time."""
 
@@ -89,7 +92,11 @@ class Supports:
         :param of_points: returns new memory of shape (..., m) for m points
         :returns: shape (..., n)
         """
-        return self.combine(of_points(points) for _, points, _ in self.layers)
+        sizes = [len(points) for _, points, _ in self.layers]
+        if len(sizes) == 1 or sum(sizes) > _MAX_TOGETHER:
+            return self.combine(of_points(points) for _, points, _ in self.layers)
+        values = of_points(np.concatenate([points for _, points, _ in self.layers]))
+        return self.combine(values[..., stop - size : stop] for size, stop in zip(sizes, accumulate(sizes), strict=True))
 
     def average_rows(self, of_points: Callable[[Array], Array]) -> Array:
         """Averages of a function over the supports, one row for each.
