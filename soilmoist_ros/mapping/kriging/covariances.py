@@ -271,7 +271,7 @@ class SamplePoints:
                 self._add(correlation, start, out[:, some])
 
     def _add(self, values: Array, first: int, out: Array) -> None:
-        """Add the values of some points, numbered through all layers from ``first`` on, to those of their samples."""
+        """Add the values of points, numbered through all layers from ``first`` on, to those of their samples."""
         begin = 0
         for which, east, _, _ in self.layers:
             start, stop = max(first - begin, 0), min(first + len(values) - begin, len(east))

@@ -96,7 +96,9 @@ class Supports:
         if len(sizes) == 1 or sum(sizes) > _MAX_TOGETHER:
             return self.combine(of_points(points) for _, points, _ in self.layers)
         values = of_points(np.concatenate([points for _, points, _ in self.layers]))
-        return self.combine(values[..., stop - size : stop] for size, stop in zip(sizes, accumulate(sizes), strict=True))
+        return self.combine(
+            values[..., stop - size : stop] for size, stop in zip(sizes, accumulate(sizes), strict=True)
+        )
 
     def average_rows(self, of_points: Callable[[Array], Array]) -> Array:
         """Averages of a function over the supports, one row for each.

@@ -1,7 +1,8 @@
 """Compute the missions of a campaign on a Dask cluster.
 
-A few missions for each thread of the cluster are submitted at a time, and each result is released as soon as it is
-here. So neither this process nor the cluster holds more than that, however many missions a campaign has.
+A task of the cluster is a batch of missions, because the administration of each task takes time. A few batches for
+each thread of the cluster are submitted at a time, and each result is released as soon as it is here. So neither
+this process nor the cluster holds more than that, however many missions a campaign has.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import logging
 import queue
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -29,8 +30,12 @@ from soilmoist_ros.simulation.campaign.computing import (
 )
 from soilmoist_ros.simulation.campaign.mission_store import code_version
 
-IN_FLIGHT = 4
-"""Missions in flight for each thread of the cluster: one runs, the others bridge the way to the scheduler."""
+IN_FLIGHT = 3
+"""Batches in flight for each thread of the cluster: one runs, the others bridge the way to the scheduler."""
+MAX_BATCH = 16
+"""Maximum number of missions in a batch."""
+BATCH_S = 1.0
+"""A batch begins no mission after this time [s]; the rest of it is submitted again."""
 LOOK_S = 2.0
 """Time between two looks at the number of workers [s]."""
 REMEDY = "install the same version of soilmoist_ros there, start its worker again, and run the same command again"
@@ -38,7 +43,7 @@ REMEDY = "install the same version of soilmoist_ros there, start its worker agai
 
 @dataclass(frozen=True)
 class _Refused:
-    """A worker with another version did not compute a mission; it leaves the cluster, so another one will."""
+    """A worker with another version did not compute a batch; it leaves the cluster, so another one will."""
 
 
 def on_cluster(
@@ -59,61 +64,72 @@ def on_cluster(
     """
     with connect(scheduler) as client, _same_version(client, simulate):
         arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        waiting, running = deque(todo), dict[Any, Mission]()
-        threads, looked_s = 0, -LOOK_S
+        waiting, running = deque(todo), dict[Any, list[Mission]]()
+        threads, looked_s, most = 0, -LOOK_S, MAX_BATCH
         while waiting or running:
             if time.monotonic() >= looked_s + LOOK_S:
                 threads, looked_s = _threads(client, scheduler), time.monotonic()
                 if not threads:
                     waits(f"waiting for a worker: dask worker {scheduler}")
             while waiting and len(running) < IN_FLIGHT * threads:
-                mission = waiting.popleft()
-                future = client.submit(
-                    _compute, mission, simulate, code_version(), key=f"mission-{mission.key}", pure=False
-                )
-                running[future] = mission
+                share = -(-len(waiting) // (IN_FLIGHT * threads))
+                batch = [waiting.popleft() for _ in range(min(most, share))]
+                key = f"missions-{batch[0].key}-{len(batch)}"
+                future = client.submit(_compute, batch, simulate, code_version(), key=key, pure=False)
+                running[future] = batch
                 future.add_done_callback(arrived.put)
-            for future in _batch(arrived):
-                mission = running.pop(future)
-                result = _result(future, mission, scheduler)
+            for future in _all_of(arrived):
+                batch = running.pop(future)
+                results = _results(future, scheduler)
                 future.release()
-                if isinstance(result, _Refused):
-                    waiting.append(mission)
-                else:
-                    yield result
+                if isinstance(results, BaseException) and len(batch) > 1:
+                    results, most = [], 1  # which of them is to blame?
+                elif isinstance(results, BaseException):
+                    text = " ".join(str(results).split())
+                    failure = Failure(batch[0], f"lost on the cluster ({type(results).__name__}: {text})")
+                    results = [Finished(batch[0], failure, float("nan"))]
+                finished = [] if isinstance(results, _Refused) else results
+                waiting.extendleft(reversed(batch[len(finished) :]))
+                yield from finished
 
 
-def _compute(mission: Mission, simulate: Simulate, version: str) -> Finished | _Refused:
-    return compute(mission, simulate) if code_version() == version else _Refused()
+def _compute(batch: Sequence[Mission], simulate: Simulate, version: str) -> list[Finished] | _Refused:
+    """The first missions of a batch, at least one."""
+    if code_version() != version:
+        return _Refused()
+    begin_s, finished = time.monotonic(), list[Finished]()
+    for mission in batch:
+        finished.append(compute(mission, simulate))
+        if time.monotonic() - begin_s >= BATCH_S:
+            break
+    return finished
 
 
-def _batch(arrived: queue.SimpleQueue[Any]) -> list[Any]:
+def _all_of(arrived: queue.SimpleQueue[Any]) -> list[Any]:
     """All futures that have arrived; waits for the first one for a while."""
     try:
-        batch = [arrived.get(timeout=LOOK_S)]
+        found = [arrived.get(timeout=LOOK_S)]
     except queue.Empty:
         return []
     while not arrived.empty():
-        batch.append(arrived.get())
-    return batch
+        found.append(arrived.get())
+    return found
 
 
-def _result(future: Any, mission: Mission, scheduler: str) -> Finished | _Refused:
-    """What a future has computed.
+def _results(future: Any, scheduler: str) -> list[Finished] | _Refused | BaseException:
+    """What a future has computed, or why it was lost.
 
     :raises WorkersLostError: if it was cancelled, which happens when the scheduler is lost
     """
     if future.status == "cancelled":
         raise _lost(scheduler)
     try:
-        result: Finished | _Refused = future.result()
+        results: list[Finished] | _Refused = future.result()
     except Exception as error:
         if future.status == "cancelled":
             raise _lost(scheduler) from None
-        text = " ".join(str(error).split())
-        failure = Failure(mission, f"lost on the cluster ({type(error).__name__}: {text})")
-        return Finished(mission, failure, float("nan"))
-    return result
+        return error
+    return results
 
 
 def _lost(scheduler: str) -> WorkersLostError:

@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from copy import deepcopy
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,8 +18,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.campaign import cluster
-from soilmoist_ros.simulation.campaign.campaign import CampaignStoppedError, load_campaign, run_campaign
-from soilmoist_ros.simulation.campaign.computing import Finished
+from soilmoist_ros.simulation.campaign.campaign import CampaignStoppedError, load_campaign, missions, run_campaign
 
 pytest.importorskip("distributed")
 HERE = Path(__file__).resolve().parents[1]
@@ -224,7 +223,77 @@ def test_a_late_worker_of_another_version_is_closed():
 
 
 def test_a_worker_of_another_version_computes_nothing(slow):
-    assert not isinstance(cluster._compute(None, slow.simulate, "9.9"), Finished)
+    assert not isinstance(cluster._compute([], slow.simulate, "9.9"), list)
+
+
+class Future:
+    """What a cluster of one thread has computed at once, or why it could not."""
+
+    status, released = "finished", False
+
+    def __init__(self, compute):
+        try:
+            self.found = compute()
+        except RuntimeError as error:
+            self.found = error
+
+    def add_done_callback(self, call):
+        call(self)
+
+    def result(self):
+        if isinstance(self.found, Exception):
+            raise self.found
+        return self.found
+
+    def release(self):
+        self.released = True
+
+
+@pytest.mark.slow
+def test_a_lost_batch_is_computed_mission_by_mission(tmp_path, slow, monkeypatch):
+    batches = []
+
+    def submit(compute, batch, simulate, version, key, pure):
+        batches.append((len(batch), key))
+        if any(mission.settings.seed == 5 for mission in batch):
+            return Future(lambda: exec("raise RuntimeError('the workers died')"))
+        return Future(lambda: compute(batch, simulate, version))
+
+    on_cluster_of(monkeypatch, submit)
+    finished = list(cluster.on_cluster(cluster_missions(tmp_path, 14), slow.simulate, "tcp://x:1"))
+    assert sorted(one.mission.settings.seed for one in finished) == list(range(1, 15)), "each once"
+    (failed,) = (one.content for one in finished if not isinstance(one.content, bytes))
+    assert failed.error == "lost on the cluster (RuntimeError: the workers died)"
+    assert failed.mission.settings.seed == 5
+    assert batches[0][0] > 1
+    assert len({key for _, key in batches}) == len(batches), "Dask takes equal keys for one task"
+
+
+@pytest.mark.slow
+def test_a_batch_ends_after_a_while_and_its_rest_comes_first(tmp_path, slow, monkeypatch):
+    monkeypatch.setattr(cluster, "BATCH_S", 0.0)
+    batches = []
+
+    def submit(compute, batch, simulate, version, key, pure):
+        batches.append([mission.settings.seed for mission in batch])
+        return Future(lambda: compute(batch, simulate, version))
+
+    on_cluster_of(monkeypatch, submit)
+    finished = list(cluster.on_cluster(cluster_missions(tmp_path, 12), slow.simulate, "tcp://x:1"))
+    assert sorted(one.mission.settings.seed for one in finished) == list(range(1, 13))
+    assert batches[:3] == [[1, 2, 3, 4], [5, 6, 7], [8, 9]]
+    assert set(batches[3]) < {2, 3, 4, 6, 7, 9}, "before the last ones, 10 to 12"
+
+
+def cluster_missions(folder, runs):
+    return missions(load_campaign(str(written(folder, runs))))
+
+
+def on_cluster_of(monkeypatch, submit):
+    """A cluster of one thread that computes what is submitted at once."""
+    client = SimpleNamespace(submit=submit, nthreads=lambda: {"a": 1}, status="running")
+    monkeypatch.setattr(cluster, "connect", lambda scheduler: nullcontext(client))
+    monkeypatch.setattr(cluster, "_same_version", lambda client, simulate: nullcontext())
 
 
 @contextmanager
