@@ -1,6 +1,7 @@
 """Makes what the site shows and what takes minutes: the runs of the gallery, and the tutorials with their outputs.
 
-usage: .venv/bin/python scripts/docs_runs.py DIR
+usage: .venv/bin/python scripts/docs_runs.py DIR [NOTEBOOK...]
+With notebooks, only these are run.
 
 Runs are kept in DIR/runs. scripts/site_pages.py puts DIR/made/gallery and DIR/made/tutorials into the site.
 """
@@ -12,8 +13,12 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+import nbformat
+from nbclient import NotebookClient
 
 ROOT = Path(__file__).resolve().parent.parent
 SOILMOIST = Path(sys.executable).with_name("soilmoist")
@@ -138,32 +143,36 @@ def exhibit(entry: Exhibit, runs: Path, made: Path) -> dict[str, object]:
     return {**asdict(entry), "command": f"soilmoist {command} --out out/{entry.name}", "picture": drawn}
 
 
-def tutorials(made: Path) -> None:
-    """Run every notebook of docs/tutorials, and keep it with its outputs."""
-    import nbformat
-    from nbclient import NotebookClient
+def run_notebook(path: Path) -> nbformat.NotebookNode:
+    """Run a notebook in the folder of the project; a cell that fails is an error."""
+    notebook = nbformat.read(path, as_version=4)
+    folder = {"metadata": {"path": str(ROOT)}}
+    NotebookClient(notebook, kernel_name="python3", timeout=NOTEBOOK_LIMIT_S, resources=folder).execute()
+    return notebook
 
-    for path in sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")):
+
+def tutorials(notebooks: Sequence[Path], made: Path) -> None:
+    """Run notebooks, and keep each with its outputs."""
+    made.mkdir(parents=True, exist_ok=True)
+    for path in notebooks:
         begin = time.perf_counter()
-        notebook = nbformat.read(path, as_version=4)
-        NotebookClient(notebook, timeout=NOTEBOOK_LIMIT_S, resources={"metadata": {"path": str(ROOT)}}).execute()
-        made.mkdir(parents=True, exist_ok=True)
-        nbformat.write(notebook, made / path.name)
+        nbformat.write(run_notebook(path), made / path.name)
         print(f"{path.stem}: {time.perf_counter() - begin:.0f} s", flush=True)
 
 
 def main() -> int:
     """Make everything below the folder that is named."""
-    if len(sys.argv) != 2:
+    if len(sys.argv) < 2:
         print(__doc__)
         return 2
-    out = Path(sys.argv[1]).resolve()
+    out, chosen = Path(sys.argv[1]).resolve(), [Path(name) for name in sys.argv[2:]]
     made = out / "made"
-    print("== the runs of the gallery (a few minutes)", flush=True)
-    shown = [exhibit(entry, out / "runs", made / "gallery") for entry in GALLERY]
-    (made / "gallery" / "gallery.json").write_text(json.dumps(shown, indent=1), encoding="utf-8")
-    print("== the tutorials", flush=True)
-    tutorials(made / "tutorials")
+    if not chosen:
+        print("== the runs of the gallery (a few minutes)", flush=True)
+        shown = [exhibit(entry, out / "runs", made / "gallery") for entry in GALLERY]
+        (made / "gallery" / "gallery.json").write_text(json.dumps(shown, indent=1), encoding="utf-8")
+        print("== the tutorials", flush=True)
+    tutorials(chosen or sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")), made / "tutorials")
     return 0
 
 

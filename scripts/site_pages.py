@@ -43,6 +43,8 @@ FOLDERS = (
     "console",
     "foundation",
 )
+WIDE = {"index.md": ["navigation"], "gallery.md": ["navigation", "toc"]}
+"""Pages without the lists at their sides."""
 LINK = re.compile(r"(\]\()([^)\s]+)(\))")
 FENCE = re.compile(r"^(```.*?^```$)", re.MULTILINE | re.DOTALL)
 LANGUAGES = {
@@ -130,7 +132,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path in sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")):
         executed = MADE / "tutorials" / path.name
         text, pictures = notebook(executed if executed.is_file() else path)
-        download = f"[Download this notebook]({path.name}) and run it in Jupyter, in the folder of the clone.\n"
+        link = f'<a href="{path.name}" download>Download this notebook</a>'
+        download = f"{link} and run it with Jupyter in the clone.\n"
         files.append(File.generated(config, f"tutorials/{path.stem}.md", content=f"{text}\n---\n\n{download}"))
         for name, picture in pictures.items():
             files.append(File.generated(config, f"tutorials/{name}", content=picture))
@@ -236,6 +239,7 @@ def notebook(path: Path) -> tuple[str, dict[str, bytes]]:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Put in what the build makes, and turn links of the repository into links of the site."""
     here = repository_path(page.file.src_uri)
+    page.meta["hide"] = WIDE.get(page.file.src_uri, [])
     if "<!-- help of every command -->" in markdown:
         markdown = markdown.replace("<!-- help of every command -->", help_of_all())
     if "<!-- gallery -->" in markdown:
