@@ -19,12 +19,10 @@ from msg_adapters.point_cloud import FRAME, points_from_message, points_to_messa
 from msg_adapters.stamps import to_time
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.change import FieldChange
+from soilmoist_ros.mapping.map_cells import BANDS, CELL, map_cells, placed_cells
 from soilmoist_ros.mapping.soil_map import SoilMap
 
-BANDS: Final = ("rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95")
 _ADDED: Final = BANDS[4:]
-CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *BANDS)])
-"""A cell: centre in the plane z = 0 [m], and the :class:`Bands`."""
 CHANGE: Final = {
     "change_rate": "rate", "change_rate_sd": "rate_sd", "change_vwc": "vwc", "change_vwc_sd": "vwc_sd",
     "significant": "significant",
@@ -33,29 +31,6 @@ CHANGE: Final = {
 CHANGE_CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *CHANGE)])
 OUTSIDE: Final = -1
 """Uncertainty of a cell outside the field."""
-
-
-def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
-    """Cells of the message.
-
-    :param soil_map: the map on this grid; without a map all bands are NaN
-    :returns: array of :data:`CELL`, shape (rows, columns); a cell outside the field is all NaN
-    """
-    cells = _placed(grid, CELL)
-    if soil_map is not None:
-        for name in BANDS:
-            cells[name] = getattr(soil_map, name)
-    return cells
-
-
-def _placed(grid: FieldGrid, kind: np.dtype[Any]) -> NDArray[Any]:
-    """Cells of a kind with their places, else NaN, shape (rows, columns)."""
-    cells = np.full(grid.shape, np.nan, kind)
-    row, column = np.nonzero(grid.mask)
-    cells["x"][row, column] = grid.x_m[column]
-    cells["y"][row, column] = grid.y_m[row]
-    cells["z"][row, column] = 0.0
-    return cells
 
 
 def soil_map_to_message(
@@ -95,7 +70,7 @@ def change_to_message(
     :param change: on this grid; without one all bands are NaN
     :param stamp_s: end of the last record in it [s since 1970-01-01 UTC]
     """
-    cells = _placed(grid, CHANGE_CELL)
+    cells = placed_cells(grid, CHANGE_CELL)
     if change is not None:
         for name, raster in CHANGE.items():
             cells[name] = getattr(change, raster)

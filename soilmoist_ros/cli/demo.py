@@ -47,6 +47,8 @@ DEMO = (
     "min_dwell_s",
 )
 """Mission settings that are options of the demo."""
+_TYPES = {"goto_node": "topological_navigation_msgs", "navigate_to_pose": "nav2_msgs"}
+"""Package with the action of a navigator."""
 DEFAULTS = {"field": "farm", "hours": 1.0}
 """Settings of a demo that differ from those of a simulated mission; the hour lasts a minute."""
 
@@ -96,12 +98,15 @@ def command(
             raise InputError(f"{module} is not installed", remedy)
     if navigator is None:
         navigator = "goto_node" if importlib.util.find_spec("topological_navigation_msgs") else "goal_pose"
+    package = _TYPES.get(navigator, "rclpy")
+    if importlib.util.find_spec(package) is None:
+        raise InputError(f"{package} is not installed, and {navigator} needs it", "run scripts/build_interfaces")
     mission = chosen_settings(choices)
     _prepare(out, overwrite)
+    from soilmoist_ros.console.invitation import PORT, free_port
     from soilmoist_ros.mapping.covariates.reading import read_covariates
     from soilmoist_ros.mapping.covariates.source import CovariateSource
-    from soilmoist_ros.nodes.system.demo import DemoSettings, free_port, run_demo
-    from soilmoist_ros.nodes.system.demo_configuration import CONSOLE_PORT
+    from soilmoist_ros.nodes.system.demo import DemoSettings, run_demo
     from soilmoist_ros.replay import replay_bag
     from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
@@ -114,7 +119,7 @@ def command(
     if console and not is_installed("aiohttp"):
         console = False
         warn(f"console: not served, aiohttp is not installed -> {install('console')}")
-    port = free_port(CONSOLE_PORT) if console else 0
+    port = free_port(PORT) if console else 0
     settings = DemoSettings(
         out,
         mission,

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,58 +18,122 @@ from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlie
 from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
 
+if TYPE_CHECKING:
+    from soilmoist_ros.console.watched_mission import WatchedMission
+    from soilmoist_ros.reporting.run import MapRun
+    from soilmoist_ros.simulation.mission.result import MissionResult
+    from soilmoist_ros.simulation.mission.settings import MissionSettings
+
+TIME_FACTOR = 60.0
+"""Simulated seconds per real second of a mission that is watched."""
+
 
 @click.command("simulate")
 @mission_options()
+@click.option("--live", is_flag=True,
+              help="Show the mission in a browser as it runs; Ctrl-C ends it and keeps the results.")  # fmt: skip
+@click.option("--time-factor", type=click.FloatRange(min=0.1),
+              help="Simulated seconds per real second, with --live. Default: 60.")  # fmt: skip
 @earlier_option(" Not for a series of simulated surveys: --earlier-surveys.")
 @covariate_option()
 @output_options()
 @answering
 def command(
-    out: Path, overwrite: bool, earlier: tuple[Path, ...], covariates: tuple[str, ...], choices: dict[str, Any]
+    out: Path,
+    overwrite: bool,
+    live: bool,
+    time_factor: float | None,
+    earlier: tuple[Path, ...],
+    covariates: tuple[str, ...],
+    choices: dict[str, Any],
 ) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
 
     Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
     Each additional property NAME also gets map_NAME.tif and samples_NAME.geojson.
     """
-    from soilmoist_ros.exploration.travel.travel import polyline_length_m
+    if time_factor is not None and not live:
+        raise click.UsageError("--time-factor requires --live")
     from soilmoist_ros.mapping.covariates.source import CovariateSource
     from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
     from soilmoist_ros.reporting.mission_report import mission_run, write_mission
-    from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
-    from soilmoist_ros.simulation.mission.forecasts import forecast_text
     from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
     settings = chosen_settings(choices)
     prepare_output(out, overwrite)
-    with progress_bar() as progress:
-        runs = mission_earlier(settings, earlier)
-        surveys = {name: [run.survey for run in its] for name, its in runs.items()}
-        sources = list(map(CovariateSource.parse, covariates))
-        result = simulate_mission(settings, lambda share: progress("exploring", share), True, surveys, sources)
-        progress("writing the results", 1.0)
-        run = None if result.soil_map is None else mission_run(result, earlier=runs)
-        written = write_mission(out, result, run=run)
+    with ExitStack() as stack:
+        page = stack.enter_context(_live(settings, time_factor or TIME_FACTOR, out)) if live else None
+        watch = None if page is None else page.show
+        with progress_bar() as progress:
+            runs = mission_earlier(settings, earlier)
+            surveys = {name: [run.survey for run in its] for name, its in runs.items()}
+            sources = list(map(CovariateSource.parse, covariates))
+            result = simulate_mission(
+                settings, lambda share: progress("exploring", share), True, surveys, sources, watch
+            )
+            progress("writing the results", 1.0)
+            run = None if result.soil_map is None else mission_run(result, earlier=runs)
+            written = write_mission(out, result, run=run)
+        _print_summary(settings, result, run)
+        wrote(written, out)
+        if page is not None and not page.stopped and sys.stdin.isatty() and sys.stdout.isatty():
+            say(f"page       {page.address} stays until Ctrl-C")
+            page.wait()
+        elif page is not None and page.stopped:
+            click.echo("interrupted: the results are those of the mission until then", err=True)
+            sys.exit(130)
+    if run is None:
+        sys.exit(1)
+
+
+@contextmanager
+def _live(settings: MissionSettings, time_factor: float, out: Path) -> Iterator[WatchedMission]:
+    """The page of the mission; the first Ctrl-C ends the mission, and the second one the command."""
+    from soilmoist_ros.console.watched_mission import WatchedMission
+    from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+    from soilmoist_ros.simulation.simulated_robot import robot_namespaces
+
+    field = surrogate_field(settings.field_name).field
+    robots = robot_namespaces(settings.robots)
+    note = f"A simulated mission, {time_factor:g} times as fast as a real one. Ctrl-C in the terminal ends it."
+    with WatchedMission(
+        field, field.grid(settings.cell_m), robots, time_factor, out.absolute().parent, note
+    ) as page:
+        say(f"page       {page.address}")
+        before = signal.getsignal(signal.SIGINT)
+
+        def stop(*_: object) -> None:
+            page.stop()
+            signal.signal(signal.SIGINT, before)
+
+        signal.signal(signal.SIGINT, stop)
+        try:
+            yield page
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+
+def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun | None) -> None:
+    from soilmoist_ros.exploration.travel.travel import polyline_length_m
+    from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
+    from soilmoist_ros.simulation.mission.forecasts import forecast_text
+
     last = result.series[-1]
     say(f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {last.samples} samples: {result.ended}")
     if settings.robots > 1:
         say(f"robots     {', '.join(f'{polyline_length_m(track):.0f} m' for track in result.tracks)}")
     if run is None:
         say("map        no map: the mission ended before the first map update; report.html says what to do")
-    else:
-        say(f"rate       {rate_error(last.mse, last.coverage95)}")
-        rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
-        say(f"moisture   {rmse if run.soil_map.curve else 'not mapped: the field has no calibration'}")
-        for mapped, errors in zip(result.properties[1:], last.errors[1:], strict=True):
-            say(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")
-        for one in run.properties:
-            print_knowledge(one)
-        say(f"deviation  {forecast_text(result.forecasts, 3600 * settings.hours)}")
-        if (plan := mission_efficiency(result)) is not None:
-            say(f"efficiency {100 * plan.reached:.0f} % of the best possible plan, which need not drive")
-        for one in run.properties:
-            print_notes(one)
-    wrote(written, out)
-    if run is None:
-        sys.exit(1)
+        return
+    say(f"rate       {rate_error(last.mse, last.coverage95)}")
+    rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
+    say(f"moisture   {rmse if run.soil_map.curve else 'not mapped: the field has no calibration'}")
+    for mapped, errors in zip(result.properties[1:], last.errors[1:], strict=True):
+        say(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")
+    for one in run.properties:
+        print_knowledge(one)
+    say(f"deviation  {forecast_text(result.forecasts, 3600 * settings.hours)}")
+    if (plan := mission_efficiency(result)) is not None:
+        say(f"efficiency {100 * plan.reached:.0f} % of the best possible plan, which need not drive")
+    for one in run.properties:
+        print_notes(one)

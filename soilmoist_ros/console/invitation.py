@@ -1,17 +1,28 @@
-"""How a phone gets to the page: an address with a token, as text and as a QR code."""
+"""How a browser gets to the page: a free port, an address with a token, as text and as a QR code."""
 
 from __future__ import annotations
 
+import contextlib
 import io
 import socket
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.lazy import optional_module
 
+PORT = 8050
+"""Port of a page on this machine, if it is free."""
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _EVERYWHERE = ("0.0.0.0", "::", "")
 _ELSEWHERE = ("192.0.2.1", 9)
 """An address that nobody has (RFC 5737): the way there shows this computer's own address, and nothing is sent."""
+
+
+def free_port(wanted: int) -> int:
+    """A port on this machine: the one that is wanted if it is free, else another."""
+    for port in (wanted, 0):
+        with contextlib.suppress(OSError), socket.create_server(("127.0.0.1", port)) as server:
+            return int(server.getsockname()[1])
+    raise InputError("no TCP port is free", "end other programs first")
 
 
 def reachable(host: str) -> str:

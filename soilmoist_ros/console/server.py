@@ -78,7 +78,7 @@ class ConsoleServer:
     """An HTTP server in a thread.
 
     :param board: what to show; the sections ``robots`` (names) and ``mission/NAME`` are read here, too
-    :param steering: receives the commands
+    :param steering: receives the commands; ``None`` if nobody may steer
     :param access: who may
     :param picture: the latest map
     :param files: files on this computer: runs, and what may be chosen for the next mission
@@ -89,7 +89,7 @@ class ConsoleServer:
     def __init__(
         self,
         board: Board,
-        steering: Steering,
+        steering: Steering | None,
         access: Access,
         picture: Callable[[], MapLayers | None],
         files: SurveyFiles,
@@ -194,7 +194,7 @@ class ConsoleServer:
         async def answer(request: Any) -> Any:
             if request.content_type != "application/json":  # other sites can send forms, but not JSON
                 return self._web.json_response({"error": "send JSON"}, status=415)
-            if not self._access.may_steer(_visitor(request)):
+            if not self._may_steer(request):
                 return self._web.json_response({"error": _READ_ONLY}, status=403)
             try:
                 content = await request.json()
@@ -210,6 +210,15 @@ class ConsoleServer:
                 return self._web.json_response({"error": "this is not JSON"}, status=400)
 
         return answer
+
+    @property
+    def _steered(self) -> Steering:
+        """The steering of a request that may steer."""
+        assert self._steering is not None
+        return self._steering
+
+    def _may_steer(self, request: Any) -> bool:
+        return self._steering is not None and self._access.may_steer(_visitor(request))
 
     # What is shown -------------------------------------------------------------------------------------------
 
@@ -269,7 +278,7 @@ class ConsoleServer:
         self._viewers.add(socket)
         client = request.query.get("client", "")[:MAX_CLIENT]
         self._controls.connect(client)
-        sender = asyncio.create_task(self._send(socket, client, self._access.may_steer(_visitor(request))))
+        sender = asyncio.create_task(self._send(socket, client, self._may_steer(request)))
         try:
             async for _ in socket:  # what a viewer sends is ignored; the loop ends with the connection
                 pass
@@ -301,7 +310,7 @@ class ConsoleServer:
         opens = request.field or request.earlier or request.covariates
         limit_s = CHOICE_LIMIT_S if opens else REPLY_LIMIT_S
         try:
-            future = asyncio.wrap_future(self._steering.command(robot, request))
+            future = asyncio.wrap_future(self._steered.command(robot, request))
             reply = await asyncio.wait_for(future, limit_s)
         except TimeoutError:
             text = f"no answer from the planner in {limit_s:g} s: it is not known whether the command is used"
@@ -313,12 +322,12 @@ class ConsoleServer:
 
     async def _on_stop(self, content: Any) -> dict[str, Any]:
         asked_s = self._board.now_s()
-        self._steering.press(who_of(content))
+        self._steered.press(who_of(content))
         return await self._acknowledged(True, asked_s)
 
     async def _on_release(self, content: Any) -> dict[str, Any]:
         asked_s = self._board.now_s()
-        self._steering.release(who_of(content))
+        self._steered.release(who_of(content))
         return await self._acknowledged(False, asked_s)
 
     async def _acknowledged(self, pressed: bool, asked_s: float) -> dict[str, Any]:

@@ -18,7 +18,6 @@ from msg_adapters.point_cloud import points_to_message
 from msg_adapters.soil_map import (
     BANDS,
     OUTSIDE,
-    map_cells,
     soil_map_from_message,
     soil_map_to_message,
     uncertainty_from_message,
@@ -26,6 +25,7 @@ from msg_adapters.soil_map import (
 )
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
+from soilmoist_ros.mapping.map_cells import map_cells
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 STAMP_S = 1780000000.1234567

@@ -23,9 +23,9 @@ from virtual_navigation import START_S, STOPS, VirtualNavigation, World
 
 from msg_adapters.battery import battery_to_message
 from msg_adapters.point_cloud import points_to_message
-from msg_adapters.soil_map import CELL
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.map_cells import CELL
 from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
 
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -121,7 +121,12 @@ def test_package_xml_is_of_an_interface_package(package):
 @pytest.fixture
 def project(tmp_path):
     """A copy of the files that scripts/build_interfaces uses, with a fake ROS environment."""
-    for name in ("scripts/build_interfaces", "requirements-ros.txt", "requirements-interfaces.txt"):
+    for name in (
+        "scripts/build_interfaces",
+        "scripts/install",
+        "requirements-ros.txt",
+        "requirements-interfaces.txt",
+    ):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
     shutil.copytree(ROOT / "interfaces", tmp_path / "interfaces")

@@ -23,11 +23,12 @@ from msg_adapters.diagnostics import diagnostics_from_message
 from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import FRAME
 from msg_adapters.samples import samples_from_message
-from msg_adapters.soil_map import change_from_message, map_cells, soil_map_from_message, uncertainty_from_message
+from msg_adapters.soil_map import change_from_message, soil_map_from_message, uncertainty_from_message
 from msg_adapters.soilmoist.map_summary import map_summary_to_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.map_cells import map_cells
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.reporting.earlier.run_change import run_change
 from soilmoist_ros.reporting.field_survey import open_survey

@@ -161,6 +161,7 @@ function renderState() {
 
 function actions(now) {
   if (!now || !connected()) return [];
+  if (sections.watch_only) return [];
   if (!mayAsk()) return [element("p", {}, "Read-only: open the address with the token from the robot's log.")];
   if (taken()) return [element("p", {}, `${sections.viewer.holder} has the controls. STOP works for everybody.`), slide("Slide to take over the controls", takeOver)];
   if (heardAgo() > GONE_S) return [element("p", {}, "The planner is not heard any more: it has ended, or the link to it is lost.")];
@@ -231,12 +232,13 @@ function renderAges() {
   fill("ages", list, () => list.map(([text, age, old]) => element("li", { "data-kind": old ? "old" : "" }, element("span", {}, text), element("b", {}, age))));
   const node = $("link"), first = heard[`mission/${robot}`], age = first === undefined ? null : Math.max(0, Math.floor(nowS() - first));
   const lost = !connected() || silentS() > 5;
-  node.dataset.kind = lost || age === null || age > OLD_S ? "lost" : "";
-  node.textContent = lost ? "connection lost" : age === null ? "robot not heard yet" : age <= 2 ? "live" : `robot last heard ${duration(age)} ago`;
+  node.dataset.kind = lost || age === null || (age > OLD_S && !sections.watch_only) ? "lost" : "";
+  node.textContent = lost ? "connection lost" : age === null ? "robot not heard yet" : sections.watch_only && mission()?.phase === "finished" ? "finished" : age <= 2 ? "live" : `robot last heard ${duration(age)} ago`;
   const alarm = $("alarm");
   const text = stopping?.text
     ? `STOP WAS NOT ACKNOWLEDGED (${stopping.text}). Use the button on the robot. Trying again, ${stopping.tries} so far.`
-    : lost && sections.field ? "Connection to the console lost. The robot goes on by itself; STOP may not reach it." : "";
+    : !lost || !sections.field ? "" : sections.watch_only ? "The simulation has ended."
+    : "Connection to the console lost. The robot goes on by itself; STOP may not reach it.";
   if (alarm.textContent !== text) alarm.textContent = text;
   alarm.hidden = !text;
   alarm.classList.toggle("loud", Boolean(stopping?.text));
@@ -286,6 +288,10 @@ function renderFrame() {
   if (!robots.includes(robot) && robots.length) robot = robots[0];
   showRobot(robot);
   setText("field", sections.field?.name ?? "Survey");
+  const only = sections.watch_only ?? "";
+  for (const id of ["stop", "health-part", "who-part"]) $(id).hidden = Boolean(only);
+  $("watch-only").hidden = !only;
+  setText("watch-only-text", only);
   $("robots").hidden = robots.length < 2;
   fill("robots", [robots, robot], () => robots.map((one) => {
     const node = button(one.replace("_", " "), () => { robot = one; render(); });
@@ -306,7 +312,8 @@ function showTab(name) {
 }
 
 function renderTabs() {
-  fill("tabs", tab, () => TABS.map(([name, text]) => {
+  const tabs = TABS.filter(([name]) => !sections.watch_only || name !== "plan");
+  fill("tabs", [tab, tabs.length], () => tabs.map(([name, text]) => {
     const node = button(text, () => showTab(name));
     node.setAttribute("aria-pressed", String(name === tab));
     return node;

@@ -24,7 +24,7 @@ from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.simulated_robot import robot_namespaces
 
-__all__ = ["DemoError", "DemoSettings", "free_port", "run_demo"]
+__all__ = ["DemoError", "DemoSettings", "run_demo"]
 
 Show = Callable[[LiveMission], None]
 
@@ -90,14 +90,6 @@ def run_demo(
                 **{one.name: one.field_name for one in mission.properties},
             }
             yield ReplaySettings(truths=fields)
-
-
-def free_port(wanted: int) -> int:
-    """A port on this machine: the one that is wanted if it is free, else another."""
-    for port in (wanted, 0):
-        with contextlib.suppress(OSError), socket.create_server(("127.0.0.1", port)) as server:
-            return int(server.getsockname()[1])
-    raise InputError("no TCP port is free", "end other programs first")
 
 
 def _wait_for_page(group: ProcessGroup, port: int) -> None:

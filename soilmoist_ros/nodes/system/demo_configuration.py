@@ -13,8 +13,6 @@ from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.simulated_robot import robot_namespaces
 
-CONSOLE_PORT = 8050
-"""Port of the operator's page, if it is free."""
 _OF_MAPPER = ("samples", "model", "mapper/save")
 
 

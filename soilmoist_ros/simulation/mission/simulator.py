@@ -48,6 +48,7 @@ from soilmoist_ros.exploration.planning.properties import Property, correction_f
 from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
+from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.covariates.reading import read_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
@@ -56,9 +57,10 @@ from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields, mission_properties
 from soilmoist_ros.simulation.mission.forecasts import TimedForecast
 from soilmoist_ros.simulation.mission.mission_ground import start_stop, travel_and_stops
+from soilmoist_ros.simulation.mission.moment import Moment, RobotMoment, Watch
 from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.streams import gnss_stream, sensor_stream
+from soilmoist_ros.simulation.mission.streams import position_errors, sensor_stream
 from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
 
@@ -77,6 +79,7 @@ def simulate_mission(
     forecasts: bool = False,
     earlier: Mapping[str, Sequence[EarlierSurvey]] = _NO_SURVEYS,
     covariates: Sequence[CovariateSource] = (),
+    watch: Watch | None = None,
 ) -> MissionResult:
     """Simulate one mission. The settings determine the result, bit for bit.
 
@@ -86,9 +89,10 @@ def simulate_mission(
         forecast may end the mission
     :param earlier: earlier surveys that inform the maps, by name of the property
     :param covariates: files with covariates, in addition to those of the mission field
+    :param watch: receives each moment, which does not change the mission; its false ends the mission
     :raises InputError: if the settings cannot be used: an unknown field, strategy or dwell rule, bad files
     """
-    return _Simulation(settings, forecasts, earlier, covariates).run(progress or (lambda share: None))
+    return _Simulation(settings, forecasts, earlier, covariates).run(progress or (lambda share: None), watch)
 
 
 class _Robot:
@@ -121,6 +125,7 @@ class _Robot:
         self.noise_m = noise_m
         self.learned = learned
         self.goal: tuple[float, GoTo] | None = None  # time of arrival, and the action
+        self.ahead: tuple[Stop, ...] = ()
         self.records: list[list[CountRecord]] = []  # in order of time, each with one record per sensor
         self.ended = ""
         self.deadline_s = math.inf  # set by next_s()
@@ -258,11 +263,11 @@ class _Simulation:
             )
             for kind, channel in enumerate(self.channels)
         ]
-        noise_m = _noise(gnss_stream(seed, number), settings.position_sd_m)
+        noise_m = position_errors(seed, number, settings.position_sd_m)
         learned = LearnedMotion(settings.motion, settings.learn_travel)
         return _Robot(number + 1, mission, explorer, body, sensors, noise_m, learned)
 
-    def run(self, progress: Callable[[float], None]) -> MissionResult:
+    def run(self, progress: Callable[[float], None], watch: Watch | None = None) -> MissionResult:
         """Process events in order of time until the missions of all robots have ended."""
         for robot in self.robots:
             self.give(robot, Moved(self.now_s, *robot.body.at(self.now_s)))
@@ -279,6 +284,10 @@ class _Simulation:
                 self.enter_series()
                 next_entry_s += self.settings.series_every_s
                 progress(min(self.now_s / (3600 * self.settings.hours), 1.0))
+            if watch is not None and not watch(self.moment()):
+                watch = None
+                for robot in self.robots:
+                    self.give(robot, Command(self.now_s, Verb.ABORT))
         for robot in self.robots:
             robot.body.stop(self.now_s)
         for channel in self.channels:
@@ -286,6 +295,16 @@ class _Simulation:
         self.enter_series()
         progress(1.0)
         return self.result()
+
+    def moment(self) -> Moment:
+        """All robots and the map of the mission field now."""
+        mapped = self.channels[0].field_map
+        robots = tuple(
+            RobotMoment(robot.mission.status, robot.body.at(self.now_s), robot.ahead) for robot in self.robots
+        )
+        return Moment(
+            self.now_s, robots, self.visits, mapped.samples, lambda: mapped.compute(mapped.state, grid=self.grid)
+        )
 
     def advance(self, robot: _Robot) -> None:
         """Process the due events of a robot."""
@@ -320,6 +339,7 @@ class _Simulation:
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.pending_of_others(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
                 answer = Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s, forecast=plan.forecast)
+                robot.ahead = (plan.choice.stop, *plan.choice.ahead) if plan.choice else ()
                 if plan.forecast is not None:
                     self.forecasts.append(TimedForecast(self.now_s, plan.forecast))
                 self.give(robot, answer)
@@ -429,9 +449,3 @@ class _Simulation:
             log=tuple(self.log),
             forecasts=tuple(self.forecasts),
         )
-
-
-def _noise(rng: np.random.Generator, sd_m: float) -> Iterator[tuple[float, float]]:
-    """Position errors, drawn in blocks; the values equal single draws."""
-    while True:
-        yield from rng.normal(0.0, sd_m, (200, 2)).tolist()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from soilmoist_ros.exploration.control.mission_setup import STREAMS_PER_ROBOT
@@ -51,6 +53,18 @@ def covariate_stream(seed: int, number: int, index: int) -> np.random.Generator:
 def gnss_stream(seed: int, robot: int = 0) -> np.random.Generator:
     """Random stream for the position errors of one robot, numbered from 0."""
     return _stream(seed, STREAMS_PER_ROBOT * robot + _GNSS)
+
+
+def position_errors(seed: int, robot: int, sd_m: float) -> Iterator[tuple[float, float]]:
+    """Position errors of one robot, east and north [m], without end.
+
+    :param seed: seed of the mission
+    :param robot: number of the robot, from 0
+    :param sd_m: standard deviation of each [m]
+    """
+    rng = gnss_stream(seed, robot)
+    while True:  # drawn in blocks; the values equal single draws
+        yield from rng.normal(0.0, sd_m, (200, 2)).tolist()
 
 
 def device_stream(seed: int, device: int, robot: int = 0, robots: int = 1) -> np.random.Generator:

@@ -1,0 +1,122 @@
+"""The page of a simulated mission: it shows how the map grows, and steers nothing."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from soilmoist_ros.console.access import Access
+from soilmoist_ros.console.board import Board
+from soilmoist_ros.console.invitation import PORT, free_port
+from soilmoist_ros.console.maps.map_layers import MapLayers
+from soilmoist_ros.console.plan.survey_files import SurveyFiles
+from soilmoist_ros.console.robot_history import RobotHistory
+from soilmoist_ros.console.server import ConsoleServer
+from soilmoist_ros.console.views import PLACE_DIGITS, field_view, mission_view, sample_views, visit_view
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.map_cells import map_cells
+from soilmoist_ros.simulation.mission.moment import Moment
+
+MAP_S: Final = 1.0
+"""Shortest time between two maps [s]; a map that takes long to make comes less often."""
+_BUSY: Final = 4.0
+"""Time between two maps in units of the time that one takes."""
+
+
+class WatchedMission:
+    """Shows the moments of a simulated mission on a page of this machine, as fast as the viewer wants. A context.
+
+    :param field: the field
+    :param grid: cells of the map
+    :param robots: names of the robots
+    :param time_factor: simulated seconds per real second
+    :param runs: folder of the runs that the page lists
+    :param note: what the page says of the mission
+    :raises InputError: if aiohttp is not installed, or no port is free
+    """
+
+    def __init__(
+        self, field: Field, grid: FieldGrid, robots: tuple[str, ...], time_factor: float, runs: Path, note: str
+    ) -> None:
+        self._grid, self._robots, self._time_factor = grid, robots, time_factor
+        self._board = Board()
+        self._history = {robot: RobotHistory(self._board, robot) for robot in robots}
+        self._board.put("robots", list(robots))
+        self._board.put("field", field_view(field))
+        self._board.put("watch_only", note)
+        self._picture: MapLayers | None = None
+        self._map_s, self._samples, self._visits = 0.0, 0, 0
+        self._begun_s: float | None = None
+        self._stopped = threading.Event()
+        files = SurveyFiles(runs, runs, runs)
+        self._server = ConsoleServer(self._board, None, Access(), lambda: self._picture, files, {})
+        self.address = f"http://127.0.0.1:{self._server.start('127.0.0.1', free_port(PORT))}/"
+        """Address of the page."""
+
+    def __enter__(self) -> WatchedMission:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._server.close()
+
+    @property
+    def stopped(self) -> bool:
+        """Whether :meth:`stop` was called."""
+        return self._stopped.is_set()
+
+    def stop(self) -> None:
+        """End the mission at its next moment."""
+        self._stopped.set()
+
+    def wait(self) -> None:
+        """Wait for :meth:`stop`."""
+        self._stopped.wait()
+
+    def show(self, moment: Moment) -> bool:
+        """Wait until a moment is due, then show it; false after :meth:`stop`."""
+        now_s = time.monotonic()
+        if self._begun_s is None:
+            self._begun_s = now_s - moment.time_s / self._time_factor
+        due_s = self._begun_s + moment.time_s / self._time_factor
+        if due_s < now_s:  # the computer is slower than asked for: the mission is not hurried later
+            self._begun_s += now_s - due_s
+        self._stopped.wait(max(due_s - now_s, 0.0))
+        for robot, one in zip(self._robots, moment.robots, strict=True):
+            self._board.put(f"mission/{robot}", mission_view(one.status, {}))
+            self._board.put(f"plan/{robot}", [_place(stop.x_m, stop.y_m) for stop in one.ahead])
+            self._history[robot].place(*one.xy, 0.0)
+            self._history[robot].count(one.status)
+            self._board.hear(f"mission/{robot}")
+        if len(moment.visits) != self._visits:
+            self._visits = len(moment.visits)
+            names = [self._robots[visit.robot - 1] for visit in moment.visits]
+            views = (visit_view(visit, name) for visit, name in zip(moment.visits, names, strict=True))
+            self._board.put("visits", tuple(views))
+        if len(moment.samples) != self._samples and time.monotonic() >= self._map_s:
+            self.show_map(moment)
+        return not self.stopped
+
+    def show_map(self, moment: Moment) -> None:
+        """Show the map of a moment."""
+        begun_s = time.monotonic()
+        soil_map = moment.soil_map()
+        if soil_map is None:
+            return
+        self._samples = len(moment.samples)
+        version = 1 if self._picture is None else self._picture.version + 1
+        self._picture = MapLayers(map_cells(self._grid, soil_map), version)
+        self._board.put("map", self._picture.about)
+        self._board.put("samples", sample_views(moment.samples))
+        self._board.hear("map")
+        ended_s = time.monotonic()
+        self._map_s = ended_s + max(MAP_S, _BUSY * (ended_s - begun_s))
+
+
+def _place(x_m: float, y_m: float) -> list[float]:
+    return [round(x_m, PLACE_DIGITS), round(y_m, PLACE_DIGITS)]
