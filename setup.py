@@ -56,6 +56,7 @@ setup(
         "shapely>=2.0",
         "pydantic>=2.7",
         "ruamel.yaml>=0.17.21",
+        "pykrige>=1.7",
         "pynmea2>=1.19",
         "click>=8.1",
         "rich>=13.7",
@@ -106,7 +107,6 @@ setup(
             "mpmath>=1.3",
             "mypy>=1.10",
             "playwright>=1.40",  # the operator's page in a real browser
-            "pykrige>=1.7",
             "pylibkriging>=0.8",
             "pytest>=8",
             "pytest-xdist>=3.5",

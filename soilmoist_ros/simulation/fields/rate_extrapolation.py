@@ -1,4 +1,4 @@
-"""Point rates extrapolated to a field by ordinary kriging."""
+"""Point rates extrapolated to a field by ordinary kriging, with PyKrige."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 Array = NDArray[np.float64]
 
 MAX_POINTS = 1000
-"""Maximum number of points; with more, the dense kriging system takes too long."""
+"""Maximum number of points; with more, the dense kriging system of PyKrige takes too long."""
 NUMBERS_AT_ONCE = 4_000_000
 
 
@@ -108,36 +108,25 @@ class KrigedRate:
 
 
 def _estimate(xy: Array, values: Array, variogram: Variogram, places: Array) -> Array:
-    """Ordinary kriging at positions of shape (m, 2), in blocks that fit into memory; NaN for a singular system."""
-    from scipy.linalg import LinAlgError, LinAlgWarning, inv
+    """PyKrige's estimates at positions of shape (m, 2), in blocks that fit into memory."""
+    from pykrige.ok import OrdinaryKriging
+    from scipy.linalg import LinAlgError, LinAlgWarning
 
-    # There and back: the rounding keeps the fields of earlier versions, which PyKrige made, bit for bit.
-    centre = (xy.max(axis=0) + xy.min(axis=0)) / 2
-    xy, places = xy - centre + centre, places - centre + centre
-    count = len(xy)
-    system = np.ones((count + 1, count + 1))
-    # The estimate filters the nugget: it counts at distance 0, too, but not between a point and itself.
-    system[:count, :count] = -_semivariance(variogram, xy, xy)
-    np.fill_diagonal(system, 0.0)
+    def semivariance(parameters: list[float], distance: Array) -> Array:
+        # Include the nugget at distance 0: PyKrige zeroes the diagonal, and the estimate filters the nugget.
+        return variogram.nugget + variogram.structured_sill * (1 - variogram.correlation(distance))
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LinAlgWarning)  # krige checks the result
         try:
-            inverse = inv(system)
+            kriging = OrdinaryKriging(
+                *xy.T, values, "custom", [0.0], variogram_function=semivariance, exact_values=False
+            )
+            blocks = np.array_split(places, -(-len(places) * (len(xy) + 1) // NUMBERS_AT_ONCE))
+            parts = [np.asarray(kriging.execute("points", *block.T)[0]) for block in blocks]
         except LinAlgError:
             return np.full(len(places), np.nan)
-    parts = []
-    for block in np.array_split(places, -(-len(places) * (count + 1) // NUMBERS_AT_ONCE)):
-        right = np.ones((len(block), count + 1))
-        right[:, :count] = -_semivariance(variogram, block, xy)
-        parts.append(np.sum((inverse @ right.T).T[:, :count] * values, axis=1))
     return np.concatenate(parts)
-
-
-def _semivariance(variogram: Variogram, places: Array, xy: Array) -> Array:
-    """Semivariance between positions, shape (m, n), with the nugget at distance 0."""
-    east, north = (places[:, None, axis] - xy[:, axis] for axis in (0, 1))
-    distance = np.sqrt(east * east + north * north)
-    return variogram.nugget + variogram.structured_sill * (1 - variogram.correlation(distance))
 
 
 def _reproduced(values: Array, estimates: Array) -> bool:
