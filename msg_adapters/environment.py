@@ -1,4 +1,4 @@
-"""Fixes and weather <-> NavSatFix, FluidPressure, Temperature and RelativeHumidity of sensor_msgs."""
+"""Fixes to NavSatFix, and weather <-> FluidPressure, Temperature and RelativeHumidity of sensor_msgs."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import math
 from sensor_msgs.msg import FluidPressure, NavSatFix, NavSatStatus, RelativeHumidity, Temperature
 from std_msgs.msg import Header
 
-from msg_adapters.stamps import to_seconds, to_time
-from soilmoist_ros.sensing.gnss import UNKNOWN_COVARIANCE, Covariance, CovarianceKind, Fix, FixStatus
-from soilmoist_ros.sensing.records import NAN, LoggerRecord, Position
+from msg_adapters.stamps import to_time
+from soilmoist_ros.sensing.gnss import CovarianceKind, Fix
+from soilmoist_ros.sensing.records import LoggerRecord
 
 _PA_PER_HPA = 100.0
 
@@ -33,27 +33,6 @@ def fix_to_message(fix: Fix, frame_id: str) -> NavSatFix:
         message.position_covariance = [float(value) for row in fix.covariance_m2 for value in row]
         message.position_covariance_type = int(fix.covariance_kind)
     return message
-
-
-def fix_from_message(message: NavSatFix) -> Fix:
-    """Fix of a message. An impossible place means no fix, and a stamp of zero means an unknown time.
-
-    Altitudes are above the ellipsoid: the message has no geoid separation.
-    """
-    stamp_s = to_seconds(message.header.stamp) or NAN
-    latitude_deg, longitude_deg = float(message.latitude), float(message.longitude)
-    known = {int(status) for status in FixStatus if status is not FixStatus.NO_FIX}
-    if message.status.status not in known or not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180):
-        return Fix(stamp_s, Position(NAN, NAN), FixStatus.NO_FIX)
-    covariance, kind = _covariance(message)
-    return Fix(
-        stamp_s=stamp_s,
-        position=Position(latitude_deg, longitude_deg, float(message.altitude), _horizontal_sd(covariance)),
-        status=FixStatus(message.status.status),
-        geoid_separation_m=0.0,
-        covariance_m2=covariance,
-        covariance_kind=kind,
-    )
 
 
 def weather_to_messages(
@@ -84,17 +63,3 @@ def weather_from_message(message: FluidPressure | Temperature | RelativeHumidity
     if isinstance(message, FluidPressure):
         return float(message.fluid_pressure) / _PA_PER_HPA
     return float(message.temperature if isinstance(message, Temperature) else message.relative_humidity)
-
-
-def _covariance(message: NavSatFix) -> tuple[Covariance, CovarianceKind]:
-    numbers = [float(value) for value in message.position_covariance]
-    known = message.position_covariance_type in {int(kind) for kind in CovarianceKind}
-    if not known or message.position_covariance_type == NavSatFix.COVARIANCE_TYPE_UNKNOWN:
-        return UNKNOWN_COVARIANCE, CovarianceKind.UNKNOWN
-    east, north, up = ((numbers[row], numbers[row + 1], numbers[row + 2]) for row in (0, 3, 6))
-    return (east, north, up), CovarianceKind(message.position_covariance_type)
-
-
-def _horizontal_sd(covariance: Covariance) -> float:
-    mean = (covariance[0][0] + covariance[1][1]) / 2
-    return math.sqrt(mean) if mean >= 0 else NAN

@@ -21,7 +21,7 @@ COMMANDS = {
     "demo": "Run the whole ROS system on a simulated field: all nodes as processes, with a live view.",
     "watch": "Watch a running survey in a terminal, until Ctrl-C: state, numbers, and the map as it grows.",
     "campaign": "Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).",
-    "replay": "Map the records of a BAG again: the folder of a run or bag, or an MCAP or db3 file.",
+    "replay": "Map the records of a BAG again: the folder of a run or bag, or an MCAP, db3 or ROS 1 .bag file.",
     "bag": "Inspect recordings, play them, and recover interrupted ones.",
     "export": "Export a RUN for GIS, phones and farm terminals.",
     "season": "Make a time series of all RUNS of one field.",

@@ -36,6 +36,10 @@ if TYPE_CHECKING:
 @click.option(
     "--nmea", type=FILE, multiple=True, help="GNSS log (NMEA), for loggers without positions. Repeatable."
 )
+@click.option("--logger-topic", default="", metavar="TOPIC",
+              help="In bags: topic with the logger's lines. Default: raw/logger, or the only text.")  # fmt: skip
+@click.option("--fix-topic", default="", metavar="TOPIC",
+              help="In bags: topic with positions, fixes or NMEA. Default: raw/gnss, or fix.")  # fmt: skip
 @click.option(
     "--preset",
     type=click.Choice(tuple(PRESETS)),
@@ -75,6 +79,8 @@ def command(
     **choices: Any,
 ) -> None:
     """Map soil moisture from neutron LOGS.
+
+    A log is a file of the logger, or a bag with its lines: .bag of ROS 1, .mcap or .db3.
 
     Writes summary.json, map.tif, samples.geojson and report.html to the folder --out.
     """

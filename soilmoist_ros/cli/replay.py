@@ -37,6 +37,10 @@ if TYPE_CHECKING:
 @click.option(
     "--logger", type=Name("logger"), help="Logger format of the raw lines. Default: detected from the header."
 )
+@click.option("--logger-topic", default="", metavar="TOPIC",
+              help="Topic with the logger's lines; implies --source raw. Default: raw/logger.")  # fmt: skip
+@click.option("--fix-topic", default="", metavar="TOPIC",
+              help="Topic with positions for raw lines, fixes or NMEA. Default: raw/gnss, or fix.")  # fmt: skip
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @earlier_option(" Default: as in the run; none for a map without.")
 @reference_option
@@ -55,7 +59,7 @@ def command(
     covariates: tuple[str, ...],
     **choices: Any,
 ) -> None:
-    """Map the records of a BAG again: the folder of a run or bag, or an MCAP or db3 file.
+    """Map the records of a BAG again: the folder of a run or bag, or an MCAP, db3 or ROS 1 .bag file.
 
     With the settings of the run, the map equals the map of the robot bit for bit.
     """

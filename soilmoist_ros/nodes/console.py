@@ -18,7 +18,6 @@ from std_msgs.msg import String
 
 from msg_adapters.battery import battery_from_message
 from msg_adapters.diagnostics import diagnostics_from_message, health_from_status
-from msg_adapters.environment import fix_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.plan import path_to_places
 from msg_adapters.samples import samples_from_message
@@ -51,6 +50,7 @@ from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR, VISITS
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.wiring.console_foxglove import FoxgloveView
 from soilmoist_ros.nodes.wiring.console_steering import ConsoleSteering
+from soilmoist_ros.sensing.gnss import fix_from_message
 
 __all__ = ["PARAMETERS", "Console", "main"]
 

@@ -13,7 +13,6 @@ from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import Float64
 
 from msg_adapters.diagnostics import diagnostics_to_message
-from msg_adapters.environment import fix_from_message
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
@@ -23,6 +22,7 @@ from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.runtime.soon import Soon
 from soilmoist_ros.nodes.wiring.driver_outputs import DriverOutputs
+from soilmoist_ros.sensing.gnss import fix_from_message
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings

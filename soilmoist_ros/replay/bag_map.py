@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
-from soilmoist_ros.recording.bag.reader import BagReader, bags_of
+from soilmoist_ros.recording.bag.reader import BAG_FILES, BagReader, bags_of
 from soilmoist_ros.recording.bag.storage import recorder_notes
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
+from soilmoist_ros.replay.bag_lines import logger_topic
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
 from soilmoist_ros.replay.log_map import loss_rows, read_reference, reference_error, with_reference
 from soilmoist_ros.replay.mission import RobotMission, replay_mission
@@ -167,10 +168,16 @@ def _read(
     frame = str(read_parameters(configuration, "mapper").get("frame", ""))  # the mapper skips counts of others
     places = recorded_places(configuration, survey.field)
     robots: list[RunTopics] = []
-    if chosen.source == "raw":
-        robots = [RunTopics.of_raw_lines(reader, chosen.counts_topic)]
+    if chosen.from_lines:
+        robots = [
+            RunTopics.of_counts(reader, f"{logger_topic(reader, chosen.logger_topic).rpartition('/')[0]}/counts")
+            if chosen.logger_topic
+            else RunTopics.of_raw_lines(reader, chosen.counts_topic)
+        ]
         arms = LeverArms.of(read_parameters(configuration, "sensor_driver"))
-        raw = read_raw(robots[0], survey.site, survey.field.frame, chosen.logger, arms)
+        raw = read_raw(
+            robots[0], survey.site, survey.field.frame, chosen.logger, arms, chosen.logger_topic, chosen.fix_topic
+        )
         counted = [(robots[0].counts, record) for record in raw.records]
     else:
         if "/" not in chosen.counts_topic:
@@ -234,5 +241,8 @@ def _files(bag: Path) -> list[Path]:
     if not bag.is_dir():
         return [bag]
     return [
-        path for one in bags_of(bag) for path in sorted(one.iterdir()) if {".mcap", ".db3"} & set(path.suffixes)
+        path
+        for one in bags_of(bag)
+        for path in (sorted(one.iterdir()) if one.is_dir() else [one])
+        if set(BAG_FILES) & set(path.suffixes)
     ]

@@ -28,6 +28,8 @@ from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
+from soilmoist_ros.recording.bag.reader import BAG_FILES, BagReader
+from soilmoist_ros.replay.bag_lines import fix_topic, logger_topic, read_fixes, text_lines
 from soilmoist_ros.replay.file_facts import far_from_site
 from soilmoist_ros.reporting.earlier.earlier_runs import (
     EarlierRun,
@@ -41,7 +43,13 @@ from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import REFERENCE, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.sensing.corrections.reference import Reference, fit_reference
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
-from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, read_log
+from soilmoist_ros.sensing.formats.logger_reader import (
+    LogFile,
+    detect_format,
+    format_of_lines,
+    parse_log,
+    read_log,
+)
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.checked_track import CheckedTrack
 from soilmoist_ros.sensing.position.nmea import read_nmea
@@ -87,6 +95,8 @@ class MapSettings:
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
     :param covariates: files with covariates, in addition to those of the field
     :param reference: log of a stationary sensor that counted during the survey
+    :param logger_topic: topic with the lines of the logger in bags; see :func:`.logger_topic` if empty
+    :param fix_topic: topic with the positions in bags; see :func:`.fix_topic` if empty
     """
 
     logger: str | None = None
@@ -107,6 +117,8 @@ class MapSettings:
     earlier: tuple[Path, ...] = ()
     covariates: tuple[CovariateSource, ...] = ()
     reference: Path | None = None
+    logger_topic: str = ""
+    fix_topic: str = ""
 
 
 def map_logs(
@@ -117,7 +129,7 @@ def map_logs(
 ) -> MapRun:
     """Map the logs of a survey.
 
-    :param paths: log files of one probe
+    :param paths: log files of one probe, or bags with the lines of its logger
     :param settings: choices
     :param progress: called during the work
     :param compute: computes the tiles of a large map, see :func:`shared_work`; writing the outputs needs it again
@@ -136,8 +148,8 @@ def map_logs(
     site = load_site(settings.site) if settings.site else Site()
     field = load_field(settings.field) if settings.field else None
     require_crs(settings.crs, field.frame if field else None)
-    logs = read_logs(paths, settings.logger, site, progress)
-    track, track_problems = read_track(settings.nmea)
+    logs = read_logs(paths, settings.logger, site, progress, settings.logger_topic)
+    track, track_problems = read_track(settings.nmea, [] if settings.nmea else paths, settings.fix_topic)
     placement, places = None, log_positions(logs, track, site)
     source = position_source(logs, settings.nmea, site, settings.field)
     if field is not None:
@@ -285,18 +297,30 @@ def with_reference(run: MapRun, reference: Reference) -> MapRun:
 
 
 def read_logs(
-    paths: Sequence[Path], logger: str | None, site: Site, progress: Progress = lambda step, share: None
+    paths: Sequence[Path],
+    logger: str | None,
+    site: Site,
+    progress: Progress = lambda step, share: None,
+    topic: str = "",
 ) -> list[LogFile]:
     """Read the logs of one probe.
 
-    :param paths: log files, at least one
+    :param paths: log files or bags, at least one
+    :param topic: topic with the lines in bags; see :func:`.logger_topic` if empty
     :param logger: format, a shipped name or a file; detected from the header of the first log if ``None``
     :raises InputError: if a file cannot be used
     """
-    form = load_logger_format(logger) if logger else detect_format(paths[0])
+    form = load_logger_format(logger) if logger else None
     logs = []
     for index, path in enumerate(paths):
         progress("reading logs", index / len(paths))
+        if path.suffix in BAG_FILES:
+            with BagReader(path) as reader:
+                lines = text_lines(reader, logger_topic(reader, topic))
+            form = form or format_of_lines(lines, path)
+            logs.append(parse_log(lines, form.on_clock(site.logger_utc_offset_hours), site.longitude, path))
+            continue
+        form = form or detect_format(path)
         logs.append(read_log(path, form, site.longitude, site.logger_utc_offset_hours))
     return logs
 
@@ -332,21 +356,31 @@ def position_source(
     return PositionSource(logs[0].path.name, side, field_file)
 
 
-def read_track(paths: Sequence[Path]) -> tuple[Track | None, list[Problem]]:
-    """The positions of GNSS logs and the faults in them; ``None`` without a log.
+def read_track(
+    paths: Sequence[Path], others: Sequence[Path] = (), topic: str = ""
+) -> tuple[Track | None, list[Problem]]:
+    """The positions of GNSS logs and the faults in them; ``None`` without positions.
 
+    :param paths: GNSS logs
+    :param others: files among which bags may have positions
+    :param topic: topic with the positions in bags; see :func:`.fix_topic` if empty
     :raises InputError: if the logs hold no position
     """
-    if not paths:
-        return None, []
-    fixes, problems = [], []
+    fixes, problems, used = [], [], list(paths)
     for path in paths:
         found, faults = read_nmea(path)
         fixes += found
         problems += faults
+    for path in (one for one in others if one.suffix in BAG_FILES):
+        with BagReader(path) as reader:
+            if name := fix_topic(reader, topic):
+                found, faults = read_fixes(reader, name)
+                fixes, problems, used = fixes + found, problems + faults, [*used, path]
+    if not used:
+        return None, []
     track = CheckedTrack(fixes)
     if len(track) == 0:
-        raise InputError("holds no position", "give a log of NMEA sentences (GGA and RMC) with a fix", paths[0])
+        raise InputError("holds no position", "give a log of NMEA sentences (GGA and RMC) with a fix", used[0])
     return track, problems
 
 

@@ -9,16 +9,15 @@ from pathlib import Path
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.replay.topics import TEXT, RunTopics
+from soilmoist_ros.replay.bag_lines import fix_topic, logger_topic, read_fixes, text_lines
+from soilmoist_ros.replay.topics import FIX, TEXT, RunTopics
 from soilmoist_ros.sensing.formats.log_file import matching_formats
-from soilmoist_ros.sensing.formats.log_values import split_lines
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import parse_log
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.checked_track import CheckedTrack
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
-from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.problems import Problem
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.logs import process_logs
@@ -39,7 +38,13 @@ class RawSurvey:
 
 
 def read_raw(
-    topics: RunTopics, site: Site, frame: LocalFrame, logger: str | None = None, arms: LeverArms = NO_ARMS
+    topics: RunTopics,
+    site: Site,
+    frame: LocalFrame,
+    logger: str | None = None,
+    arms: LeverArms = NO_ARMS,
+    logger_name: str = "",
+    fix_name: str = "",
 ) -> RawSurvey:
     """Process the raw lines of a robot.
 
@@ -48,23 +53,28 @@ def read_raw(
     :param frame: plane of the field
     :param logger: logger format, a shipped name or a file; detected from the header if ``None``
     :param arms: where antenna and sensor sat on the robot
+    :param logger_name: topic with the lines of the logger; ``raw/logger`` if empty
+    :param fix_name: topic with positions; ``raw/gnss``, or ``fix``, if empty
     :raises InputError: if the lines contain no usable record
     """
-    name = topics.find("raw/logger", TEXT)
+    reader = topics.reader
+    name = logger_topic(reader, logger_name) if logger_name else topics.find("raw/logger", TEXT)
     if name is None:
-        raise InputError("has no topic raw/logger", "map its counts instead", topics.reader.path)
-    lines = _lines(topics.reader, name)
+        raise InputError("has no topic raw/logger", "map its counts instead", reader.path)
+    lines = text_lines(reader, name)
     form = load_logger_format(logger or next(iter(matching_formats(lines)), FORMAT_NAME))
     form = form.on_clock(site.logger_utc_offset_hours)
     log = parse_log(lines, form, site.longitude, _place(name))
-    gnss = topics.find("raw/gnss", TEXT)
+    gnss = topics.find("raw/gnss", TEXT) or topics.find("fix", FIX)
+    if logger_name or fix_name:
+        gnss = fix_topic(reader, fix_name)
     track = None
     problems: list[Problem] = []
     if gnss is not None:
-        fixes, problems = parse_nmea(_lines(topics.reader, gnss), _place(gnss))
+        fixes, problems = read_fixes(reader, gnss)
         track = CheckedTrack(fixes)
         if len(track) == 0:
-            raise InputError(f"{gnss} holds no position", "map its counts instead", topics.reader.path)
+            raise InputError(f"{gnss} holds no position", "map its counts instead", reader.path)
     survey = process_logs([log], site, frame, track, arms)
     return RawSurvey(survey.all_records, [*survey.problems, *problems], log.format_title)
 
@@ -74,22 +84,7 @@ def says_simulated(reader: BagReader, logger: str) -> bool:
 
     :param logger: full name of the topic with the lines
     """
-    return any(line.startswith(b"#simulated=yes") for line in _lines(reader, logger))
-
-
-def _lines(reader: BagReader, topic: str) -> list[bytes]:
-    """Lines of a topic, without line ends; a message may contain several.
-
-    A message has one character per byte, and a symbol for the byte zero, as the driver writes it.
-    """
-    found: list[bytes] = []
-    for message in reader.messages([topic]):
-        try:
-            text = str(reader.decode(message).data).replace("\N{SYMBOL FOR NULL}", "\0")
-        except InputError:
-            text = "\0"  # bytes that are not text: the parser counts them
-        found += split_lines(text.encode("latin-1", "replace"))[0]
-    return found
+    return any(line.startswith(b"#simulated=yes") for line in text_lines(reader, logger))
 
 
 def _place(topic: str) -> Path:

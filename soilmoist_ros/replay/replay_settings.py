@@ -43,6 +43,8 @@ class ReplaySettings:
     :param counts_topic: topic with the records
     :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw`` corrects and
         places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
+    :param logger_topic: topic with the raw lines of the logger, which are the source then; ``raw/logger`` if empty
+    :param fix_topic: topic with the positions of the raw lines: fixes or NMEA; ``raw/gnss``, or ``fix``, if empty
     :param logger: format of the raw lines of the logger; detected from their header if ``None``
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`; ``None`` for those of the robot
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
@@ -66,17 +68,24 @@ class ReplaySettings:
     counts_topic: str = "counts"
     source: Source = "counts"
     logger: str | None = None
+    logger_topic: str = ""
+    fix_topic: str = ""
     crs: str | None = None
     earlier: Sequence[Path | str] | None = None
     covariates: Sequence[str] | None = None
     reference: Path | None = None
+
+    @property
+    def from_lines(self) -> bool:
+        """Whether the raw lines are the source."""
+        return self.source == "raw" or bool(self.logger_topic)
 
 
 def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
     """The map of the robot's own records, still without records, and remarks for the user."""
     had = read_parameters(configuration, "mapper")
     survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
-    if chosen.source == "raw" or not chosen.site or not had.get("site"):
+    if chosen.from_lines or not chosen.site or not had.get("site"):
         return survey, []
     recorded = load_site(had["site"]).corrections
     if recorded == survey.site.corrections:

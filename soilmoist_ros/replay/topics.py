@@ -11,6 +11,7 @@ from soilmoist_ros.recording.bag.reader import BagReader
 
 CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 TEXT: Final = "std_msgs/msg/String"
+FIX: Final = "sensor_msgs/msg/NavSatFix"
 STATUS: Final = "diagnostic_msgs/msg/DiagnosticStatus"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from soilmoist_ros.sensing.records import NAN, Position
 
@@ -121,3 +122,40 @@ def covariance_of_ellipse(major_m: float, minor_m: float, orientation_deg: float
 def diagonal_covariance(east_m: float, north_m: float, up_m: float) -> Covariance:
     """Covariance of uncorrelated errors with these standard deviations [m^2]."""
     return (east_m**2, 0.0, 0.0), (0.0, north_m**2, 0.0), (0.0, 0.0, up_m**2)
+
+
+def fix_from_message(message: Any) -> Fix:
+    """Fix of a message. An impossible place means no fix, and a stamp of zero means an unknown time.
+
+    Altitudes are above the ellipsoid: the message has no geoid separation.
+
+    :param message: a sensor_msgs/NavSatFix, decoded by ROS or by rosbags
+    """
+    stamp_s = float(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9) or NAN
+    latitude_deg, longitude_deg = float(message.latitude), float(message.longitude)
+    known = {int(status) for status in FixStatus if status is not FixStatus.NO_FIX}
+    if message.status.status not in known or not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180):
+        return Fix(stamp_s, Position(NAN, NAN), FixStatus.NO_FIX)
+    covariance, kind = _covariance_of(message)
+    return Fix(
+        stamp_s=stamp_s,
+        position=Position(latitude_deg, longitude_deg, float(message.altitude), _horizontal_sd(covariance)),
+        status=FixStatus(int(message.status.status)),
+        geoid_separation_m=0.0,
+        covariance_m2=covariance,
+        covariance_kind=kind,
+    )
+
+
+def _covariance_of(message: Any) -> tuple[Covariance, CovarianceKind]:
+    numbers = [float(value) for value in message.position_covariance]
+    known = {int(kind) for kind in CovarianceKind if kind is not CovarianceKind.UNKNOWN}
+    if message.position_covariance_type not in known:
+        return UNKNOWN_COVARIANCE, CovarianceKind.UNKNOWN
+    east, north, up = ((numbers[row], numbers[row + 1], numbers[row + 2]) for row in (0, 3, 6))
+    return (east, north, up), CovarianceKind(int(message.position_covariance_type))
+
+
+def _horizontal_sd(covariance: Covariance) -> float:
+    mean = (covariance[0][0] + covariance[1][1]) / 2
+    return math.sqrt(mean) if mean >= 0 else NAN

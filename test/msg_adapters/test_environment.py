@@ -13,8 +13,8 @@ if platform.machine() != "x86_64":
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import NavSatFix, NavSatStatus
 
-from msg_adapters.environment import fix_from_message, fix_to_message, weather_from_message, weather_to_messages
-from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, diagonal_covariance
+from msg_adapters.environment import fix_to_message, weather_from_message, weather_to_messages
+from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, diagonal_covariance, fix_from_message
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 
 NAN = math.nan

@@ -20,7 +20,7 @@ from std_msgs.msg import Float64, String
 
 from msg_adapters.counts import counts_from_message, counts_to_message
 from msg_adapters.diagnostics import diagnostics_from_message
-from msg_adapters.environment import fix_from_message, fix_to_message, weather_from_message
+from msg_adapters.environment import fix_to_message, weather_from_message
 from msg_adapters.raw_line import line_from_message
 from msg_adapters.stamps import to_seconds, to_time
 from soilmoist_ros.foundation.geodesy import LocalFrame
@@ -28,7 +28,7 @@ from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.recording.record_log import DRIVER, RecordTail
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
-from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences, sentences_without_fix
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey

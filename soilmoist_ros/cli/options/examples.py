@@ -6,6 +6,7 @@ EXAMPLES = {
     "map": (
         "map examples/rover_gypsum_transect_2018-05-01.KSU --site gypsum_transect --out out/gypsum",
         "map survey.log --nmea gnss.nmea --site my_site.yaml --field my_field.yaml --out out/may",
+        "map survey.bag --logger-topic /crns/line --fix-topic /gps/fix --site my_site.yaml --out out/ros1",
         "map june.log --earlier out/may --covariate relief.tif:slope --out out/june",
     ),
     "simulate": (

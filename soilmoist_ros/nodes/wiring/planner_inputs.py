@@ -13,7 +13,6 @@ from std_msgs.msg import String
 from msg_adapters.battery import battery_from_message
 from msg_adapters.counts import counts_from_message
 from msg_adapters.diagnostics import diagnostics_from_message
-from msg_adapters.environment import fix_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import OtherFrameError, require_frame
@@ -28,6 +27,7 @@ from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS, SENSOR
 from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_records import PlannerRecords
 from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
+from soilmoist_ros.sensing.gnss import fix_from_message
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.logger_fault import logger_fault
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -14,10 +15,11 @@ from numpy.typing import ArrayLike
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import findings, mcap_files
-from soilmoist_ros.recording.bag.storage import recorder_notes
+from soilmoist_ros.recording.bag.storage import FAULTS, recorder_notes
 from soilmoist_ros.recording.bag.writer import is_being_written
 from soilmoist_ros.recording.mcap.metadata import Extent, joined
 from soilmoist_ros.recording.mcap.scan import McapScan
+from soilmoist_ros.recording.ros1.bag_file import Ros1File
 
 _REGULAR_FROM: Final = 10
 _REGULAR_SHARE: Final = 0.8
@@ -98,6 +100,9 @@ def bag_info(path: Path) -> BagInfo:
     :raises InputError: if there is no bag, or it cannot be read
     """
     files = _files(path)
+    if files[0].suffix == ".bag":
+        topics = _topics(_ros1_notes(files))
+        return BagInfo(path, "ROS 1", _size(files), _whole(topics), topics, False, (), "")
     if files[0].suffix != ".mcap":
         return _from_reader(path, files)
     scans = [McapScan(file) for file in mcap_files(path)]
@@ -148,6 +153,20 @@ def find_gaps(times_s: ArrayLike) -> tuple[Gap, ...]:
     return tuple(Gap(float(starts[k]), float(intervals[k])) for k in np.flatnonzero(intervals > longest))
 
 
+def _ros1_notes(files: Iterable[Path]) -> Iterator[tuple[str, str, int, int]]:
+    """Topic, type, time and size of the messages of ROS 1, whatever their types."""
+    for file in files:
+        try:
+            with contextlib.closing(Ros1File(file)) as bag:
+                names = {one.topic for one in bag.connections.values()}
+                for name, kind, log_ns, data in bag.messages(names, convert=False):
+                    yield name, kind, log_ns, len(data)
+        except InputError:
+            raise
+        except FAULTS as error:
+            raise InputError(f"is damaged: {error}", "rosbag fix or rosbag reindex (ROS 1)", file) from None
+
+
 def _from_reader(path: Path, files: list[Path]) -> BagInfo:
     with BagReader(path) as reader:
         storage = "sqlite3" if files[0].suffix == ".db3" or ".db3." in files[0].name else "mcap"
@@ -159,7 +178,11 @@ def _from_reader(path: Path, files: list[Path]) -> BagInfo:
 def _files(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
-    found = [file for pattern in ("*.mcap", "*.mcap.zstd", "*.db3", "*.db3.zstd") for file in path.glob(pattern)]
+    found = [
+        file
+        for pattern in ("*.bag", "*.mcap", "*.mcap.zstd", "*.db3", "*.db3.zstd")
+        for file in path.glob(pattern)
+    ]
     return sorted(found) or mcap_files(path)  # its error says what is wrong
 
 

@@ -1,4 +1,4 @@
-"""Read bags of any recorder: MCAP or SQLite, split or compressed."""
+"""Read bags of any recorder: MCAP, SQLite or ROS 1, split or compressed."""
 
 from __future__ import annotations
 
@@ -16,15 +16,19 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_topic
-from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Message, Storage, open_storages
+from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Storage, open_storages
 from soilmoist_ros.recording.bag.visit import visit_of
 from soilmoist_ros.recording.mcap.chunks import TooMuchError
 from soilmoist_ros.recording.mcap.definitions import Definition
 from soilmoist_ros.recording.mcap.metadata import Extent, Qos, joined
+from soilmoist_ros.recording.ros1.bag_file import Message
 from soilmoist_ros.sensing.records import CountRecord
 
 VISIT = "soilmoist_msgs/msg/Visit"
 """Type of the topic ``visits``."""
+BAG_FILES = (".mcap", ".db3", ".bag")
+"""Endings of files with messages: of ROS 2, and of ROS 1."""
+GIVE: Final = "give the folder of a bag, or an MCAP, db3 or ROS 1 .bag file"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +50,8 @@ class BagMessage:
 class BagReader:
     """Reader of a bag; use as a context manager.
 
-    :param path: folder of a bag, or an MCAP or db3 file; or a folder of bags, whose messages are merged by time
+    :param path: folder of a bag, or an MCAP, db3 or ROS 1 bag file; or a folder of bags, whose messages are merged
+        by time
     :raises InputError: if the path is not a bag, or the bag was not closed or cannot be read
     """
 
@@ -234,13 +239,15 @@ def bags_of(path: Path) -> list[Path]:
     :raises InputError: if there are none
     """
     if not path.exists():
-        raise InputError("there is no such bag", "give the folder of a bag, or an MCAP or db3 file", path)
-    if path.is_file() and path.suffix not in (".mcap", ".db3"):
-        raise InputError("is not a bag", "give the folder of a bag, or an MCAP or db3 file", path)
+        raise InputError("there is no such bag", GIVE, path)
+    if path.is_file() and path.suffix not in BAG_FILES:
+        raise InputError("is not a bag", GIVE, path)
     if path.is_file() or (path / "metadata.yaml").is_file():
         return [path]
     if any(path.glob("*.mcap")):
         raise InputError("was not closed: its recorder was killed", "soilmoist bag recover", path)
+    if found := sorted(path.glob("*.bag")):
+        return found
     found = sorted(one.parent for one in path.glob("*/metadata.yaml"))
     unclosed = sorted({one.parent for one in path.glob("*/*.mcap")} - set(found))
     if unclosed:

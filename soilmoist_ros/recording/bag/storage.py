@@ -1,4 +1,4 @@
-"""The files of a bag, read within limits: MCAP or SQLite, also compressed. A bag may come from a stranger."""
+"""The files of a bag, read within limits: MCAP, SQLite, ROS 1, also compressed. It may come from a stranger."""
 
 from __future__ import annotations
 
@@ -17,12 +17,10 @@ from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance, TooM
 from soilmoist_ros.recording.mcap.definitions import Definition
 from soilmoist_ros.recording.mcap.metadata import Extent, Topic, qos_from_yaml
 from soilmoist_ros.recording.mcap.scan import McapScan
+from soilmoist_ros.recording.ros1.bag_file import Message, Ros1File
 
 TOO_MUCH: Final = "unpacks to far more than a recording of its size can: it is damaged, or was made to do harm"
 _PIECE: Final = 1 << 20
-
-Message = tuple[str, str, int, bytes]
-"""Topic, type, time at which it was received [ns since 1970-01-01 UTC], and data in CDR."""
 
 
 @dataclass
@@ -67,7 +65,11 @@ def open_storages(path: Path) -> tuple[list[Storage], contextlib.ExitStack]:
         files, per_message = ([path], False) if path.is_file() else _listed(path, stack)
         storages: list[Storage] = []
         for file in files:
-            one: Storage = _Sqlite(file, per_message) if file.suffix == ".db3" else _Mcap(file, per_message)
+            one: Storage
+            if file.suffix == ".bag":
+                one = _Ros1(file)
+            else:
+                one = _Sqlite(file, per_message) if file.suffix == ".db3" else _Mcap(file, per_message)
             stack.callback(one.close)
             storages.append(one)
         return storages, stack.pop_all()
@@ -242,6 +244,24 @@ class _Sqlite:
 
     def close(self) -> None:
         self._base.close()
+
+
+class _Ros1:
+    """A bag of ROS 1. Its types are those of ROS 2, so the topics need no definitions."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = Ros1File(path)
+        kinds = {one.topic: one.type_name for one in self._file.connections.values()}
+        topics = [Topic(name, Definition(kind, ""), ()) for name, kind in kinds.items()]
+        total, times = sum(self._file.counts.values()), self._file.extent_ns
+        extent = Extent() if times is None or not total else Extent(total, *times)
+        self.content = Content(topics, dict(self._file.counts), extent)
+
+    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+        return self._file.messages(topics)
+
+    def close(self) -> None:
+        self._file.close()
 
 
 FAULTS: Final = (

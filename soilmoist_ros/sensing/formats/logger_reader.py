@@ -304,7 +304,7 @@ def read_log(
     """
     path = Path(path)
     lines, last_is_complete = read_lines(path)
-    form = logger or _format_of(lines, path)
+    form = logger or format_of_lines(lines, path)
     form = load_logger_format(form) if isinstance(form, str) else form
     return parse_log(lines, form.on_clock(utc_offset_hours), longitude, path, last_is_complete)
 
@@ -352,10 +352,14 @@ def detect_format(path: Path | str) -> LoggerFormat:
     :raises InputError: if the file cannot be read, or no known format fits it
     """
     path = Path(path)
-    return _format_of(read_lines(path)[0], path)
+    return format_of_lines(read_lines(path)[0], path)
 
 
-def _format_of(lines: Sequence[bytes], path: Path) -> LoggerFormat:
+def format_of_lines(lines: Sequence[bytes], path: Path) -> LoggerFormat:
+    """Detect the logger format of lines; see :func:`detect_format`.
+
+    :param path: source of the lines, for messages
+    """
     for name in matching_formats(lines):
         return load_logger_format(name)
     for name in logger_names():
