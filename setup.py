@@ -8,6 +8,7 @@ from setuptools import find_packages, setup
 NAME = "soilmoist_ros"
 NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console")
 BAGS = ["mcap>=1.2", "rosbags>=0.10", "lz4>=4.0", "zstandard>=0.20"]
+TEST = ["pytest>=8", "pytest-xdist>=3.5", "hypothesis>=6.100", "mpmath>=1.3"]
 ROOT = Path(__file__).parent
 VERSION_FILE = ROOT / NAME / "foundation" / "version.py"
 VERSION = re.search(r'^__version__ = "(.+)"$', VERSION_FILE.read_text(encoding="utf-8"), re.M)
@@ -92,8 +93,11 @@ setup(
         "console": ["aiohttp>=3.9", "segno>=1.5", "foxglove-sdk>=0.30,<1"],
         # Results of the Python API as tables, rasters and layers: to_dataframe, to_xarray, to_geodataframe.
         "frames": ["pandas>=2.2", "xarray>=2024.1", "geopandas>=1.0"],
+        # `colcon test` starts pytest for packages with an extra of this name.
+        "test": [*TEST],
         # Tests, checks, packaging, and what the benchmarks compare with.
         "dev": [
+            *TEST,
             "axe-playwright-python>=0.1",
             "build>=1.2",
             "colcon-core",
@@ -102,14 +106,10 @@ setup(
             "colcon-ros",
             "crnpy>=0.7",
             "gstools>=1.5",
-            "hypothesis>=6.100",
             "mcap-ros2-support>=0.5",
-            "mpmath>=1.3",
             "mypy>=1.10",
             "playwright>=1.40",  # the operator's page in a real browser
             "pylibkriging>=0.8",
-            "pytest>=8",
-            "pytest-xdist>=3.5",
             "ruff>=0.6",
             "scikit-learn>=1.4",
             "threadpoolctl>=3.4",

@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 OWN = {"soilmoist_ros", "msg_adapters"}
-ROSDEP_KEYS = {
+ROSDEP_KEYS = {"ruamel.yaml": "python3-ruamel.yaml"} | {
     name: f"python3-{name}"
     for name in (
         "aiohttp",
@@ -21,9 +21,12 @@ ROSDEP_KEYS = {
         "jinja2",
         "matplotlib",
         "numpy",
+        "pynmea2",
         "pyproj",
+        "rasterio",
         "rich",
         "scipy",
+        "segno",
         "serial",
         "shapely",
     )
@@ -36,6 +39,8 @@ COMES_WITH = {
     "ruamel": "ruamel.yaml",
 }
 OPTIONAL = {
+    "foxglove": "the live view for Foxglove, on request; the console names the package",
+    "reverse_geocode": "the nearest town of a field, in messages",
     "pandas": "campaigns, on a laptop",
     "pyarrow": "campaigns, on a laptop",
     "distributed": "campaigns on several machines",
@@ -57,6 +62,8 @@ def imported(root: Path = ROOT) -> dict[str, list[str]]:
                 names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
                 if isinstance(node, ast.ImportFrom) and not node.level:
                     names = [node.module or ""]
+                if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "optional_module":
+                    names = [text.value for text in node.args[:1] if isinstance(text, ast.Constant)]
                 for name in {name.split(".")[0] for name in names} - OWN - set(sys.stdlib_module_names):
                     found.setdefault(name, []).append(str(path.relative_to(root)))
     return found
