@@ -1,6 +1,6 @@
 # ROS 2 Jazzy with soilmoist_ros, as on a robot: docs/robot.md has the same steps.
 #   docker build -t soilmoist_ros .
-#   docker run --rm -it --network host soilmoist_ros ros2 launch soilmoist_ros robot.launch.py field:=...
+#   docker run --rm -it --network host -v "$PWD:/data" soilmoist_ros ros2 launch soilmoist_ros robot.launch.py field:=...
 FROM ros:jazzy-ros-base
 
 SHELL ["/bin/bash", "-o", "pipefail", "-c"]
@@ -24,9 +24,9 @@ RUN source /opt/ros/jazzy/setup.bash \
     && .venv/bin/python -m colcon build --packages-select soilmoist_msgs soilmoist_ros
 
 # The nodes need no rights of root.
-RUN useradd --create-home --uid 1001 --groups dialout robot
+RUN useradd --create-home --uid 1001 --groups dialout robot && install -d -o robot /data
 USER 1001
-WORKDIR /home/robot
+WORKDIR /data
 ENV PATH=/ws/install/soilmoist_ros/lib/soilmoist_ros:$PATH
 ENTRYPOINT ["/bin/bash", "-c", "source /ws/install/setup.bash && exec \"$@\"", "--"]
 CMD ["soilmoist", "--help"]
