@@ -103,3 +103,10 @@ def test_the_changelog_is_markdown(pages):
     assert text.startswith("# Changes\n")
     assert "\n## Forthcoming\n" in text
     assert "``" not in text
+
+
+def test_the_comparison_is_with_the_pinned_program():
+    head = (ROOT / "docs" / "data" / "programs_same.csv").read_text().partition("\n")[0]
+    pinned = (ROOT / "requirements-test.txt").read_text()
+    crnpy = head.split(",")[1]
+    assert crnpy.replace(" ", "==") in pinned.splitlines(), "run scripts/compare_programs.py again"

@@ -1,0 +1,292 @@
+"""Runs crnpy and neptoon on the public record of the station in Kansas, and compares them with this package.
+
+usage: .venv/bin/python scripts/compare_programs.py NEPTOON_PYTHON
+
+NEPTOON_PYTHON is the Python of an environment with neptoon: ``python3 -m venv nep``, then ``nep/bin/pip install
+neptoon``. Writes docs/data/programs_same.csv (the same settings in all programs), docs/data/programs_own.csv (each
+program its own way, from the record to the moisture) and docs/images/programs.png.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from datetime import UTC, datetime, timedelta
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import crnpy
+import matplotlib as mpl
+import numpy as np
+from numpy.typing import NDArray
+
+mpl.use("Agg")
+
+from matplotlib import pyplot as plt
+
+from soilmoist_ros.sensing import Site, load_site, process_logs, read_log
+from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
+from soilmoist_ros.sensing.moisture.cores import read_soil_cores
+
+ROOT = Path(__file__).resolve().parent.parent
+LOG = ROOT / "examples" / "station_kansas_2021-10.dat"
+CORES = ROOT / "examples" / "station_kansas_cores.csv"
+SITE = ROOT / "config" / "sites" / "station_kansas.yaml"
+FROM, TO = "2021-10-22T06:00", "2021-10-23T06:00"  # hours of the calibration, UTC
+BLOCK_H = 6
+Array = NDArray[np.float64]
+
+
+def read_record() -> tuple[dict[str, Array], Array]:
+    """Columns of the log as they are, both tubes added; and the time [s since 1970 UTC] of each row's end."""
+    with LOG.open(encoding="utf-8", newline="") as stream:
+        next(stream)
+        names = next(csv.reader(stream))
+        rows = [dict(zip(names, row, strict=True)) for row in list(csv.reader(stream))[2:]]
+    column = {name: np.array([float(row[name]) for row in rows]) for name in names[10:12] + names[19:23]}
+    local = [datetime.fromisoformat(row["TIMESTAMP"]) + timedelta(hours=6) for row in rows]
+    record = {
+        "counts": column["counts_1_Tot"] + column["counts_2_Tot"],
+        "pressure_hpa": column["barometric_pressure_Avg"],
+        "temperature_degc": column["air_temperature_Avg"],
+        "relative_humidity": column["relative_humidity_Avg"],
+    }
+    return record, np.array([time.replace(tzinfo=UTC).timestamp() for time in local])
+
+
+def middles(folder: Path) -> Path:
+    """The cores with the depths of their middles, as the other programs take them."""
+    path = folder / "middles.csv"
+    with CORES.open(encoding="utf-8", newline="") as stream, path.open("w", encoding="utf-8", newline="") as made:
+        rows = list(csv.DictReader(stream))
+        for row in rows:
+            row["depth_cm"] = str((float(row.pop("top_cm")) + float(row.pop("bottom_cm"))) / 2)
+        table = csv.DictWriter(made, list(rows[0]))
+        table.writeheader()
+        table.writerows(rows)
+    return path
+
+
+def calibrated(curve: str, cores: Path, folder: Path) -> Site:
+    """The site of the station, calibrated by ``soilmoist calibrate`` with soil cores."""
+    path = folder / f"{curve}_{cores.stem}.yaml"
+    shutil.copyfile(SITE, path)
+    soilmoist = Path(sys.executable).with_name("soilmoist")
+    arguments = ["--site", path, "--log", LOG, "--from", FROM, "--to", TO, "--curve", curve]
+    subprocess.run([soilmoist, "calibrate", cores, *arguments], check=True, capture_output=True)
+    return load_site(path)
+
+
+def ours(site: Site, stamps: Array) -> dict[str, Array]:
+    """Factors, rates and moisture of this package at the rows of the log; NaN where a record is lost."""
+    survey = process_logs([read_log(LOG, utc_offset_hours=site.logger_utc_offset_hours)], site)
+    at = {round(record.stamp_s): record for record in survey.records}
+    found = [at.get(round(stamp)) for stamp in stamps]
+    series = {
+        name: np.array([np.nan if record is None else getattr(record, name) for record in found])
+        for name in ("f_pressure", "f_humidity", "corrected_rate", "raw_counts", "effective_exposure_s")
+    }
+    rate = series["corrected_rate"]
+    assert site.curve is not None
+    series["vwc"], series["vwc_sd"] = site.curve.vwc_and_sd(rate, np.sqrt(rate / series["effective_exposure_s"]))
+    return series
+
+
+def crnpy_rates(record: dict[str, Array], beta_per_hpa: float, reference_hpa: float) -> dict[str, Array]:
+    """Factors and corrected rates of crnpy."""
+    humidity = crnpy.abs_humidity(record["relative_humidity"], record["temperature_degc"])
+    f_pressure = crnpy.correction_pressure(record["pressure_hpa"], reference_hpa, 1 / beta_per_hpa)
+    f_humidity = crnpy.correction_humidity(humidity, 0.0)
+    return {
+        "absolute_humidity_gm3": humidity,
+        "f_pressure": 1 / f_pressure,  # crnpy divides by it
+        "f_humidity": f_humidity,
+        "rate_cps": record["counts"] / 3600 * f_humidity / f_pressure,
+    }
+
+
+def crnpy_cores(cores: dict[str, Any], humidity_gm3: float, pressure_hpa: float, density: float) -> float:
+    """Mean of the cores by the weights of crnpy [m3/m3]."""
+    mean, _ = crnpy.nrad_weight(
+        humidity_gm3, cores["vwc"], cores["distance_m"], cores["middle_cm"], cores["profile"], rhob=density,
+        p=pressure_hpa, tol=1e-9,
+    )  # fmt: skip
+    return float(mean)
+
+
+def blocks(values: Array) -> Array:
+    """Means of six hours."""
+    whole = len(values) // BLOCK_H * BLOCK_H
+    return np.nanmean(np.asarray(values)[:whole].reshape(-1, BLOCK_H), axis=1)
+
+
+def difference(ours: Array, theirs: Array, relative: bool) -> str:
+    """Largest difference as a number with its sign taken off."""
+    good = np.isfinite(ours) & np.isfinite(theirs)
+    largest = np.max(np.abs(theirs[good] - ours[good]) / (np.abs(ours[good]) if relative else 1))
+    return f"{largest:.1e}" + (" relative" if relative else "")
+
+
+def write(name: str, rows: list[list[str]]) -> None:
+    """Write a table, and print it."""
+    path = ROOT / "docs" / "data" / name
+    path.parent.mkdir(exist_ok=True)
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        csv.writer(stream, lineterminator="\n").writerows(rows)
+    print(name, *(" | ".join(row) for row in rows), sep="\n", end="\n\n")
+
+
+def compare(neptoon_python: str) -> None:
+    """Make both tables and the picture."""
+    record, stamps = read_record()
+    start, end = (datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp() for text in (FROM, TO))
+    during = (stamps > start) & (stamps <= end)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        sites = {curve: calibrated(curve, CORES, folder) for curve in ("desilets", "universal")}
+        sites["middles"] = calibrated("desilets", middles(folder), folder)
+    site, results = sites["desilets"], {curve: ours(of, stamps) for curve, of in sites.items()}
+    mine, settings = results["desilets"], site.corrections_parameters
+    assert site.soil is not None
+    assert site.calibration is not None
+    assert site.location is not None
+    soil = {key: getattr(site.soil, key) for key in ("bulk_density_gcm3", "lattice_water", "organic_water")}
+    listed = read_soil_cores(CORES)
+    cores = {
+        "vwc": np.array([core.vwc for core in listed]),
+        "distance_m": np.array([core.distance_m for core in listed]),
+        "middle_cm": np.array([(core.top_cm + core.bottom_cm) / 2 for core in listed]),
+        "profile": np.array([core.profile for core in listed]),
+    }
+    rigidity_gv = float(crnpy.cutoff_rigidity(site.location.latitude_deg, site.location.longitude_deg))
+    task = {
+        "record": {key: values.tolist() for key, values in record.items()},
+        "cores": {key: values.tolist() for key, values in cores.items()},
+        "calibration_hours": during.tolist(),
+        "soil": soil,
+        "place": {"latitude_deg": site.location.latitude_deg, "altitude_m": site.location.altitude_m},
+        "same": {
+            "beta_per_hpa": settings.beta_per_hpa,
+            "reference_hpa": settings.reference_pressure_hpa,
+            "n0_cps": site.calibration.n0_cps,
+            "cutoff_rigidity_gv": rigidity_gv,
+        },
+    }
+    run = subprocess.run(
+        [neptoon_python, ROOT / "scripts" / "compare_neptoon.py"],
+        input=json.dumps(task), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if run.returncode != 0:
+        raise SystemExit(run.stderr)
+    neptoon = json.loads(run.stdout)
+    theirs = crnpy_rates(record, settings.beta_per_hpa, settings.reference_pressure_hpa)
+    bound = (soil["lattice_water"], soil["organic_water"], soil["bulk_density_gcm3"])
+    theirs["vwc"] = crnpy.counts_to_vwc(theirs["rate_cps"], site.calibration.n0_cps, *bound)
+    theirs["vwc_sd"] = crnpy.uncertainty_vwc(
+        record["counts"], site.calibration.n0_cps * 3600, soil["bulk_density_gcm3"],
+        fp=1 / theirs["f_pressure"], fw=theirs["f_humidity"],
+    )  # fmt: skip
+
+    whole = np.isclose(mine["raw_counts"], record["counts"])  # hours without a masked tube
+    mine["absolute_humidity_gm3"] = np.array(
+        [
+            absolute_humidity_gm3(degc, percent / 100)
+            for degc, percent in zip(record["temperature_degc"], record["relative_humidity"], strict=True)
+        ]
+    )
+    mine["rate_cps"] = mine["corrected_rate"]
+    rows = [["quantity", f"crnpy {version('crnpy')}", f"neptoon {neptoon['version']}"]]
+    for key, label, relative in (
+        ("absolute_humidity_gm3", "absolute humidity [g/m³]", False),
+        ("f_pressure", "pressure factor", True),
+        ("f_humidity", "humidity factor", True),
+        ("rate_cps", "corrected rate", True),
+        ("vwc", "moisture, Desilets [m³/m³]", False),
+        ("vwc_sd", "its standard deviation [m³/m³]", False),
+    ):
+        mine_whole = np.where(whole, mine[key], np.nan)
+        rows.append([label, *(difference(mine_whole, np.array(of[key]), relative) for of in (theirs, neptoon))])
+    write("programs_same.csv", rows)
+
+    reference_hpa, beta = float(record["pressure_hpa"].mean()), 1 / 130
+    own = crnpy_rates(record, beta, reference_hpa)
+    humidity_gm3 = float(own["absolute_humidity_gm3"][during].mean())
+    mean = crnpy_cores(
+        cores, humidity_gm3, float(record["pressure_hpa"][during].mean()), soil["bulk_density_gcm3"]
+    )
+    water = mean / soil["bulk_density_gcm3"] + soil["lattice_water"] + soil["organic_water"]
+    n0 = float(own["rate_cps"][during].mean() / (0.0808 / (water + 0.115) + 0.372))
+    own_vwc = crnpy.counts_to_vwc(own["rate_cps"], n0, *bound)
+    note = {
+        curve: of.calibration.note.split("mean VWC ")[1].split()[0]
+        for curve, of in sites.items()
+        if of.calibration
+    }
+    series = {
+        "soilmoist_ros, Desilets": (
+            settings.reference_pressure_hpa, settings.beta_per_hpa, note["desilets"],
+            site.calibration.n0_cps, mine["vwc"],
+        ),
+        "soilmoist_ros, universal": (
+            settings.reference_pressure_hpa, settings.beta_per_hpa, note["universal"],
+            sites["universal"].calibration.n0_cps, results["universal"]["vwc"],
+        ),
+        "soilmoist_ros, Desilets, cores at their middles": (
+            settings.reference_pressure_hpa, settings.beta_per_hpa, note["middles"],
+            sites["middles"].calibration.n0_cps, results["middles"]["vwc"],
+        ),
+        "crnpy, Desilets": (reference_hpa, beta, f"{mean:.3f}", n0, own_vwc),
+        "neptoon, Desilets": (
+            neptoon["reference_hpa"], neptoon["beta_per_hpa"], f"{neptoon['mean_of_cores']:.3f}",
+            neptoon["own"]["desilets"]["n0_cps"], np.array(neptoon["own"]["desilets"]["vwc"]),
+        ),
+        "neptoon, universal": (
+            neptoon["reference_hpa"], neptoon["beta_per_hpa"], f"{neptoon['mean_of_cores']:.3f}",
+            neptoon["own"]["universal"]["n0_cps"], np.array(neptoon["own"]["universal"]["vwc"]),
+        ),
+    }  # fmt: skip
+    rows = [
+        [
+            "program, curve", "P0 [hPa]", "β [1/hPa]", "cores [m³/m³]", "N0 [counts/s]", "mean [m³/m³]",
+            "minimum", "maximum", "largest difference from the first",
+        ]
+    ]  # fmt: skip
+    base = blocks(mine["vwc"])
+    for label, (reference, coefficient, of_cores, n0_cps, vwc) in series.items():
+        six = blocks(vwc)
+        rows.append(
+            [
+                label, f"{reference:.1f}", f"{coefficient:.5f}", of_cores, f"{n0_cps:.4f}", f"{np.mean(six):.3f}",
+                f"{np.min(six):.3f}", f"{np.max(six):.3f}", f"{np.max(np.abs(six - base)):.3f}",
+            ]
+        )  # fmt: skip
+    write("programs_own.csv", rows)
+    print(f"cutoff rigidity {rigidity_gv:.2f} GV (crnpy); hours with a masked tube: {int(np.sum(~whole[1:]))}")
+    draw(stamps, {label: values[-1] for label, values in series.items()})
+
+
+def draw(stamps: Array, series: dict[str, Array]) -> None:
+    """Means of six hours of all programs over time."""
+    days = blocks((stamps - stamps[0]) / 86400)
+    looks = {"soilmoist_ros": "#1b5e66", "crnpy": "#b5651d", "neptoon": "#5b4a9e"}
+    figure, axes = plt.subplots(figsize=(9, 3.8), layout="constrained")
+    for label, vwc in series.items():
+        program, _, curve = label.partition(", ")
+        style = {"Desilets": "-", "universal": "--"}.get(curve, ":")
+        axes.plot(days, blocks(vwc), style, color=looks[program], label=label, linewidth=1.6)
+    axes.set_xlabel("days after 18 October 2021")
+    axes.set_ylabel("soil moisture [m³/m³]")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize=9)
+    figure.savefig(ROOT / "docs" / "images" / "programs.png", dpi=110)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    compare(sys.argv[1])
