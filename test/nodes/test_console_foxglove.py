@@ -130,7 +130,7 @@ def test_nobody_steers_through_the_live_view(ros, served):
 @pytest.mark.process
 def test_a_console_without_foxglove_says_how_to_install_it(ros, tmp_path):
     (tmp_path / "foxglove").mkdir()
-    (tmp_path / "foxglove" / "__init__.py").write_text("raise ImportError")
+    (tmp_path / "foxglove" / "__init__.py").write_text("raise ModuleNotFoundError(name=__name__)")
     ros.environment["PYTHONPATH"] = str(tmp_path)
     params = {"field": "example", "port": 0, "foxglove_port": 9, "runs": str(tmp_path)}
     process = ros.start("console", params=params)
