@@ -127,6 +127,18 @@ class LocalFrame:
         return (32600 if self.latitude_deg >= 0 else 32700) + zone
 
 
+def squared_distances(xy_m: Array, others_m: Array) -> Array:
+    """Squared distances between places of the plane, shapes (n, 2) and (m, 2) [m], as shape (n, m) [m^2].
+
+    Bit for bit those of scipy.spatial, whose import takes longer than many a map.
+    """
+    east, north = (xy_m[:, None, axis] - others_m[:, axis] for axis in (0, 1))
+    east *= east
+    north *= north
+    east += north
+    return east
+
+
 def distance_and_bearing(start: LatLon, end: LatLon) -> tuple[float, float]:
     """Length of the geodesic between two places [m] and its bearing at the start, 0..360 [deg from north].
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from typing import TYPE_CHECKING
 
@@ -34,5 +35,8 @@ __all__ = [
 # Pydantic's search for plugins reads the metadata of every installed package. The search takes longer than
 # pydantic's work for a node. Pydantic reads this variable when it builds the first model.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+
+# The start of a node makes objects that stay; looking for garbage among them takes a tenth of it.
+gc.set_threshold(50_000)
 
 __getattr__ = load_on_use(__name__, __file__)

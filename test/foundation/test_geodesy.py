@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Geod, Transformer
+from scipy.spatial.distance import cdist
 
-from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
+from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing, squared_distances
 
 
 @pytest.mark.slow
@@ -107,3 +108,11 @@ def test_geodesics_are_those_of_proj(start, end):
     assert found_m == pytest.approx(distance_m, abs=0.01 * distance_m if opposite else 1e-3)
     if distance_m > 1.0 and not opposite and max(abs(start[0]), abs(end[0])) < 89.99:
         assert (found_deg - bearing_deg + 180) % 360 - 180 == pytest.approx(0, abs=1e-4)
+
+
+def test_squared_distances_are_those_of_scipy():
+    rng = np.random.default_rng(3)
+    xy, others = rng.normal(0, 100, (40, 2)), rng.normal(0, 1e-3, (30, 2))
+    np.testing.assert_array_equal(squared_distances(xy, others), cdist(xy, others, "sqeuclidean"))
+    np.testing.assert_array_equal(np.sqrt(squared_distances(xy, others)), cdist(xy, others))
+    assert squared_distances(xy[:0], others).shape == (0, 30)

@@ -108,7 +108,7 @@ def test_cells_as_a_table_and_bands_over_their_axes():
 def test_without_the_extra_it_says_how_to_install_it(monkeypatch, module, method):
     monkeypatch.setitem(sys.modules, module, None)
     soil_map = make_soil_map(survey(), FIELD, MODEL)
-    with pytest.raises(InputError, match=rf'{module} is not installed -> pip install "soilmoist_ros\[frames\]"'):
+    with pytest.raises(InputError, match=rf"{module} is not installed -> pip install 'soilmoist_ros\[frames\]'"):
         getattr(soil_map, method)()
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.geodesy import squared_distances
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.model import Variogram
 
@@ -57,7 +58,6 @@ def least_variance(
     :raises ValueError: if the time or a rate is not positive
     """
     from scipy.linalg import cho_factor, cho_solve
-    from scipy.spatial.distance import cdist
 
     if not (time_s > 0 and (rate_cps > 0).all()):
         raise ValueError("time and rates must be > 0")
@@ -65,7 +65,7 @@ def least_variance(
     from soilmoist_ros.mapping.variogram.correlation import correlation_model
 
     scaled = variogram.scaled(cells_xy)
-    prior = structured * correlation_model(variogram.model).correlation(cdist(scaled, scaled, "sqeuclidean"))
+    prior = structured * correlation_model(variogram.model).correlation(squared_distances(scaled, scaled))
     if known is not None:
         at = known.at(cells_xy)
         prior += known.covariance(at, at)

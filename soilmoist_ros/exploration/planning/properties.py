@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.geodesy import squared_distances
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
@@ -58,8 +59,6 @@ def variation(variogram: Variogram, cells_xy: Array) -> float:
     :param variogram: of the rate
     :param cells_xy: places of the cells, shape (g, 2) [m]
     """
-    from scipy.spatial.distance import cdist
-
     scaled = variogram.scaled(cells_xy)
-    correlation = variogram.correlation_of_square(cdist(scaled, scaled, "sqeuclidean"))
+    correlation = variogram.correlation_of_square(squared_distances(scaled, scaled))
     return max(variogram.structured_sill * (1 - float(correlation.mean())), 0.0)

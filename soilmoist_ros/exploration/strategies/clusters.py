@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.geodesy import squared_distances
+
 Array = NDArray[np.float64]
 
 LLOYD_ROUNDS = 50
@@ -27,7 +29,7 @@ class KMeans:
         self._mass = mass if mass is not None and has_mass else np.ones(len(xy))
         first = _drawn(self._mass, rng) if has_mass else int(rng.integers(len(xy)))
         self._start = [first]
-        self._square = squares(xy, xy[[first]])[:, 0]
+        self._square = squared_distances(xy, xy[[first]])[:, 0]
 
     def centres(self, count: int) -> Array:
         """Centres, shape (count, 2) [m]; any number begins with the same start.
@@ -36,7 +38,7 @@ class KMeans:
         """
         while len(self._start) < count and (share := self._mass * self._square).any():
             self._start.append(_drawn(share, self._rng))
-            self._square = np.minimum(self._square, squares(self._xy, self._xy[self._start[-1:]])[:, 0])
+            self._square = np.minimum(self._square, squared_distances(self._xy, self._xy[self._start[-1:]])[:, 0])
         centres = self._xy[self._start[:count]]
         for _ in range(LLOYD_ROUNDS):
             moved = lloyd(self._xy, self._mass, centres)
@@ -63,14 +65,7 @@ def lloyd(xy: Array, mass: Array, centres: Array) -> Array:
     :param xy: places, shape (g, 2) [m]
     :param mass: weight of each place, shape (g,)
     """
-    owner = squares(xy, centres).argmin(axis=1)
+    owner = squared_distances(xy, centres).argmin(axis=1)
     total = np.bincount(owner, mass, len(centres))
     sums = np.column_stack([np.bincount(owner, mass * axis, len(centres)) for axis in xy.T])
     return np.where(total[:, None] > 0, sums / np.where(total > 0, total, 1.0)[:, None], centres)
-
-
-def squares(xy: Array, centres: Array) -> Array:
-    """Squared distances of places to centres, shape (g, k) [m^2]."""
-    from scipy.spatial.distance import cdist
-
-    return np.asarray(cdist(xy, centres, "sqeuclidean"))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.strategies.strategy import Situation
+from soilmoist_ros.foundation.geodesy import squared_distances
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -64,11 +65,9 @@ def away_from(situation: Situation, distance_m: float) -> NDArray[np.bool_]:
     measured = np.asarray(situation.measured_xy, float).reshape(-1, 2)
     if distance_m <= 0 or not len(measured) or not situation.candidates:
         return np.ones(len(situation.candidates), bool)
-    from scipy.spatial.distance import cdist
-
     away = np.ones(len(situation.candidates), bool)
     for start in range(0, len(measured), 100):  # in blocks, to limit memory
-        squares = cdist(measured[start : start + 100], situation.candidates_xy, "sqeuclidean")
+        squares = squared_distances(measured[start : start + 100], situation.candidates_xy)
         away &= squares.min(axis=0) >= (distance_m * (1 - 1e-9)) ** 2
     return away
 

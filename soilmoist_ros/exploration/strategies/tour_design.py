@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.strategies.clusters import KMeans, lloyd, squares
+from soilmoist_ros.exploration.strategies.clusters import KMeans, lloyd
 from soilmoist_ros.exploration.strategies.ground import NO_MAP_DWELL_S, Ground
 from soilmoist_ros.exploration.strategies.route import (
     can_be_shortened,
@@ -20,6 +20,7 @@ from soilmoist_ros.exploration.strategies.route import (
     shortened,
     timed_route,
 )
+from soilmoist_ros.foundation.geodesy import squared_distances
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -158,7 +159,7 @@ def _least_useful(ground: Ground, rows: Indices) -> int:
     """Position of the stop whose cells need it least: dropping it adds least squared distance times mass."""
     if len(rows) == 1:
         return 0
-    square = squares(ground.cells_xy, ground.xy[rows])
+    square = squared_distances(ground.cells_xy, ground.xy[rows])
     nearest = np.argmin(square, axis=1)
     own = square[np.arange(len(square)), nearest]
     square[np.arange(len(square)), nearest] = np.inf
@@ -197,7 +198,7 @@ def _extended(ground: Ground, tour: Tour, done_xy: Array) -> Tour:
 def _with_another(ground: Ground, rows: Indices, done_xy: Array) -> Indices | None:
     """A tour with one more stop, where the mass is farthest from all stops; inserted where the detour is least."""
     every = np.vstack([ground.xy[rows], done_xy])
-    worst = int(np.argmax(ground.mass * squares(ground.cells_xy, every).min(axis=1)))
+    worst = int(np.argmax(ground.mass * squared_distances(ground.cells_xy, every).min(axis=1)))
     new = int(ground.nearest(ground.cells_xy[worst : worst + 1])[0])
     if new in rows or np.any(np.all(ground.xy[new] == done_xy, axis=1)):
         return None

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.geodesy import squared_distances
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -235,9 +236,7 @@ class FreeTravel(_Model):
         places, inside = places[indices], inside[indices]
         if self.motion.turn_s_per_rad > 0 or not self._are_straight(inside):
             return super().between_s(stops, indices)
-        from scipy.spatial.distance import cdist
-
-        times = self.motion.travel_s(cdist(places, places))
+        times = self.motion.travel_s(np.sqrt(squared_distances(places, places)))
         np.fill_diagonal(times, 0.0)
         return times
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.geodesy import squared_distances
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
@@ -102,6 +103,4 @@ def _no_covariates(xy: Array) -> Array:
 
 
 def _correlation(variogram: Variogram, xy: Array, others: Array) -> Array:
-    from scipy.spatial.distance import cdist
-
-    return variogram.correlation_of_square(cdist(variogram.scaled(xy), variogram.scaled(others), "sqeuclidean"))
+    return variogram.correlation_of_square(squared_distances(variogram.scaled(xy), variogram.scaled(others)))

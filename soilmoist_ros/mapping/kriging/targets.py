@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.geodesy import squared_distances
 from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane
 from soilmoist_ros.mapping.variogram.support import Supports
 
@@ -126,12 +127,10 @@ def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = N
 
 def _correlation(variogram: Variogram, scaled: Array, others: Array) -> Array:
     """Correlation between points of shapes (n, 2) and (m, 2), as of :meth:`Variogram.scaled`; shape (n, m)."""
-    from scipy.spatial.distance import cdist
-
     correlation = np.empty((len(scaled), len(others)))
     step = max(1, _AT_ONCE // max(1, len(others)))
     for some in (slice(start, start + step) for start in range(0, len(scaled), step)):
-        correlation[some] = variogram.correlation_of_square(cdist(scaled[some], others, "sqeuclidean"))
+        correlation[some] = variogram.correlation_of_square(squared_distances(scaled[some], others))
     return correlation
 
 

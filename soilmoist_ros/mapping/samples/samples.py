@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.geodesy import LocalFrame, squared_distances
 from soilmoist_ros.foundation.lazy import optional_module
 from soilmoist_ros.mapping.samples.spread import without_noise
 
@@ -267,12 +267,11 @@ class _Buckets:
 
 def _centres(places: Samples, buckets: _Buckets, radius_m: float) -> NDArray[np.intp]:
     """Numbers of the places that become centres of stops, the longest exposures first."""
-    from scipy.spatial.distance import cdist
-
     n, xy = len(places), places.xy
     within = np.empty(n)
     for members, around in buckets.cells():
-        within[members] = (cdist(xy[members], xy[around]) <= radius_m) @ places.exposure_s[around]
+        distances_m = np.sqrt(squared_distances(xy[members], xy[around]))
+        within[members] = (distances_m <= radius_m) @ places.exposure_s[around]
     within = np.round(within, 6)  # equal sums must be equal in whatever order they were added up
     free = np.ones(n, bool)
     centres = []
@@ -287,14 +286,12 @@ def _centres(places: Samples, buckets: _Buckets, radius_m: float) -> NDArray[np.
 
 def _nearest(xy: Array, buckets: _Buckets, centres: NDArray[np.intp]) -> NDArray[np.intp]:
     """Number of the nearest centre of each place; there is one within the radius."""
-    from scipy.spatial.distance import cdist
-
     rank = np.full(len(xy), -1)
     rank[centres] = np.arange(len(centres))
     nearest = np.empty(len(xy), int)
     for members, around in buckets.cells():
         known = np.sort(rank[around][rank[around] >= 0])
-        nearest[members] = known[cdist(xy[members], xy[centres[known]]).argmin(axis=1)]
+        nearest[members] = known[np.sqrt(squared_distances(xy[members], xy[centres[known]])).argmin(axis=1)]
     return nearest
 
 

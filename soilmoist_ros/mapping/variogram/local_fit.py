@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.geodesy import squared_distances
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude, Box, knots, lattice, spline_matrix
 from soilmoist_ros.mapping.variogram.correlation import CorrelationModel, correlation_model
@@ -213,9 +214,7 @@ class _Correlations:
     """Correlation of points and its slope, as :meth:`SupportCorrelation.at`."""
 
     def __init__(self, model: CorrelationModel, xy: Array) -> None:
-        from scipy.spatial.distance import cdist
-
-        self._model, self._square = model, cdist(xy, xy, "sqeuclidean")
+        self._model, self._square = model, squared_distances(xy, xy)
 
     def __call__(self, range_m: float) -> tuple[Array, Array]:
         return self._model.with_slope(self._square / range_m**2)
@@ -241,12 +240,11 @@ def _table_shape(box: Box, mode: Variogram) -> tuple[int, int]:
 
 def _prior_root(box: Box, shape: tuple[int, int], mode: Variogram) -> Array:
     """A square root of the prior covariance of the coefficients without what hardly varies, shape (k, m)."""
-    from scipy.spatial.distance import cdist
-
     middles = knots(*box, shape)
     extent_m = max(b - a for a, b in zip(*box, strict=True))
     reach_m = max(_REACH * mode.range_m, 1.6 * extent_m / _MAX_INTERVALS)
-    covariance = correlation_model("matern32").correlation((cdist(middles, middles) / reach_m) ** 2)
+    distance_m = np.sqrt(squared_distances(middles, middles))
+    covariance = correlation_model("matern32").correlation((distance_m / reach_m) ** 2)
     values, vectors = np.linalg.eigh(covariance)
     kept = values > _NEGLIGIBLE * values[-1]
     return np.asarray(LOG_SD * vectors[:, kept] * np.sqrt(values[kept]))

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.geodesy import squared_distances
 from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
 from soilmoist_ros.mapping.samples.surveys import Surveys
 from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
@@ -226,7 +227,8 @@ class RestrictedLikelihood:
         """Packed squared distances of points, or a :class:`SupportCorrelation` of areas."""
         if spread.any():
             return SupportCorrelation(self._model, xy, spread, kept, self._plane, packed.pack)
-        return packed.pack(_squared_distances(xy if self._plane is None else xy @ self._plane))
+        scaled = xy if self._plane is None else xy @ self._plane
+        return packed.pack(squared_distances(scaled, scaled))
 
     def _block(self, block: _Block, parameters: Array, slope: bool) -> tuple[float, Array, Array]:
         from scipy.linalg.blas import dsyr
@@ -507,9 +509,3 @@ def _laplace_covariance(gradient: Callable[[Array], Array], mode: Array, at_mode
 def _three(values: Array) -> tuple[float, float, float]:
     first, second, third = values.tolist()
     return first, second, third
-
-
-def _squared_distances(xy: Array) -> Array:
-    from scipy.spatial.distance import cdist
-
-    return np.asarray(cdist(xy, xy, "sqeuclidean"))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.foundation.geodesy import squared_distances
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples
 
 Array = NDArray[np.float64]
@@ -100,9 +101,7 @@ def _pair_blocks(n: int, elements: int = 1_000_000) -> list[slice]:
 
 def _block_sums(samples: Samples, rows: slice, limits: Array) -> Array:
     """Sums of w, w h, w (rate difference)^2 and 1 per class, over pairs i < j with i in the rows."""
-    from scipy.spatial.distance import cdist
-
-    h = cdist(samples.xy[rows], samples.xy[rows.start :])
+    h = np.sqrt(squared_distances(samples.xy[rows], samples.xy[rows.start :]))
     i, j = np.nonzero(np.triu((h > limits[0]) & (h <= limits[-1]), 1))
     h = h[i, j]
     t, rate = samples.exposure_s[rows.start :], samples.rate_cps[rows.start :]

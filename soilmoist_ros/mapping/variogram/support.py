@@ -25,6 +25,7 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.geodesy import squared_distances
 from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2
 from soilmoist_ros.mapping.variogram.correlation import CorrelationModel
 
@@ -192,8 +193,6 @@ class SupportCorrelation:
 
     def _averaged(self, range_m: float) -> tuple[Array, Array]:
         """Correlation and its slope at a range, each of shape (n, n): sums over all pairs of layers of points."""
-        from scipy.spatial.distance import cdist
-
         n = len(self._supports.layers[0][1])
         value, slope = np.zeros((2, n, n))
         layers = [
@@ -205,7 +204,7 @@ class SupportCorrelation:
                 step = max(1, _FEW_ELEMENTS // len(columns))
                 for some in (slice(start, start + step) for start in range(0, len(rows), step)):
                     weights = np.outer(weight[some], their_weight)
-                    found = self._model.with_slope(cdist(points[some], others, "sqeuclidean"))
+                    found = self._model.with_slope(squared_distances(points[some], others))
                     for total, part in zip((value, slope), found, strict=True):
                         part *= weights
                         total[_index(rows[some], columns)] += part

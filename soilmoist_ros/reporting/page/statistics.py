@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.foundation.geodesy import squared_distances
 from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
 
 if TYPE_CHECKING:
@@ -19,8 +20,8 @@ MAX_SAMPLES = 1000
 MAX_CELLS = 1500
 INTERVAL_SD = 1.96
 """Half width of a 95 % interval, in standard deviations."""
-_MEAN_SD: Final[WeakKeyDictionary[SoilMap, dict[bool, float | None]]] = WeakKeyDictionary()
-"""Results of :func:`mean_sd`."""
+_MEAN_SD: Final[WeakKeyDictionary[SoilMap, tuple[float | None, float | None]]] = WeakKeyDictionary()
+"""Results of :func:`mean_sd`, of the rate and of VWC."""
 
 
 @dataclass(frozen=True)
@@ -139,10 +140,8 @@ class _Kriging:
         self.ones = self.solve(np.ones(len(self.xy)))
 
     def covariance(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-        from scipy.spatial.distance import cdist
-
         variogram = self.soil_map.variogram
-        square = cdist(variogram.scaled(a), variogram.scaled(b), "sqeuclidean")
+        square = squared_distances(variogram.scaled(a), variogram.scaled(b))
         nugget = np.where(square == 0, variogram.nugget, 0.0)
         stationary = variogram.structured_sill * variogram.correlation_of_square(square) + nugget
         if self._prior is not None:
@@ -225,32 +224,38 @@ def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     :returns: ``None`` if there are too many samples, or nothing to average
     """
     # Page and summary ask several times.
-    known = _MEAN_SD.setdefault(soil_map, {})
-    if moisture not in known:
-        known[moisture] = _mean_sd(soil_map, moisture)
-    return known[moisture]
+    if soil_map not in _MEAN_SD:
+        _MEAN_SD[soil_map] = _mean_sds(soil_map)
+    return _MEAN_SD[soil_map][moisture]
 
 
-def _mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
+def _mean_sds(soil_map: SoilMap) -> tuple[float | None, float | None]:
+    """:func:`mean_sd` of the rate and of VWC."""
     from soilmoist_ros.mapping import PoissonKriging
 
-    kriging = _kriging(soil_map)
+    kriging, curve = _kriging(soil_map), soil_map.curve
     cells, rate = _some_cells(soil_map)
-    curve = soil_map.curve
-    if kriging is None or (moisture and curve is None):
-        return None
-    weight = np.ones(len(rate)) if curve is None or not moisture else curve.slope(rate)
-    cells, weight = cells[np.isfinite(weight)], weight[np.isfinite(weight)]
-    if not len(cells):
-        return None
-    weight = weight / len(weight)
-    towards = kriging.towards(cells) @ weight
-    block = weight @ kriging.covariance(cells, cells) @ weight
-    gap = weight.sum() - kriging.ones @ towards
-    variance = block - towards @ kriging.solve(towards) + gap**2 / kriging.ones.sum()
-    if isinstance(soil_map.made_by, PoissonKriging):
-        variance += ((weight @ soil_map.made_by.shared(cells)) ** 2).sum()
-    return float(np.sqrt(max(variance, 0.0)))
+    if kriging is None or not len(cells):
+        return None, None
+    towards_cells, between_cells = kriging.towards(cells), kriging.covariance(cells, cells)
+
+    def weighted_sd(weight: NDArray[np.float64]) -> float | None:
+        good = np.isfinite(weight)
+        if not good.any():
+            return None
+        towards, between = towards_cells, between_cells
+        if not good.all():
+            towards, between = np.compress(good, towards, axis=1), between[np.ix_(good, good)]
+        weight = weight[good] / np.count_nonzero(good)
+        covariance = towards @ weight
+        gap = weight.sum() - kriging.ones @ covariance
+        variance = weight @ between @ weight - covariance @ kriging.solve(covariance)
+        variance += gap**2 / kriging.ones.sum()
+        if isinstance(soil_map.made_by, PoissonKriging):
+            variance += ((weight @ soil_map.made_by.shared(cells[good])) ** 2).sum()
+        return float(np.sqrt(max(float(variance), 0.0)))
+
+    return weighted_sd(np.ones(len(rate))), None if curve is None else weighted_sd(curve.slope(rate))
 
 
 def calibration_sd(soil_map: SoilMap) -> float | None:
