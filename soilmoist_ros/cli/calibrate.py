@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from soilmoist_ros.cli.answers.answer import answering, put, say, wrote
-from soilmoist_ros.cli.options.names import FILE, Name
+from soilmoist_ros.cli.options.names import InputFile, Name
 from soilmoist_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,9 +22,9 @@ TIME = click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m
 
 
 @click.command("calibrate")
-@click.argument("cores", type=FILE)
-@click.option("--site", type=FILE, required=True, help="Site file to read; N0 is written to it.")
-@click.option("--log", "logs", type=FILE, multiple=True, help="Neutron log of the calibration. Repeatable.")
+@click.argument("cores", type=InputFile())
+@click.option("--site", type=InputFile(), required=True, help="Site file to read; N0 is written to it.")
+@click.option("--log", "logs", type=InputFile(), multiple=True, help="Neutron log of the calibration. Repeatable.")
 @click.option(
     "--logger", type=Name("logger"), help="Logger format of the logs. Default: detected from the header."
 )

@@ -26,15 +26,21 @@ Value = TypeVar("Value")
 @click.command("check")
 @click.option(
     "--logger",
-    type=Name("logger"),
+    type=Name("logger", early=False),
     multiple=True,
     help="Logger format: a shipped name or a YAML file. Repeatable.",
 )
 @click.option(
-    "--site", type=Name("site"), multiple=True, help="Site file: a shipped name or a YAML file. Repeatable."
+    "--site",
+    type=Name("site", early=False),
+    multiple=True,
+    help="Site file: a shipped name or a YAML file. Repeatable.",
 )
 @click.option(
-    "--field", type=Name("field"), multiple=True, help="Field file: a shipped name or a YAML file. Repeatable."
+    "--field",
+    type=Name("field", early=False),
+    multiple=True,
+    help="Field file: a shipped name or a YAML file. Repeatable.",
 )
 @click.option("--log", "logs", type=FILE, multiple=True, help="Neutron log of the probe of --site. Repeatable.")
 @click.option("--nmea", type=FILE, multiple=True, help="GNSS log (NMEA) of --log. Repeatable.")

@@ -8,11 +8,12 @@ import click
 
 from soilmoist_ros.cli.answers.answer import answering, put, say, wrote
 from soilmoist_ros.cli.options.names import FILE, Name
+from soilmoist_ros.cli.options.output_options import overwrite_option
 from soilmoist_ros.foundation.errors import InputError
 
 
 @click.command("graph")
-@click.argument("field", type=Name("field"))
+@click.argument("field", type=Name("field", early=False))
 @click.option("--spacing", type=click.FloatRange(min=0, min_open=True), default=10.0, show_default=True,
               help="Distance between nodes [m]; with --rows, along the row.")  # fmt: skip
 @click.option("--rows", type=click.FloatRange(min=0, min_open=True), help="Distance between crop rows [m].")
@@ -25,6 +26,7 @@ from soilmoist_ros.foundation.errors import InputError
               help="Distance that the robot keeps from the border and no-go areas: its radius [m].")  # fmt: skip
 @click.option("--name", help="Name of the map. Default: the name of the field.")
 @click.option("--out", type=FILE, required=True, help="File to write: .yaml, or .json as on /topological_map_2.")
+@overwrite_option("Replace the file --out.")
 @answering
 def command(
     field: str,
@@ -35,11 +37,14 @@ def command(
     margin: float,
     name: str | None,
     out: Path,
+    overwrite: bool,
 ) -> None:
     """Build a travel graph for a FIELD and write it as a topological map.
 
     The graph is an open lattice. With --rows, it consists of crop rows that are connected at their ends only.
     """
+    if out.exists() and not overwrite:
+        raise InputError("exists already", "choose another file, or give --overwrite to replace it", out)
     from datetime import UTC, datetime
 
     from soilmoist_ros.exploration.travel.graph_builders import crop_rows, open_lattice

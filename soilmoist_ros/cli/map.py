@@ -12,7 +12,7 @@ from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_notes
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
 from soilmoist_ros.cli.options.map_options import crs_option, map_options
-from soilmoist_ros.cli.options.names import FILE, Name
+from soilmoist_ros.cli.options.names import InputFile, Name
 from soilmoist_ros.cli.options.output_options import output_options, prepare_output
 from soilmoist_ros.simulation.mission.settings import PRESETS
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @click.command("map")
-@click.argument("logs", type=FILE, nargs=-1, required=True)
+@click.argument("logs", type=InputFile(), nargs=-1, required=True)
 @click.option(
     "--logger",
     type=Name("logger"),
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     "--field", type=Name("field"), help="Field file: boundary, cell size. Default: the surroundings of the track."
 )
 @click.option(
-    "--nmea", type=FILE, multiple=True, help="GNSS log (NMEA), for loggers without positions. Repeatable."
+    "--nmea", type=InputFile(), multiple=True, help="GNSS log (NMEA), for loggers without positions. Repeatable."
 )
 @click.option("--logger-topic", default="", metavar="TOPIC",
               help="In bags: topic with the logger's lines. Default: raw/logger, or the only text.")  # fmt: skip
@@ -84,13 +84,13 @@ def command(
 
     Writes summary.json, map.tif, samples.geojson and report.html to the folder --out.
     """
+    prepare_output(out, overwrite)
     from soilmoist_ros.foundation.configuration import resource
     from soilmoist_ros.foundation.workers import shared_work
     from soilmoist_ros.mapping.covariates.source import CovariateSource
     from soilmoist_ros.replay.log_map import MapSettings, map_logs
     from soilmoist_ros.reporting import write_outputs
 
-    prepare_output(out, overwrite)
     settings = MapSettings(
         site=resource("sites", site) if site else None,
         field=resource("fields", field) if field else None,

@@ -32,11 +32,11 @@ def command(
     RUNS are output folders of map, simulate, replay or demo, recordings, or folders of such. The map of each
     survey is made from the counts of all. Writes report.html, season.nc, season.csv and summary.json to --out.
     """
+    prepare_output(out, overwrite)
     from soilmoist_ros.foundation.configuration import resource
     from soilmoist_ros.reporting.season.season import SeasonSettings, make_season
     from soilmoist_ros.reporting.season.season_files import estimate_text, write_season
 
-    prepare_output(out, overwrite)
     settings = SeasonSettings(
         field=resource("fields", field) if field else None,
         site=resource("sites", site) if site else None,

@@ -54,20 +54,20 @@ def command(
     """
     if time_factor is not None and not live:
         raise click.UsageError("--time-factor requires --live")
+    settings = chosen_settings(choices)
+    prepare_output(out, overwrite)
     from soilmoist_ros.mapping.covariates.source import CovariateSource
     from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
     from soilmoist_ros.reporting.mission_report import mission_run, write_mission
     from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
-    settings = chosen_settings(choices)
-    prepare_output(out, overwrite)
+    sources = list(map(CovariateSource.parse, covariates))
     with ExitStack() as stack:
         page = stack.enter_context(_live(settings, time_factor or TIME_FACTOR, out)) if live else None
         watch = None if page is None else page.show
         with progress_bar() as progress:
             runs = mission_earlier(settings, earlier)
             surveys = {name: [run.survey for run in its] for name, its in runs.items()}
-            sources = list(map(CovariateSource.parse, covariates))
             result = simulate_mission(
                 settings, lambda share: progress("exploring", share), True, surveys, sources, watch
             )

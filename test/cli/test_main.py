@@ -411,6 +411,10 @@ def test_an_unknown_field_lists_the_known_fields(tmp_path):
     assert "patches" in result.output
     assert "did you mean 'synthetic-high'" in result.output
     assert run("graph", "example", "--out", tmp_path / "graph.yaml").exit_code == 0
+    again = run("graph", "example", "--out", tmp_path / "graph.yaml")
+    assert again.exit_code == 2
+    assert "graph.yaml: exists already -> choose another file, or give --overwrite" in again.output
+    assert run("graph", "example", "--out", tmp_path / "graph.yaml", "--force").exit_code == 0
 
 
 def test_all_mistakes_in_a_campaign_are_reported(tmp_path):
@@ -516,3 +520,41 @@ def test_a_wrong_reference_system_is_found_before_the_work(roving_record, tmp_pa
     assert "deg from the field" in result.output
     assert "fitting" not in result.output
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("arguments", "messages"),
+    [
+        (
+            ["map", "no.log", "--site", "nosite"],
+            ["no.log: there is no such file -> check the path", "name 'nosite'"],
+        ),
+        (["map", "a.log", "--reference", "no.log"], ["no.log: there is no such file"]),
+        (
+            ["map", "a.log", "--earlier", "nothing"],
+            ["nothing: there is no such file -> give the folder that --out"],
+        ),
+        (
+            ["map", "a.log", "--out", "a.log/out"],
+            ["a.log: is a file, not a folder -> choose another output folder"],
+        ),
+        (["simulate", "--field", "nofield"], ["there is no surrogate field or field file 'nofield'"]),
+        (["season", "run", "--field", "frm"], ["did you mean 'farm'"]),
+        (["calibrate", "no.csv", "--site", "no.yaml"], ["no.csv: there is", "no.yaml: there is"]),
+    ],
+)
+def test_what_is_missing_is_found_before_anything_heavy_is_loaded(arguments, messages, tmp_path):
+    (tmp_path / "a.log").write_text("x\n")
+    out = [] if "--out" in arguments or arguments[0] == "calibrate" else ["--out", "out"]
+    code = (
+        "import sys; from soilmoist_ros.cli.main import main\n"
+        "try: main(sys.argv[1:])\n"
+        "finally: print('heavy:', *({'matplotlib', 'rasterio', 'shapely', 'pykrige', 'rich'} & set(sys.modules)))"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code, *arguments, *out], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert result.returncode == 2
+    assert all(message in result.stderr for message in messages), result.stderr
+    assert result.stdout.rstrip().endswith("heavy:")

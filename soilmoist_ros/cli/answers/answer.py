@@ -101,8 +101,13 @@ def answering(command: Callable[..., None]) -> Callable[..., None]:
     def run(*args: Any, as_json: bool, quiet: bool, **kwargs: Any) -> None:
         context = click.get_current_context()
         answer = context.meta[_KEY] = Answer(as_json, quiet)
+
+        def checked() -> None:
+            _require_inputs(context)
+            command(*args, **kwargs)
+
         try:
-            code, mistakes = _run(lambda: command(*args, **kwargs))
+            code, mistakes = _run(checked)
         except click.UsageError as error:  # click prints it
             _print_json(answer, context.command_path, 2, [Mistake(error.format_message())])
             raise
@@ -122,6 +127,25 @@ def reporting_errors(command: Callable[..., None]) -> Callable[..., None]:
             sys.exit(code)
 
     return run
+
+
+def _require_inputs(context: click.Context) -> None:
+    """Check, before anything heavy is loaded, that the files and names that were given exist.
+
+    :raises InputError: with all that are missing
+    """
+    mistakes: list[Mistake] = []
+    for parameter in context.command.params:
+        require, given = getattr(parameter.type, "require", None), context.params.get(parameter.name or "")
+        if require is None or given is None:
+            continue
+        for value in given if isinstance(given, tuple) else (given,):
+            try:
+                require(value)
+            except InputError as error:
+                mistakes += error.mistakes
+    if mistakes:
+        raise InputError(mistakes)
 
 
 def _run(command: Callable[[], None]) -> tuple[int, tuple[Mistake, ...]]:

@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 import click
 
-from soilmoist_ros.cli.options.names import FILE
+from soilmoist_ros.cli.options.names import InputFile
 
 Command = Callable[..., None]
+_RUN = "give the folder that --out of a run named, a recording, or a folder of such"
+_EARLIER = InputFile(_RUN, ("none",))
 
 
 def earlier_option(more: str = "") -> Callable[[Command], Command]:
@@ -20,7 +22,7 @@ def earlier_option(more: str = "") -> Callable[[Command], Command]:
         "Earlier run of the same field, whose counts inform this map: an output folder, a recording, or a folder "
         f"of runs. Repeatable.{more}"
     )
-    return click.option("--earlier", "earlier", type=FILE, multiple=True, metavar="RUN", help=text)
+    return click.option("--earlier", "earlier", type=_EARLIER, multiple=True, metavar="RUN", help=text)
 
 
 def covariate_option(more: str = "") -> Callable[[Command], Command]:
@@ -42,4 +44,4 @@ def reference_option(command: Command) -> Command:
         "Log of a stationary neutron sensor at the field, which counted during the survey. Its changes correct "
         "the counts to the end of the survey. The site file is used for both."
     )
-    return click.option("--reference", type=FILE, metavar="LOG", help=text)(command)
+    return click.option("--reference", type=InputFile(), metavar="LOG", help=text)(command)

@@ -10,6 +10,7 @@ import click
 from click.shell_completion import CompletionItem
 
 FILE = click.Path(path_type=Path)
+_SHIPPED = {"field": "fields", "site": "sites", "scenario": "scenarios"}
 
 
 def _shipped(kind: str) -> Callable[[], Iterable[str]]:
@@ -88,18 +89,59 @@ class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     """A name, or the path of a file. The command that uses it checks it.
 
     :param kind: a key of :data:`NAMES`
+    :param early: whether it is checked before the command begins; otherwise the command does it
     """
 
-    def __init__(self, kind: str) -> None:
+    def __init__(self, kind: str, early: bool = True) -> None:
         self.name = self._kind = kind
+        self._early = early
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Names and files that continue the word."""
         return completions(self._kind, incomplete)
 
+    def require(self, value: str) -> None:
+        """Check a given name or path before the work; what the file says is checked later.
+
+        :raises InputError: if there is no such name and no such file
+        """
+        if not self._early or not value or Path(value).is_file():
+            return
+        if self._kind in _SHIPPED:
+            from soilmoist_ros.foundation.configuration import resource
+
+            resource(_SHIPPED[self._kind], value)
+        elif self._kind == "logger":
+            from soilmoist_ros.sensing.formats.logger_format import logger_path
+
+            logger_path(value)
+
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         """A placeholder: reading the names would make the help slow."""
         return {"surrogate": "field", "export": "format"}.get(self._kind, self._kind).upper()
+
+
+class InputFile(click.Path):
+    """Path of a file or folder that must exist when the command begins.
+
+    :param remedy: what to do if it does not
+    :param words: values that are no paths
+    """
+
+    def __init__(self, remedy: str = "check the path", words: tuple[str, ...] = ()) -> None:
+        super().__init__(path_type=Path)
+        self._remedy, self._words = remedy, words
+
+    def require(self, value: Path) -> None:
+        """Check a given path.
+
+        :raises InputError: if there is nothing
+        """
+        if str(value) in self._words or value.exists():
+            return
+        from soilmoist_ros.foundation.errors import InputError
+
+        raise InputError("there is no such file", self._remedy, value)
 
 
 class VariogramModel(Name):

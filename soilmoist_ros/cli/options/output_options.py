@@ -19,27 +19,25 @@ Command = Callable[..., None]
 def output_options(
     text: str = "Folder for the results; made if missing.", required: bool = True
 ) -> Callable[[Command], Command]:
-    """Add ``--out`` and ``--overwrite``, which ``--force`` means as well.
+    """Add ``--out`` and ``--overwrite``.
 
     :param text: help of ``--out``
     :param required: whether the command needs ``--out``
     """
 
     def decorate(command: Command) -> Command:
-        for option in (
-            click.option(
-                "--overwrite",
-                "--force",
-                "overwrite",
-                is_flag=True,
-                help="Replace the results of an earlier run in --out.",
-            ),
-            click.option("--out", type=FILE, required=required, help=text),
-        ):
-            command = option(command)
-        return command
+        command = overwrite_option("Replace the results of an earlier run in --out.")(command)
+        return click.option("--out", type=FILE, required=required, help=text)(command)
 
     return decorate
+
+
+def overwrite_option(text: str) -> Callable[[Command], Command]:
+    """Add ``--overwrite``, which ``--force`` means as well.
+
+    :param text: its help
+    """
+    return click.option("--overwrite", "--force", "overwrite", is_flag=True, help=text)
 
 
 def prepare_output(out: Path, overwrite: bool) -> None:
