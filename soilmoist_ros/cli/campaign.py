@@ -60,6 +60,8 @@ def command(
     for remark in outcome.remarks:
         warn(f"note: {remark}")
     put(simulated=outcome.computed, reused=outcome.reused, failures=list(map(str, outcome.failures)), out=str(out))
+    if current().as_json:
+        put(differences=_differences(out))
     say(f"missions   {outcome.computed} simulated, {outcome.reused} reused, {len(outcome.failures)} failed")
     for failure in outcome.failures:
         click.echo(f"failed: {failure}", err=True)
@@ -69,6 +71,20 @@ def command(
     wrote((*outcome.written, *filter(None, [report])))
     if not outcome.complete:
         sys.exit(1)
+
+
+def _differences(out: Path) -> list[dict[str, object]]:
+    """Rows of the table ``differences`` with the field; settings of the cases stay in the table."""
+    path = out / "differences.parquet"
+    if not path.is_file():
+        return []
+    import pandas as pd
+
+    from soilmoist_ros.simulation.campaign.paired import PairedDifference
+
+    names = ["field", *PairedDifference.__dataclass_fields__]
+    rows = pd.read_parquet(path)[names].to_dict("records")
+    return [{name: None if value != value else value for name, value in row.items()} for row in rows]
 
 
 @contextmanager

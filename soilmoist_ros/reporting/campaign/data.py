@@ -11,6 +11,7 @@ from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, missions
 from soilmoist_ros.simulation.campaign.hindsight import hindsight_table
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
+from soilmoist_ros.simulation.campaign.paired import PairedDifference, paired_differences
 from soilmoist_ros.simulation.campaign.table import CASE, Finished, missions_table, results_table
 
 if TYPE_CHECKING:
@@ -110,6 +111,11 @@ class CampaignData:
     def hindsight(self) -> pd.DataFrame:
         """Combinations against the best lattice in hindsight, by the number of the case."""
         return hindsight_table(self.missions, ["case"])
+
+    def differences(self, case: Case) -> list[PairedDifference]:
+        """Differences of the strategies with the main dwell rule, or of all combinations of a single strategy."""
+        rows = self.final(case) if case in self.strategy_cases else self._of(self.missions, case)
+        return list(paired_differences(rows))
 
     @cached_property
     def strategy_cases(self) -> list[Case]:

@@ -22,6 +22,7 @@ from soilmoist_ros.simulation.campaign.campaign import RUNS, Failure, stored_row
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, missions
 from soilmoist_ros.simulation.campaign.hindsight import LATTICES
 from soilmoist_ros.simulation.campaign.mission_store import MissionStore, code_version
+from soilmoist_ros.simulation.campaign.paired import PairedDifference
 from soilmoist_ros.simulation.campaign.table import Finished
 
 if TYPE_CHECKING:
@@ -79,6 +80,23 @@ class HindsightField:
     title: str
     best: str
     rows: tuple[HindsightRow, ...]
+
+
+@dataclass(frozen=True)
+class DifferenceRow:
+    """Two combinations over shared seeds, as text: mean difference with its interval, and as a share.
+
+    ``clear`` has whether the interval of the error, and that of the distance, leaves out zero.
+    """
+
+    first: str
+    second: str
+    pairs: int
+    error: str
+    error_share: str
+    distance: str
+    distance_share: str
+    clear: tuple[bool, bool]
 
 
 @dataclass(frozen=True)
@@ -148,6 +166,7 @@ def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ())
         optimal="optimal" in set(data.missions["dwell"]),
         sections=list(_sections(data)),
         finals=list(_finals(data)),
+        differences=[(case.title, rows) for case in data.cases if (rows := _differences(data, case))],
         hindsight=list(_hindsight(data)),
         findings=[(finding, [_as_text(item) for item in finding.comparisons]) for finding in found],
         runs=len(data.campaign.runs),
@@ -297,6 +316,49 @@ def _finals(data: CampaignData) -> Iterator[FinalRow]:
             first = len(groups) if position == 0 else 0
             last = position == len(groups) - 1
             yield FinalRow(case.title, first, last, strategy_text(strategy), dwell_text(dwell), len(rows), values)
+
+
+def _differences(data: CampaignData, case: Case) -> list[DifferenceRow]:
+    """Pairs of combinations with at least two shared seeds: error at the end, and distance."""
+    found = data.differences(case)
+    several = len({one.dwell for one in found} | {one.other_dwell for one in found}) > 1
+
+    def name(strategy: str, dwell: str) -> str:
+        return f"{strategy_text(strategy)}, {dwell_text(dwell)}" if several else strategy_text(strategy)
+
+    rows: dict[tuple[str, str], dict[str, PairedDifference]] = {}
+    for one in found:
+        names = name(one.strategy, one.dwell), name(one.other_strategy, one.other_dwell)
+        rows.setdefault(names, {})[one.quantity] = one
+    texts = []
+    for (first, second), by in rows.items():
+        error, distance = by.get("mse"), by.get("distance_m")
+        if error is None or distance is None or error.pairs < 2:
+            continue
+        texts.append(
+            DifferenceRow(
+                first,
+                second,
+                error.pairs,
+                _interval(error),
+                _signed_percent(error.difference / error.other_mean if error.other_mean else float("nan")),
+                _interval(distance, max_decimals=0),
+                _signed_percent(
+                    distance.difference / distance.other_mean if distance.other_mean else float("nan")
+                ),
+                (error.clear, distance.clear),
+            )
+        )
+    return texts
+
+
+def _interval(one: PairedDifference, max_decimals: int = 6) -> str:
+    """Difference and its interval, rounded to the second digit of half the interval."""
+    reach = (one.high - one.low) / 2
+    decimals = int(np.clip(1 - np.floor(np.log10(reach)), 0, max_decimals)) if reach > 0 else max_decimals
+    values = (f"{value:+.{decimals}f}".replace("-", "−") for value in (one.difference, one.low, one.high))
+    difference, low, high = values
+    return f"{difference} ({low} to {high})"
 
 
 def _hindsight(data: CampaignData) -> Iterator[HindsightField]:

@@ -19,6 +19,7 @@ from soilmoist_ros.foundation.plain_values import csv_text
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.hindsight import QUARTER, hindsight_table
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission
+from soilmoist_ros.simulation.campaign.paired import paired_table
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 from soilmoist_ros.simulation.mission.result import SeriesRow, series_columns
 from soilmoist_ros.simulation.mission.settings import SETTINGS
@@ -164,13 +165,17 @@ def missions_table(finished: Finished) -> pd.DataFrame:
 
 
 def write_tables(out: Path, finished: Finished) -> list[Path]:
-    """Write ``results`` and ``missions`` as Parquet and CSV, and ``hindsight`` if an experiment has its lattices.
+    """Write ``results`` and ``missions`` as Parquet and CSV.
+
+    Also ``differences`` if combinations share seeds, and ``hindsight`` if an experiment has its lattices.
 
     :returns: the paths
 
     :raises InputError: if they cannot be written
     """
     tables = {"results": results_table(finished), "missions": missions_table(finished)}
+    if not (differences := paired_table(tables["missions"], CASE)).empty:
+        tables["differences"] = differences
     if not (hindsight := hindsight_table(tables["missions"], CASE)).empty:
         tables["hindsight"] = hindsight
     written = []
