@@ -211,6 +211,34 @@ def travel_map() -> list[bytes]:
         return [file.read_bytes()]
 
 
+def ros1_bags() -> list[bytes]:
+    """A bag of ROS 1 with lines of a logger and a position, packed and plain."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    text, fix = "std_msgs/msg/String", "sensor_msgs/msg/NavSatFix"
+    header = store.types["std_msgs/msg/Header"](0, store.types["builtin_interfaces/msg/Time"](9, 0), "gps")
+    status = store.types["sensor_msgs/msg/NavSatStatus"](0, 1)
+    position = store.types[fix](header, status, 52.0, 5.0, 3.0, np.eye(3).ravel(), 2)
+    bags = []
+    for packed in (True, False):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "survey.bag")
+            writer = Writer(path)
+            if packed:
+                writer.set_compression(Writer.CompressionFormat.LZ4)
+            with writer:
+                lines = writer.add_connection("/raw/logger", text, typestore=store)
+                places = writer.add_connection("/fix", fix, typestore=store)
+                for number, line in enumerate(live_lines()[0].splitlines()[:20]):
+                    words = store.types[text](line.decode("latin-1"))
+                    writer.write(lines, (9 + number) * 10**9, store.serialize_ros1(words, text))
+                writer.write(places, 9 * 10**9, store.serialize_ros1(position, fix))
+            bags.append(path.read_bytes())
+    return bags
+
+
 def model() -> list[bytes]:
     """Text of the topic ``model``: a variogram with a rate that differs from place to place."""
     from msg_adapters.model import Model, model_to_message

@@ -38,6 +38,7 @@ from fuzz_seeds import (
     points,
     raster,
     records,
+    ros1_bags,
     run_files,
     shapefile,
     shipped,
@@ -69,6 +70,7 @@ from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.bag.verify import verify_bag
 from soilmoist_ros.recording.journal import ENTRIES, load_journal
 from soilmoist_ros.recording.record_table import read_records
+from soilmoist_ros.replay.bag_lines import fix_topic, logger_topic, read_fixes, text_lines
 from soilmoist_ros.replay.bag_map import replay_bag
 from soilmoist_ros.replay.replay_settings import ReplaySettings
 from soilmoist_ros.reporting.earlier.run_records import read_run
@@ -211,6 +213,16 @@ def read_truth(kind: str) -> Callable[[Path], object]:
     return read
 
 
+def read_ros1(path: Path) -> None:
+    """A bag of ROS 1: what is in it, and its lines and positions."""
+    bag_info(path)
+    with BagReader(path) as reader:
+        text_lines(reader, logger_topic(reader))
+        topic = fix_topic(reader)
+        if topic is not None:
+            read_fixes(reader, topic)
+
+
 def read_replay(path: Path) -> None:
     """Map a recording again, in a field that is given."""
     field = path.parent / "field.yaml"
@@ -336,6 +348,7 @@ TARGETS = {
     "logger_format": Target(load_logger_format, shipped("config/loggers/*.yaml"), "logger.yaml"),
     "bag": Target(read_bag, shipped("test/golden/*/bag/*.mcap", 100_000), "bag/bag_0.mcap"),
     "plain_bag": Target(read_bag, plain_bags, "bag/bag_0.mcap"),
+    "ros1_bag": Target(read_ros1, ros1_bags, "survey.bag"),
     "metadata": Target(read_metadata, shipped("test/golden/one_stop/bag/metadata.yaml"), "bag/metadata.yaml"),
     "replay": Target(read_replay, plain_bags, "bag/bag_0.mcap"),
     "journal": Target(read_journal, journal, "journal/entries.jsonl"),

@@ -242,7 +242,10 @@ def _unpack(compression: bytes, data: bytes, size: int) -> bytes:
 def _require_same_fields(one: Connection) -> None:
     """Refuse a type that is not the same in ROS 2: its bytes mean something else there."""
     known = get_typestore(Stores.ROS2_JAZZY).fielddefs
-    types = get_types_from_msg(one.definition, one.type_name) if len(one.definition) < 1 << 20 else {}
+    try:
+        types = get_types_from_msg(one.definition, one.type_name) if len(one.definition) < 1 << 20 else {}
+    except Exception as error:  # a stranger's definition: rosbags does not check everything
+        raise ValueError(f"{one.topic} has a damaged definition of {one.type_name}: {error!s:.80}") from None
     if one.type_name not in types:
         raise ValueError(f"{one.topic} has no definition of {one.type_name}")
     for name, (_, fields) in types.items():
