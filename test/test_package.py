@@ -247,6 +247,17 @@ def test_the_python_of_a_page_runs(page, capsys, tmp_path, monkeypatch):
         assert capsys.readouterr().out.startswith(f"{names['mission'].series[-1].vwc_rmse} [")
 
 
+def test_the_messages_of_the_page_on_troubleshooting_exist():
+    sources = [*ROOT.glob("soilmoist_ros/**/*.py"), *ROOT.glob("launch/*.py"), ROOT / "scripts/build_interfaces"]
+    text = "".join(path.read_text(encoding="utf-8") for path in sources)
+    text = re.sub(r'"\s*\n\s*f?"', "", text)  # a message that is broken into lines
+    page = PAGES["docs/troubleshooting.md"]
+    rows = re.findall(r"^\| (.*?) \|", page.partition("## The result")[0], re.MULTILINE)
+    quoted = [message for row in rows for message in re.findall("`([^`]+)`", row)]
+    assert len(quoted) > 30
+    assert [part for each in quoted for part in re.split(r" ?\.\.\. ?", each) if part.strip() not in text] == []
+
+
 def test_every_dependency_is_listed_with_its_licence():
     check = subprocess.run([sys.executable, ROOT / "scripts/licences", "--check"], capture_output=True, text=True)
     assert check.returncode == 0, check.stdout
