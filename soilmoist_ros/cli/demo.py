@@ -150,7 +150,7 @@ def command(
                     time.sleep(1.0)
     except KeyboardInterrupt:
         if replay is None:
-            remedy = f"map the recording with soilmoist replay {out}"
+            remedy = f"soilmoist replay {out} --out {out}-map maps the recording"
             click.echo(f"interrupted: all nodes have stopped; {remedy}", err=True)
             sys.exit(130)
 

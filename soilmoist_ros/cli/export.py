@@ -8,6 +8,7 @@ import click
 
 from soilmoist_ros.cli.answers.answer import answering, warn, wrote
 from soilmoist_ros.cli.options.names import FILE, Name
+from soilmoist_ros.foundation.errors import InputError
 
 
 @click.command("export")
@@ -42,6 +43,8 @@ def command(
 
     RUN is the output folder of map, simulate, replay or demo. Files of each property have its name.
     """
+    if not names:
+        raise InputError("no export is given", "name formats with --to; soilmoist list exports shows them")
     from soilmoist_ros.reporting.exports.registry import export_run
     from soilmoist_ros.reporting.exports.source import ExportSettings
 

@@ -1,0 +1,41 @@
+"""Progress of the installation (scripts/install)."""
+
+import importlib.machinery
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).resolve().parent.parent / "scripts" / "install"
+
+
+@pytest.fixture
+def progress():
+    loader = importlib.machinery.SourceFileLoader("install_script", str(SCRIPT))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("install_script", loader))
+    loader.exec_module(module)
+    one = module.Progress()
+    yield one
+    one.end()
+
+
+def test_it_names_what_is_downloaded_and_counts_what_is_installed(progress, capsys):
+    progress.read("Collecting numpy==2.1.0 (from -r requirements.txt (line 3))\n")
+    progress.read("  Downloading numpy-2.1.0-cp311.whl (16 MB)\n")
+    progress.read("Processing ./wheels/affine-3.0.1-py3-none-any.whl\n")
+    assert progress._text() == "downloading, 2 packages so far: affine"
+    progress.read("Installing collected packages: numpy, affine, click\n")
+    assert progress._text() == "[" + 30 * "." + "] 0 of 3 packages installed"
+    progress.end()
+    assert "3 packages, 0 s" in capsys.readouterr().out
+
+
+@pytest.mark.process
+def test_messages_of_pip_are_shown_when_it_fails():
+    command = [sys.executable, SCRIPT, "--no-index", "no-such-package==1"]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 1
+    assert "No matching distribution found for no-such-package==1" in run.stderr
+    assert "scripts/install: pip failed" in run.stderr
