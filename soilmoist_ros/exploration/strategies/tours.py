@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.strategies.route import Route, open_route
+from soilmoist_ros.exploration.strategies.route import ITERATIONS, Route, open_route
 from soilmoist_ros.exploration.strategies.rules import (
     UNIT,
     Preset,
@@ -25,6 +25,9 @@ Indices = NDArray[np.intp]
 
 MAX_STOPS = 200
 """Maximum number of stops of a tour; a new tour is planned long before the last one is reached."""
+RENEWAL_ITERATIONS = 10
+"""Iterations of the search for a tour that begins with the one before, which each stop improves. With 50, the way
+through 60 stops was 0.3 ± 0.2 % shorter and the search took two and a half times as long."""
 
 
 @dataclass
@@ -86,16 +89,17 @@ class AdaptiveSampling:
     @staticmethod
     def _as_time_allows(situation: Situation, kept: Indices, fresh: Indices, rng: np.random.Generator) -> Indices:
         """Tour of as many targets as fit into the time left."""
-        tour = _tour(situation, kept, rng)
+        tour = _tour(situation, kept, rng, RENEWAL_ITERATIONS)
         while len(tour.order) > 1 and tour.route.duration_s > situation.time_left_s:
             weakest = np.argmin(situation.variance[tour.order])
-            tour = _tour(situation, np.delete(tour.order, weakest), rng)
+            tour = _tour(situation, np.delete(tour.order, weakest), rng, RENEWAL_ITERATIONS)
             fresh = fresh[:0]
         while len(fresh) and len(tour.order) < MAX_STOPS:
             added = _fitting(situation, tour, fresh)
             if not added:
                 break
-            longer = _tour(situation, np.concatenate([tour.order, fresh[:added]]), rng)
+            more = np.concatenate([tour.order, fresh[:added]])
+            longer = _tour(situation, more, rng, RENEWAL_ITERATIONS)
             if len(tour.order) and longer.route.duration_s > situation.time_left_s:
                 break
             tour, fresh = longer, fresh[added:]
@@ -109,14 +113,14 @@ class _Tour(NamedTuple):
     route: Route
 
 
-def _tour(situation: Situation, chosen: Indices, rng: np.random.Generator) -> _Tour:
+def _tour(situation: Situation, chosen: Indices, rng: np.random.Generator, iterations: int = ITERATIONS) -> _Tour:
     """Shortest tour of some candidates from the robot, without the unreachable ones."""
     chosen = np.asarray(chosen, np.intp)
     between = situation.travel_between_s(chosen) if len(chosen) else np.empty((0, 0))
-    route = open_route(situation.travel_s[chosen], between, rng, situation.expected_dwell_s)
+    route = open_route(situation.travel_s[chosen], between, rng, situation.expected_dwell_s, iterations)
     if len(chosen) and not np.isfinite(route.duration_s):
         ahead = np.isfinite(route.arrival_s)
-        return _tour(situation, chosen[np.array(route.order)[ahead]], rng)
+        return _tour(situation, chosen[np.array(route.order)[ahead]], rng, iterations)
     return _Tour(chosen[np.array(route.order, np.intp)], route)
 
 

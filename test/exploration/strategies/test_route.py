@@ -14,6 +14,7 @@ from soilmoist_ros.exploration.strategies.route import (
     shortened,
     timed_route,
 )
+from soilmoist_ros.exploration.strategies.tours import RENEWAL_ITERATIONS
 from soilmoist_ros.foundation.errors import InputError
 
 
@@ -121,3 +122,20 @@ def test_a_crossing_is_removed_and_one_way_legs_are_left_alone():
     assert timed_route(order, start, between).travel_s < timed_route(np.arange(4), start, between).travel_s
     between[0, 1] += 5.0
     assert shortened(start, between).tolist() == [0, 1, 2, 3]
+
+
+@pytest.mark.slow
+def test_a_route_renewed_at_each_stop_needs_few_iterations():
+    def driven_m(seed, iterations):
+        rng = np.random.default_rng(seed)
+        left, here, total_m = rng.uniform(0, 60, (40, 2)), np.zeros(2), 0.0
+        while len(left):
+            start = np.hypot(*(left - here).T)
+            between = np.hypot(*(left[:, None] - left).transpose(2, 0, 1))
+            order = list(open_route(start, between, rng, iterations=iterations).order)
+            total_m += start[order[0]]
+            here, left = left[order[0]], left[order[1:]]
+        return total_m
+
+    few, many = (sum(driven_m(seed, iterations) for seed in range(4)) for iterations in (RENEWAL_ITERATIONS, 50))
+    assert few < 1.02 * many
