@@ -132,8 +132,7 @@ def shortened(from_start_s: Array, between_s: Array) -> Indices:
         d = times[np.ix_(path, path)]
         legs = d.diagonal(1)
         # reverse the targets i + 1 to j
-        turn = d[:-1, :-1] + d[1:, 1:] - legs[:, None] - legs
-        turn[np.tril_indices(len(legs), 1)] = 0.0
+        turn = np.triu(d[:-1, :-1] + d[1:, 1:] - legs[:, None] - legs, 2)
         # move target i + 1 between j and j + 1
         freed = d.diagonal(2) - legs[:-1] - legs[1:]
         move = freed[:, None] + d[1:-1, :-1] + d[1:-1, 1:] - legs

@@ -28,7 +28,7 @@ from soilmoist_ros.mapping.kriging.covariances import (
     first_changed,
 )
 from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.variogram.local_rate import LocalRate
+from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 from soilmoist_ros.mapping.variogram.support import Supports
 
@@ -71,7 +71,6 @@ class KrigingRows:
         self._blocks: list[Array] = []  # sums over the rows up to the end of each block, see _add_row
         self._tail = np.empty((BLOCK + MIN_TAIL, covariances.size))  # of W times the diagonal, the latest rows
         self._numbers = np.full(len(self._tail), -1)  # of these rows, -1 for none
-        self._local: tuple[LocalRate | None, Array, Array] = None, np.empty((0, 2)), np.empty(0)
         # Sums over rows, how many of these are in blocks, and how many they are
         self._sums = (np.empty((3, covariances.size)), 0, -1), (np.empty((3, covariances.size)), 0, -1)
 
@@ -86,7 +85,7 @@ class KrigingRows:
             matrix is nearly singular (:data:`MIN_PIVOT`)
         """
         n = len(places)
-        noise, values, ones = self._noise_rates(rate, places.xy) / places.exposure_s, places.rate_cps, np.ones(n)
+        noise, values, ones = noise_rates(rate, places.xy) / places.exposure_s, places.rate_cps, np.ones(n)
         amplitude = variogram.amplitude_at(places.xy)
         if amplitude is not None:
             noise, values, ones = noise / amplitude**2, values / amplitude, ones / amplitude
@@ -115,16 +114,6 @@ class KrigingRows:
             self._add_block(start)
         self._make_tail(full, n)
         return self._surfaces(full, n)
-
-    def _noise_rates(self, rate: float | LocalRate, xy: Array) -> float | Array:
-        """As :func:`noise_rates`; a local rate is computed at places that were not known before."""
-        if not isinstance(rate, LocalRate):
-            return rate
-        known, known_xy, rates = self._local
-        same = first_changed(differences(known_xy, xy), len(xy)) if known is rate else 0
-        rates = np.concatenate([rates[:same], rate(xy[same:])])
-        self._local = rate, xy, rates
-        return rates
 
     def _forget(self, first: int, samples: Array) -> None:
         """Forget the rows from ``first`` on, where samples differ from the known ones."""

@@ -74,7 +74,8 @@ class Supports:
         end = _LINE_ARM * arms[:, :, 1]
         first = np.where(line[:, None], end, np.where(small[:, None], first, 0.0))
         second = np.where(line[:, None], -end, second)
-        weight = np.select([large, small, line], [1 - 4 * _AREA_WEIGHT, _SMALL_WEIGHT, _LINE_WEIGHT], 1.0)
+        weight = np.where(line, _LINE_WEIGHT, 1.0)
+        weight[small], weight[large] = _SMALL_WEIGHT, 1 - 4 * _AREA_WEIGHT
         self.layers[0] = (slice(None), xy + first, weight)
         if (line | small).any():
             has = np.flatnonzero(line | small)
