@@ -49,8 +49,6 @@ class Channel:
     ----------
     field_map : FieldMap
         the map
-    errors : MapErrors
-        errors of the last map, in its cells
     soil_map : SoilMap | None
         the last map, ``None`` before the first
     records : list[CountRecord]
@@ -95,7 +93,8 @@ class Channel:
         self.drift = settings.rate_drift
         self._truth = field.rate_at(grid.cells)
         self._mapped = mapped.mask[grid.mask]
-        self.errors = MapErrors()
+        self._errors: MapErrors | None = MapErrors()
+        self._scored_s = 0.0
         self.soil_map: SoilMap | None = None
         self._noted: tuple[MapState, float] | None = None
         self.records: list[CountRecord] = []
@@ -150,13 +149,21 @@ class Channel:
             self._score(now_s, self.field_map.compute(self.field_map.state, grid=self.grid))
 
     def _score(self, now_s: float, soil_map: SoilMap | None) -> None:
-        """Keep a new map and its errors."""
+        """Keep a new map, whose errors are those at this time."""
         if soil_map is None:
             return
-        mask, truth = soil_map.grid.mask, self.truth(now_s)
-        true_rate = truth if len(truth) == np.count_nonzero(mask) else truth[self._mapped]
-        self.soil_map = soil_map
-        self.errors = map_errors(soil_map.rate[mask], np.sqrt(soil_map.variance[mask]), true_rate, self.curve)
+        self.soil_map, self._scored_s, self._errors = soil_map, now_s, None
+
+    @property
+    def errors(self) -> MapErrors:
+        """Errors of the last map, in its cells."""
+        if self._errors is None:
+            assert self.soil_map is not None
+            mask, truth = self.soil_map.grid.mask, self.truth(self._scored_s)
+            true_rate = truth if len(truth) == np.count_nonzero(mask) else truth[self._mapped]
+            sd = np.sqrt(self.soil_map.variance[mask])
+            self._errors = map_errors(self.soil_map.rate[mask], sd, true_rate, self.curve)
+        return self._errors
 
     def mapped(self, now_s: float) -> MappedProperty:
         """The property as a part of the result of a mission that ends now."""
