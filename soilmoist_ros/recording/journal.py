@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, NamedTuple, Self
@@ -17,6 +18,10 @@ from soilmoist_ros.recording.whole_file import sync_folder, write_whole
 ENTRIES: Final = "journal.jsonl"
 """Name of the file with the entries; it identifies the folder of a journal."""
 _SNAPSHOT: Final = "snapshot.json"
+_BEFORE: Final = "journal_before.jsonl"
+"""Name of the file with the entries before the last :meth:`Journal.turn_over`."""
+_COMPLETE: Final = "complete"
+"""Name of an empty file next to a snapshot while no later entry was refused: a full disk lets it be deleted."""
 
 
 class LoadedJournal(NamedTuple):
@@ -26,11 +31,13 @@ class LoadedJournal(NamedTuple):
     :param entries: entries after the snapshot, by number; all entries without a snapshot, or if the whole journal
         was wanted
     :param problems: problems of the files, in words
+    :param complete: whether no entry is known to be missing since the snapshot, see :meth:`Journal.doubt`
     """
 
     snapshot: str | None
     entries: tuple[Entry, ...]
     problems: tuple[str, ...]
+    complete: bool = True
 
 
 class Journal:
@@ -45,6 +52,7 @@ class Journal:
         self._descriptor = descriptor
         self._size_bytes = size_bytes
         self._seq = seq
+        self._complete = (folder / _COMPLETE).exists()
 
     @classmethod
     def open(cls, folder: Path) -> Self:
@@ -127,6 +135,28 @@ class Journal:
         """
         os.fdatasync(self._descriptor)
         write_whole(self.folder / _SNAPSHOT, encode(Entry(self._seq, "snapshot", {"state": state_json})))
+        if not self._complete:
+            write_whole(self.folder / _COMPLETE, b"")
+            self._complete = True
+
+    def turn_over(self, state_json: str) -> None:
+        """Write the state, and begin anew: the entries so far replace those of the turn before.
+
+        A journal would grow for ever otherwise.
+
+        :param state_json: see :meth:`snapshot`
+        :raises OSError: if the disk refuses it; the journal stays as it was
+        """
+        self.snapshot(state_json)
+        write_whole(self.folder / _BEFORE, (self.folder / ENTRIES).read_bytes())
+        os.ftruncate(self._descriptor, 0)
+        self._size_bytes = 0
+
+    def doubt(self) -> None:
+        """An entry is missing: what is on the disk is not the state, until the next snapshot."""
+        self._complete = False
+        with contextlib.suppress(OSError):
+            (self.folder / _COMPLETE).unlink(missing_ok=True)
 
     def close(self) -> None:
         """Write everything to the disk, and release the journal."""
@@ -152,7 +182,7 @@ def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
     A cut loses only the entry that was being written. A damaged snapshot loses nothing: all entries are returned.
 
     :param folder: folder of the journal; one that does not exist has an empty journal
-    :param whole: return the entries before the snapshot as well
+    :param whole: return the entries before the snapshot as well, from the last turn but one on
     :raises InputError: if it cannot be read
     """
     try:
@@ -161,9 +191,12 @@ def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
     except OSError as error:
         message = f"the mission's journal cannot be read: {error.strerror}"
         raise InputError(message, "check the disk and permissions", folder) from None
+    earlier, found = _earlier(folder, lines.entries), list(lines.entries)
     entries: list[Entry] = []
-    seq = 0
-    for entry in lines.entries:
+    seq = earlier[-1].seq if earlier else 0
+    if whole:
+        seq, found = (earlier[0].seq - 1, earlier + found) if earlier else (0, found)
+    for entry in found:
         if entry.seq <= seq:
             problems.append(f"{ENTRIES}: entry {entry.seq} occurs twice; the first one is used")
             continue
@@ -174,7 +207,19 @@ def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
             entries.append(entry)
     if seq < snapshot_seq:
         problems.append(f"{ENTRIES}: {_span(seq + 1, snapshot_seq)} missing, but the snapshot includes them")
-    return LoadedJournal(snapshot, tuple(entries), tuple(problems))
+    complete = snapshot is None or (folder / _COMPLETE).exists()
+    if not complete:
+        problems.append(f"{ENTRIES}: the disk has refused entries since the snapshot")
+    return LoadedJournal(snapshot, tuple(entries), tuple(problems), complete)
+
+
+def _earlier(folder: Path, entries: Sequence[Entry]) -> list[Entry]:
+    """Entries before the journal was turned over."""
+    path = folder / _BEFORE
+    if not path.exists():
+        return []
+    first = entries[0].seq if entries else math.inf
+    return [entry for entry in decode(path.read_bytes(), _BEFORE).entries if entry.seq < first]
 
 
 def _read(folder: Path, data: bytes) -> tuple[Lines, str | None, int, list[str]]:

@@ -102,8 +102,11 @@ class MapSources:
     def received(self, records: Sequence[CountRecord]) -> None:
         """Add records of messages; those that no log of a driver has are written to the disk."""
         self.poll()
-        new = self._records.take(RECEIVED, records)
-        if self._own is None or not new:
+        self._write(self._records.take(RECEIVED, records))
+
+    def _write(self, new: Sequence[CountRecord]) -> None:
+        """Write records to the mapper's log, and those that the disk has refused before."""
+        if self._own is None or not (new or self._own.waits):
             return
         try:
             self._own.write(new)
@@ -113,6 +116,7 @@ class MapSources:
 
     def poll(self) -> None:
         """Add what the drivers have written since the last call."""
+        self._write(())
         for folder in logs_below(self._folder) if self._folder is not None else ():
             if folder.name == OWN:
                 continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +18,8 @@ DRIVER: Final = "sensor_driver"
 """Name of the driver's log in the folder of a session."""
 RECORD: Final = "record"
 """Kind of the entries that hold a record."""
+MAX_WAITING: Final = 100_000
+"""Records that may wait for a full disk: eleven days of one each 10 s; the oldest are lost first."""
 RESET: Final = "reset"
 """Kind of the entries after which a map starts again."""
 
@@ -26,6 +29,8 @@ _log = logging.getLogger(__name__)
 class RecordLog:
     """A log of records that is being written; one disk sync for each call.
 
+    Records that the disk refuses wait in memory, and are written with the next ones.
+
     :param folder: folder of the log; made if missing
     :param frame: frame of the records
     :raises InputError: if another process writes it, or the folder cannot be written
@@ -34,14 +39,19 @@ class RecordLog:
     def __init__(self, folder: Path, frame: str) -> None:
         self._journal = Journal.open(folder)
         self._frame = frame
+        self._waiting: deque[CountRecord] = deque(maxlen=MAX_WAITING)
 
     def write(self, records: Iterable[CountRecord]) -> None:
         """Write records; they are on the disk afterwards.
 
-        :raises OSError: if the disk refuses them; later records may be tried
+        :param records: new records; none to try again those that the disk has refused
+        :raises OSError: if the disk refuses them
         """
-        for record in records:
-            self._journal.append(RECORD, {"frame": self._frame, **_plain(record)}, durable=False)
+        self._waiting += records
+        while self._waiting:
+            content = {"frame": self._frame, **_plain(self._waiting[0])}
+            self._journal.append(RECORD, content, durable=False)
+            self._waiting.popleft()
         self._journal.sync()
 
     def reset(self, until_s: float) -> None:
@@ -49,11 +59,22 @@ class RecordLog:
 
         :raises OSError: as :meth:`write`
         """
+        self._waiting.clear()
         self._journal.append(RESET, nan_as_text({"until_s": until_s}))
 
     def close(self) -> None:
-        """Release the log."""
+        """Write what waits, if the disk takes it now, and release the log."""
+        try:
+            if self.waits:
+                self.write(())
+        except OSError as error:
+            _log.error("%d records are lost: %s", len(self._waiting), error.strerror or error)
         self._journal.close()
+
+    @property
+    def waits(self) -> bool:
+        """Whether the disk has refused records that were not written since."""
+        return bool(self._waiting)
 
 
 class LoggedRecords(NamedTuple):

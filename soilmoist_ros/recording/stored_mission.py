@@ -16,7 +16,8 @@ class StoredMission:
     """A journal that is opened by a planner, and the mission in it.
 
     A planner that a launch file starts again after a crash goes on by itself, unless the mission was paused or
-    stopped by people. After a power cut, an end on request or repeated crashes ``resume`` decides.
+    stopped by people, or its journal lacks entries that a full disk refused. After a power cut, an end on request
+    or repeated crashes ``resume`` decides.
 
     :param folder: folder of the journal; ``None`` for no journal
     :param rules: what governs the mission from now on
@@ -54,7 +55,8 @@ class StoredMission:
         self.problems = found.problems
         self.mission: Mission | None = interrupted_mission(rules, found.snapshot, events)
         waits = self.mission is not None and self.mission.state.waits_for_people
-        self.resumes = self.mission is not None and not waits and (crashed or resume == "auto")
+        trusted = found.complete and not waits
+        self.resumes = self.mission is not None and trusted and (crashed or resume == "auto")
         ended = found.snapshot is not None and state_from_json(found.snapshot).ended is not None
         self.starts = self.mission is None and not (crashed and ended)
 

@@ -150,7 +150,7 @@ def test_only_entries_after_the_snapshot_are_left_to_replay(tmp_path):
 def test_replay_gives_the_same_state_from_any_moment(tmp_path):
     # State = sum of everything; wrong if an entry is replayed twice or not at all.
     def replayed():
-        snapshot, entries, problems = load_journal(tmp_path)
+        snapshot, entries, problems, _ = load_journal(tmp_path)
         assert not problems
         return int(snapshot or 0) + sum(entry.payload["n"] for entry in entries)
 
@@ -170,7 +170,7 @@ def test_a_ruined_snapshot_costs_nothing(tmp_path):
         journal.append("event", {"n": 1})
         journal.snapshot("state")
     (tmp_path / "snapshot.json").write_bytes(b"nonsense\n")
-    snapshot, entries, problems = load_journal(tmp_path)
+    snapshot, entries, problems, _ = load_journal(tmp_path)
     assert snapshot is None
     assert [entry.seq for entry in entries] == [1]
     assert "all entries are replayed" in problems[-1]
@@ -193,14 +193,14 @@ def test_numbers_go_on_after_the_snapshot_when_entries_are_lost(tmp_path):
     (tmp_path / "journal.jsonl").write_bytes(b"")
     with Journal.open(tmp_path) as journal:
         assert journal.append("event", {}) == 4
-    snapshot, entries, problems = load_journal(tmp_path)
+    snapshot, entries, problems, _ = load_journal(tmp_path)
     assert snapshot == "state"
     assert [entry.seq for entry in entries] == [4]
     assert "entries 1 to 3 are missing" in problems[0]
 
 
 def test_no_folder_is_an_empty_journal(tmp_path):
-    assert load_journal(tmp_path / "none") == (None, (), ())
+    assert load_journal(tmp_path / "none") == (None, (), (), True)
 
 
 def test_two_missions_cannot_write_one_journal(tmp_path):
@@ -265,3 +265,36 @@ def test_what_was_confirmed_survives_a_kill(tmp_path, count):
         confirmed = count + len(process.stdout.read().splitlines())
     loaded = load_journal(tmp_path)
     assert [entry.seq for entry in loaded.entries][:confirmed] == list(range(1, confirmed + 1))
+
+
+def test_a_journal_that_is_turned_over_keeps_the_entries_before_and_no_more(tmp_path):
+    with Journal.open(tmp_path) as journal:
+        for mission in "abc":
+            journal.turn_over(f"before {mission}")
+            for number in range(3):
+                journal.append("event", {"mission": mission, "number": number})
+    loaded = load_journal(tmp_path)
+    assert (loaded.snapshot, loaded.problems) == ("before c", ())
+    assert [entry.payload["mission"] for entry in loaded.entries] == ["c"] * 3
+    assert [entry.seq for entry in loaded.entries] == [7, 8, 9]
+    whole = load_journal(tmp_path, whole=True)
+    assert [entry.payload["mission"] for entry in whole.entries] == ["b"] * 3 + ["c"] * 3
+    assert whole.problems == ()
+    with Journal.open(tmp_path) as journal:
+        assert journal.append("event", {}) == 10
+
+
+def test_a_crash_while_a_journal_is_turned_over_loses_and_doubles_nothing(tmp_path, monkeypatch):
+    def crash(*_):
+        raise KeyboardInterrupt
+
+    with Journal.open(tmp_path) as journal:
+        journal.append("event", {"number": 1})
+        with monkeypatch.context() as patch:
+            patch.setattr("os.ftruncate", crash)
+            with pytest.raises(KeyboardInterrupt):
+                journal.turn_over("state")
+    for whole in (False, True):
+        loaded = load_journal(tmp_path, whole=whole)
+        assert loaded.problems == ()
+        assert [entry.seq for entry in loaded.entries] == ([1] if whole else [])

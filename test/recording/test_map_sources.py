@@ -5,7 +5,9 @@ Tests map_sources.py, map_records.py and record_log.py with real files, without 
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -324,3 +326,66 @@ def test_counts_are_read_from_a_bag_that_was_cut(tmp_path):
     file.write_bytes(file.read_bytes()[:-300])
     found = stored_counts(tmp_path / "bag", ["/counts"], "map")
     assert found == many[: len(found)]
+
+
+@pytest.fixture
+def disk(monkeypatch):
+    """A list: while it has something in it, the disk is full, and takes half of what is written first."""
+    full, write = [], os.write
+
+    def limited(descriptor, data):
+        if not full:
+            return write(descriptor, data)
+        if full.count("half"):
+            full.remove("half")
+            return write(descriptor, bytes(data)[: len(data) // 2])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "write", limited)
+    return full
+
+
+def test_records_that_a_full_disk_refuses_are_written_when_it_has_space_again(tmp_path, disk):
+    records = published(6)
+    log = RecordLog(tmp_path / DRIVER, "map")
+    log.write(records[:2])
+    disk += ["full", "half"]
+    for one in records[2:4]:
+        with pytest.raises(OSError, match="No space"):
+            log.write([one])
+    assert log.waits
+    disk.clear()
+    log.write(records[4:])
+    assert not log.waits
+    assert RecordTail(tmp_path / DRIVER, "map").read().records == records
+    log.close()
+
+
+def test_a_log_that_is_closed_writes_what_waits(tmp_path, disk, caplog):
+    records = published(3)
+    log = RecordLog(tmp_path / DRIVER, "map")
+    disk.append("full")
+    with pytest.raises(OSError, match="No space"):
+        log.write(records)
+    disk.clear()
+    log.close()
+    assert RecordTail(tmp_path / DRIVER, "map").read().records == records
+    log = RecordLog(tmp_path / DRIVER, "map")
+    disk.append("full")
+    with pytest.raises(OSError, match="No space"):
+        log.write(published(1, seed=2))
+    log.close()
+    assert "1 records are lost" in caplog.text
+
+
+def test_a_mapper_writes_what_a_full_disk_refused_before_it_is_killed(tmp_path, disk):
+    session, records = open_session(tmp_path / "records", None, True), published(4)
+    sources = MapSources(MapRecords(FieldMap(GRID)), session, topics=["/counts"])
+    disk.append("full")
+    sources.received(records)
+    assert "not on the disk" in sources.problem
+    disk.clear()
+    sources.poll()
+    assert not sources.problem
+    assert RecordTail(session / OWN, "map").read().records == records  # nothing is left to its end
+    sources.close()

@@ -1,5 +1,6 @@
 """What a planner does with the mission that it finds."""
 
+import errno
 import os
 import time
 from dataclasses import replace
@@ -47,6 +48,40 @@ def test_after_a_crash_the_mission_goes_on_by_itself(tmp_path, resume):
     again = start(tmp_path, resume)
     assert again.mission.state.phase is Phase.PLANNING
     assert (again.resumes, again.starts) == (True, False)
+
+
+@pytest.mark.parametrize("resume", ["ask", "auto"])
+def test_a_pause_that_a_full_disk_refused_is_kept_by_people_after_a_crash(tmp_path, monkeypatch, resume):
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    stored = StoredMission(tmp_path, RULES, resume, 60.0)
+    journal, mission = MissionJournal(stored.journal), Mission(RULES)
+
+    def take(*events):
+        for event in events:
+            journal.note(mission, event)
+            mission.step(event)
+            journal.keep(mission)
+
+    take(*STARTED)
+    with monkeypatch.context() as full:
+        for name in ("_write", "write_whole"):
+            full.setattr(f"soilmoist_ros.recording.journal.{name}", refuse)
+        take(PAUSED[-1])
+    assert "No space" in journal.problem
+    stored.journal.close()
+    again = start(tmp_path, resume)
+    assert again.mission is not None
+    assert not again.resumes
+    assert any("refused" in problem for problem in again.problems)
+
+    stored = StoredMission(tmp_path, RULES, resume, 60.0)  # with space again, the next snapshot makes up for it
+    journal, mission = MissionJournal(stored.journal), stored.mission
+    take(Command(4.0, Verb.PAUSE))
+    take(Command(5.0, Verb.RESUME))
+    stored.journal.close()
+    assert start(tmp_path, resume).resumes
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,14 @@ class Journal(Protocol):
         """Write the state after all entries so far; they are on the disk afterwards."""
         ...
 
+    def turn_over(self, state_json: str) -> None:
+        """Write the state, and begin anew; entries before may be deleted."""
+        ...
+
+    def doubt(self) -> None:
+        """An entry is missing, until the next snapshot."""
+        ...
+
 
 class MissionJournal:
     """Writes a mission down. A disk that fails does not stop the mission; it is logged once.
@@ -56,6 +64,8 @@ class MissionJournal:
 
     def note(self, mission: Mission, event: Event) -> None:
         """Write an event down before the mission takes it in; a tick only if something is due."""
+        if isinstance(event, Command) and event.verb is Verb.START and not mission.state.under_way:
+            self._turn_over(mission)
         due_s = mission.next_deadline_s if isinstance(event, Tick) else event.now_s
         if due_s is not None and due_s <= event.now_s:
             self._append(event_to_dict(event))
@@ -100,6 +110,14 @@ class MissionJournal:
         except OSError as error:
             self._fail(error)
 
+    def _turn_over(self, mission: Mission) -> None:
+        """Begin anew with a new mission, so that the journal of a season stays small."""
+        if self._journal is not None:
+            try:
+                self._journal.turn_over(mission.snapshot())
+            except OSError as error:
+                self._fail(error)
+
     def _append(self, payload: Mapping[str, Any], kind: str = EVENT) -> None:
         if self._journal is None:
             return
@@ -112,6 +130,9 @@ class MissionJournal:
     def _fail(self, error: OSError) -> None:
         if not self.problem:
             _log.error("the mission goes on, but is not written down any more: %s", error)
+        if self._journal is not None:
+            self._journal.doubt()  # a pause may be missing: after a crash only people may resume
+        self._kept = ()
         self.problem = f"the mission is not written down: {error.strerror or error}"
 
 

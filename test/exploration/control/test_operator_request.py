@@ -460,6 +460,12 @@ class Pages:
         self.events.append(json.dumps(payload, allow_nan=False))
         return len(self.events)
 
+    def doubt(self):
+        pass
+
+    def turn_over(self, state_json):
+        pass
+
     def snapshot(self, state_json):
         self.state, self.events = state_json, []
 

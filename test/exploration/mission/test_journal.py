@@ -39,6 +39,12 @@ class Pages:
             raise OSError(28, "No space left on device")
         self.syncs += 1
 
+    def doubt(self):
+        pass
+
+    def turn_over(self, state_json):
+        pass
+
     def snapshot(self, state_json):
         self.append("", {})
         self.snapshots += 1
