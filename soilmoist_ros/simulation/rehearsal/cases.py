@@ -35,7 +35,7 @@ def make_case(seed: int, number: int) -> Case:
     budget_s = 900.0
     faults = random_faults(rng, first, int(rng.integers(3)) if first is not None else 0, 0.7 * budget_s)
     if navigator == "goal_pose":  # its standstill is guessed from positions: it promises nothing without them
-        faults = Faults([span for span in faults.spans if span.fault is not Fault.FIX_FROZEN])
+        faults = Faults([span for span in faults.spans if span.fault not in (Fault.FIX_FROZEN, Fault.LINK_STALL)])
     return Case(
         ground=ground,
         navigator=navigator,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -14,12 +14,14 @@ from shapely.geometry.base import BaseGeometry
 
 from soilmoist_ros.exploration.mission.actions import Finish
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
-from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.ground import Ground
 
 Place = tuple[float, float]
+Records = Iterable[CountRecord]
 
 STEP_M = 0.1
 """Step along the true way at which it is measured [m]."""
@@ -43,6 +45,10 @@ class Kind(StrEnum):
     EARLY = "ended early for want of time"
     OVER_BUDGET = "measured beyond the budget"
     MAP_DIFFERS = "map differs from what was published"
+    LOST = "acknowledged record lost"
+    INVENTED = "record that nobody published"
+    NO_REASON = "stopped without a reason"
+    UNENDED = "neither ended nor says why it waits"
     DEAD = "no progress and nobody is asked"
     CRASH = "exception"
 
@@ -78,6 +84,7 @@ class Limits:
     :param wrong_s: ... within this time [s]
     :param visit_m: a visit may be this far from its stop [m]
     :param stuck_s: time without a visit or a goal after which somebody must be asked [s]
+    :param same_m: places of samples may differ by this, where messages round them [m]
     :param late_s: the mission may measure this long beyond its budget [s]
     :param early: share of the budget before which time cannot be up
     """
@@ -92,12 +99,15 @@ class Limits:
     wrong_s: float = 15.0
     visit_m: float = 4.0
     stuck_s: float = 900.0
+    same_m: float = 0.0
     late_s: float = 60.0
     early: float = 0.6
 
 
 MOVING = (Phase.TRAVELLING, Phase.RETURNING)
 STANDING = (Phase.PAUSED, Phase.IDLE, Phase.FINISHED)
+EXPLAINED = (Phase.PAUSED, Phase.CANCELLING, Phase.WAITING, Phase.FINISHED)
+"""Phases in which the mission must say why."""
 
 
 class Judge:
@@ -255,6 +265,8 @@ class Judge:
                 self.blame(Kind.WRONG_PLACE, now_s, f"by {error_m:.0f} m for {now_s - since_s:.0f} s")
         else:
             self._wrong_since_s = None
+        if status.phase in EXPLAINED and not status.reason.strip():
+            self.blame(Kind.NO_REASON, now_s, f"{status.phase}")
         measures = status.phase in (Phase.PLANNING, Phase.TRAVELLING, Phase.COUNTING)
         if measures and status.time_used_s > self._budget_s + self._limits.late_s:
             self.blame(Kind.OVER_BUDGET, now_s, f"{status.phase} after {status.time_used_s:.0f} s")
@@ -266,6 +278,8 @@ class Judge:
     def visited(self, now_s: float, visit: Visit) -> None:
         """A stop is complete."""
         self._progress_s = now_s
+        if visit.ended is VisitEnd.UNKNOWN or not visit.outcome:
+            self.blame(Kind.NO_REASON, now_s, f"{visit.name}: nobody says why counting ended")
         away_m = max((math.dist(at, (visit.stop_x_m, visit.stop_y_m)) for at in self._counted), default=0.0)
         if away_m > self._limits.visit_m:
             self.blame(Kind.WRONG_VISIT, now_s, f"{visit.name}: the robot was {away_m:.1f} m away")
@@ -289,8 +303,41 @@ class Judge:
         if away_m > self._limits.visit_m:
             self.blame(Kind.NOT_HOME, now_s, f"{away_m:.1f} m away")
 
-    def mapped(self, now_s: float, samples: Samples, whole: Samples) -> None:
-        """The samples of the map at the end, and those of all that was published."""
-        if not (np.array_equal(samples.xy, whole.xy) and np.array_equal(samples.counts, whole.counts)):
+    def mapped(self, now_s: float, samples: Samples | None, whole: Samples) -> None:
+        """The samples of the map at the end, ``None`` for no map, and those of all that was published."""
+        if samples is None:
+            if len(whole):
+                self.blame(Kind.MAP_DIFFERS, now_s, f"there is none, but {len(whole)} samples were published")
+            return
+        same = len(samples) == len(whole) and np.array_equal(samples.counts, whole.counts)
+        if not (same and np.allclose(samples.xy, whole.xy, rtol=0.0, atol=self._limits.same_m)):
             text = f"{len(samples)} samples of {samples.counts.sum():.0f} counts"
             self.blame(Kind.MAP_DIFFERS, now_s, f"{text}, not {len(whole)} of {whole.counts.sum():.0f}")
+
+    def kept(self, now_s: float, acknowledged: Records, stored: Records, where: str) -> None:
+        """What was acknowledged must be stored.
+
+        :param now_s: time [s]
+        :param acknowledged: records that must be there
+        :param stored: records that are there
+        :param where: what holds them
+        """
+        if lost := _identities(acknowledged) - _identities(stored):
+            self.blame(Kind.LOST, now_s, f"{lost.total()} not in {where}, the first of {min(lost)[0]:.1f} s")
+
+    def known(self, now_s: float, stored: Records, acknowledged: Records, where: str) -> None:
+        """What is stored must have been acknowledged, each record once; parameters as those of :meth:`kept`."""
+        if more := _identities(stored) - _identities(acknowledged):
+            self.blame(Kind.INVENTED, now_s, f"{more.total()} in {where}, the first of {min(more)[0]:.1f} s")
+
+    def ended(self, now_s: float, status: MissionStatus | None) -> None:
+        """The last that the mission says: it has ended, or waits for people or for the end of an alarm."""
+        if status is None:
+            self.blame(Kind.UNENDED, now_s, "it says nothing")
+        elif status.phase not in STANDING and not (status.needs_operator and status.reason):
+            self.blame(Kind.UNENDED, now_s, f"{status.phase}: {status.reason}")
+
+
+def _identities(records: Records) -> Counter[tuple[float, int, float]]:
+    """Records by what they are known by, whatever has become of their places on the way."""
+    return Counter((round(record.stamp_s, 3), record.raw_counts, record.exposure_s) for record in records)

@@ -59,16 +59,24 @@ class MapStore(Protocol):
 class Store(Protocol):
     """The disk, which survives all processes."""
 
-    def open_journal(self) -> tuple[Journal, str | None, Iterable[Mapping[str, Any]]]:
-        """The planner's journal, its last snapshot, and the events after it."""
+    def open_journal(self) -> tuple[Journal, str | None, Iterable[Mapping[str, Any]], bool]:
+        """The planner's journal, its last snapshot, the events after it, and whether none is missing."""
         ...
 
     def close_journal(self) -> None:
         """The planner has been killed."""
         ...
 
-    def publish(self, record: CountRecord) -> None:
-        """The driver publishes a record."""
+    def publish(self, records: Sequence[CountRecord]) -> None:
+        """The driver publishes records."""
+        ...
+
+    def full(self, is_full: bool) -> None:
+        """The disk has no space left, or has space again."""
+        ...
+
+    def stored(self) -> Mapping[str, Sequence[CountRecord]]:
+        """At the end, the records of each place that must have all of them."""
         ...
 
     def open_map(self, field_map: FieldMap) -> MapStore:
@@ -93,7 +101,7 @@ class PlannerProcess:
         self.status: MissionStatus | None = None
         self.visits = 0
         self.finished = False
-        journal, snapshot, events = store.open_journal()
+        journal, snapshot, events, complete = store.open_journal()
         settings = ExplorerSettings(
             strategy=case.strategy,
             preset="paper",
@@ -126,7 +134,7 @@ class PlannerProcess:
         )
         mission = interrupted_mission(rules, snapshot, events)
         if mission is not None:
-            self.control.take_up(mission, auto=True)
+            self.control.take_up(mission, auto=complete)
         self.control.use_graph(case.ground.graph)
         self.control.show()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -24,6 +24,8 @@ BACK_AFTER_S = 8.0
 """A killed process is back after this time [s]."""
 ANSWER_S = 30.0
 """Time that the operator takes to answer [s]."""
+WRONG_M = 8.0
+"""People see that a robot is this far from where the map shows it [m]."""
 AFTER_RELEASE_S = 15.0
 """Time between the release of the emergency stop and the resume [s]."""
 BUTTON = "button"
@@ -42,7 +44,7 @@ class Outcome:
     :param violations: what must not have happened
     :param visits: number of visits
     :param driven_m: distance driven [m]
-    :param kills: number of kills of planner and mapper
+    :param kills: number of kills of planner, mapper and driver
     :param alarms: number of times at which the guard raised an alarm
     :param refused: why the mission could not start; empty if it did
     :param ended: the last reason that the mission gave
@@ -109,10 +111,10 @@ class MapperProcess:
         self.store = store.open_map(self.map)
         self._world, self._begun_s = world, world.time_s
 
-    def second(self, record: CountRecord | None) -> None:
-        """Let a second pass, in which a record may have come."""
-        if record is not None:
-            self.store.received([record])
+    def second(self, records: list[CountRecord]) -> None:
+        """Let a second pass, in which records may have come."""
+        if records:
+            self.store.received(records)
         elif self._world.time_s % POLL_S == 0:
             self.store.second(self._world.time_s - self._begun_s)
 
@@ -127,9 +129,10 @@ class _Rehearsal:
         self.crashes = _Crashes(lambda what: self.judge.blame(Kind.CRASH, self.world.time_s, what))
         self.planner: PlannerProcess | None = None
         self.mapper: MapperProcess | None = MapperProcess(self.world, store)
-        self._back_s = {Fault.KILL_PLANNER: math.inf, Fault.KILL_MAPPER: math.inf}
+        self._back_s = dict.fromkeys((Fault.KILL_PLANNER, Fault.KILL_MAPPER, Fault.KILL_DRIVER), math.inf)
         self._todo: list[tuple[float, Callable[[PlannerProcess], None]]] = []
         self._pressed: bool | None = None
+        self._space_s = math.inf
         self._asked_s = math.inf
         self._started = False
         self._visits = self._kills = self._alarms = 0
@@ -148,11 +151,26 @@ class _Rehearsal:
         while self.world.time_s < end_s:
             if self._second():
                 end_s = min(end_s, self.world.time_s + AFTERWARDS_S)
-        if self.mapper is not None:
-            whole = FieldMap(self.mapper.map.grid)
-            for record in sorted(self.world.published, key=lambda record: record.stamp_s):
-                whole.add(record)
-            self.judge.mapped(self.world.time_s, self.mapper.map.samples, whole.samples)
+        now_s = self.world.time_s
+        self.store.full(False)
+        if self.planner is not None:
+            self.judge.ended(now_s, self.planner.status)
+        if self.mapper is None:
+            return
+        self.mapper.store.second(0.0)
+        for where, records in self.store.stored().items():
+            self.judge.kept(now_s, self.world.published, records, where)
+            self.judge.known(now_s, records, self.world.published, where)
+            self.judge.mapped(now_s, self.mapper.map.samples, self._whole(records).samples)
+        self.judge.mapped(now_s, self.mapper.map.samples, self._whole(self.world.published).samples)
+
+    def _whole(self, records: Sequence[CountRecord]) -> FieldMap:
+        """The map of records, made at once and in the order of time."""
+        assert self.mapper is not None
+        whole = FieldMap(self.mapper.map.grid)
+        for record in sorted(records, key=lambda record: record.stamp_s):
+            whole.add(record)
+        return whole
 
     def close(self) -> None:
         """End all processes."""
@@ -181,21 +199,22 @@ class _Rehearsal:
         for span in begun:
             self._begin(span)
         self._come_back()
-        fix, record = world.fix(), world.record()
-        if record is not None:
-            self.store.publish(record)
+        fixes, records = world.fixes(), world.records()
+        if records:
+            self.store.publish(records)
         if self.mapper is not None:
-            self.mapper.second(record)
+            self.mapper.second(records)
         if self.planner is None:
             return False
         for reply in replies:
             self.planner.link.heard(reply)
-        if fix is not None:
-            self.planner.control.fix(fix)
-        if record is not None:
-            self.planner.control.records([record])
+        for place, stamp_s in fixes:
+            self.planner.control.fix(place, stamp_s=stamp_s)
+        if records:
+            self.planner.control.records(records)
             self._map()
-        self.planner.control.battery(world.charge, math.nan)
+        if world.charge is not None:
+            self.planner.control.battery(world.charge, math.nan)
         self.planner.second()
         self._operate(self.planner)
         status = self.planner.status
@@ -223,6 +242,13 @@ class _Rehearsal:
                 self.mapper = None
                 self._back_s[span.fault] = self.world.time_s + BACK_AFTER_S
                 self._kills += 1
+            case Fault.KILL_DRIVER:
+                self.world.has_driver = False
+                self._back_s[span.fault] = self.world.time_s + BACK_AFTER_S
+                self._kills += 1
+            case Fault.DISK_FULL:
+                self.store.full(True)
+                self._space_s = span.end_s
             case Fault.EMERGENCY:
                 self._press(True)
                 self._todo += [
@@ -234,13 +260,16 @@ class _Rehearsal:
                 self._todo += [(span.at_s, partial(self._stop, Verb.PAUSE)), (span.end_s, self._resume)]
             case Fault.ABORT:
                 self._todo.append((span.at_s, partial(self._stop, Verb.ABORT)))
-            case Fault.SKIP | Fault.RETURN | Fault.MEASURE | Fault.RULE_OUT | Fault.CHANGE:
+            case Fault.SKIP | Fault.RETURN | Fault.MEASURE | Fault.RULE_OUT | Fault.CHANGE | Fault.REORDER:
                 self._todo.append((span.at_s, partial(self._ask, span)))
             case _:
                 pass
 
     def _come_back(self) -> None:
-        """Start the processes again that were killed."""
+        """Start the processes again that were killed, and make space on the disk."""
+        if self.world.time_s >= self._space_s:
+            self._space_s = math.inf
+            self.store.full(False)
         for process, back_s in self._back_s.items():
             if back_s > self.world.time_s:
                 continue
@@ -249,6 +278,8 @@ class _Rehearsal:
                 self.planner = PlannerProcess(self.world, self.store, self.judge)
                 if self._pressed is not None:
                     self.planner.control.emergency(self._pressed, BUTTON)  # the topic is latched
+            elif process is Fault.KILL_DRIVER:
+                self.world.has_driver = True
             else:
                 self.mapper = MapperProcess(self.world, self.store)
             self._map()
@@ -290,6 +321,10 @@ class _Rehearsal:
             self.planner.control.emergency(pressed, BUTTON)
 
     def _resume(self, planner: PlannerProcess) -> None:
+        """Resume; people look first whether the robot is where the map shows it."""
+        if self.world.wrong_m > WRONG_M:
+            self._todo.append((self.world.time_s + ANSWER_S, self._resume))
+            return
         self.judge.resumes(self.world.time_s, lambda: planner.control.command(Verb.RESUME).accepted)
 
     def _stop(self, verb: Verb, planner: PlannerProcess) -> None:
@@ -308,6 +343,11 @@ class _Rehearsal:
             Fault.RULE_OUT: OperatorRequest("rule_out", polygon=((x, y), (x + 25, y), (x, y + 25))),
             Fault.CHANGE: OperatorRequest("change", strategy="random", hours=self.case.budget_s / 4000),
         }
+        if span.fault is Fault.REORDER:
+            for place in ((x, y), tuple(((low + high) / 2).tolist())):
+                planner.control.request(OperatorRequest("measure", place=place, dwell="20"))
+            queue = planner.status.queue if planner.status is not None else ()
+            requests[span.fault] = OperatorRequest("order", stops=tuple(reversed(queue)))
         request = requests.get(span.fault, OperatorRequest(span.fault))
         if span.fault is Fault.RETURN:  # it lets the robot drive, too
             self.judge.resumes(self.world.time_s, lambda: planner.control.request(request).accepted)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from soilmoist_ros.simulation.rehearsal.servers import (
 )
 
 Place = tuple[float, float]
+Fixed = tuple[Place, float]
+"""A place [m] and its time [s since 1970 UTC]."""
+T = TypeVar("T")
 
 NAVIGATORS = ("goto_node", "navigate_to_pose", "goal_pose")
 START_S = 1_780_000_000.0
@@ -69,7 +73,9 @@ class World:
     fixed : tuple[float, float] | None
         last fix, as the receiver reports it [m]
     published : list[CountRecord]
-        all records of the sensor
+        all records that the driver has published
+    has_driver : bool
+        whether the driver runs
     """
 
     def __init__(self, case: Case) -> None:
@@ -84,7 +90,11 @@ class World:
         self.listener = PoseListener(self.robot, self.faults)
         self.fixed: Place | None = None
         self.published: list[CountRecord] = []
+        self.has_driver = True
+        self._held_fixes: list[Fixed] = []
+        self._held_records: list[CountRecord] = []
         self._rng = np.random.default_rng(case.seed)
+        self._rng_of_links = np.random.default_rng([case.seed, 1])
         self._clock_step_s = 0.0
         self._fixed_s = -math.inf
 
@@ -106,8 +116,32 @@ class World:
         self.listener.step(self.time_s)
         return passed, begun, self.server.step(self.time_s)
 
-    def fix(self) -> Place | None:
-        """A fix [m], ``None`` if none comes."""
+    def fixes(self) -> list[Fixed]:
+        """Fixes that come now, with their stamps: none, one, or all that were held back."""
+        return self._arrived(self._fix(), self._held_fixes)
+
+    def records(self) -> list[CountRecord]:
+        """Records that the driver publishes now."""
+        records = self._arrived(self._record(), self._held_records)
+        self.published += records
+        return records
+
+    def _arrived(self, sent: T | None, held: list[T]) -> list[T]:
+        """What comes over a connection of what was sent now and before."""
+        faults, now_s = self.faults, self.time_s
+        damaged = faults.on(Fault.LINK_GARBAGE, now_s) and self._rng_of_links.uniform() < 0.5
+        if not self.has_driver or faults.on(Fault.LINK_CUT, now_s):
+            held.clear()
+            return []
+        if sent is not None and not damaged:
+            held.append(sent)
+        if faults.on(Fault.LINK_STALL, now_s):
+            return []
+        come, held[:] = list(held), []
+        return come
+
+    def _fix(self) -> Fixed | None:
+        """A fix that the receiver sends, with its stamp; ``None`` if it has none."""
         noise = self._rng.normal(0.0, FIX_SD_M, 2)  # always drawn: a fault must not change later noise
         if self.faults.on(Fault.FIX_SILENT, self.time_s):
             return None
@@ -121,10 +155,10 @@ class World:
         elif self.faults.on(Fault.FIX_FROZEN, self.time_s) and self.fixed is not None:
             place = self.fixed
         self.fixed, self._fixed_s = place, self.time_s
-        return place
+        return place, self.now_s
 
-    def record(self) -> CountRecord | None:
-        """A record, if one is due and comes."""
+    def _record(self) -> CountRecord | None:
+        """A record that the logger sends, if one is due."""
         if self.time_s % CADENCE_S or self.fixed is None:
             return None
         x, y = self.robot.place
@@ -135,13 +169,14 @@ class World:
         if self.faults.on(Fault.SENSOR_ZERO, self.time_s):
             counts = 0
         place = self.fixed if self.time_s - self._fixed_s <= CADENCE_S / 2 else (math.nan, math.nan)
-        record = CountRecord(self.now_s, *place, 0.0, counts, CADENCE_S, CADENCE_S)
-        self.published.append(record)
-        return record
+        x_m, y_m = np.array(place, np.float32).tolist()  # as messages have it
+        return CountRecord(self.now_s, x_m, y_m, 0.0, counts, CADENCE_S, CADENCE_S)
 
     @property
-    def charge(self) -> float:
-        """Charge of the battery [0..1]; it is low from the fault on, and goes on falling."""
+    def charge(self) -> float | None:
+        """Charge of the battery [0..1], ``None`` while nobody says; it is low from the fault on, and falls."""
+        if self.faults.on(Fault.BATTERY_STALE, self.time_s):
+            return None
         low = [span.at_s for span in self.faults.spans if span.fault is Fault.LOW_BATTERY]
         since_s = self.time_s - min(low, default=math.inf)
         return 0.6 if since_s < 0 else max(0.0, 0.24 - since_s / 2000)

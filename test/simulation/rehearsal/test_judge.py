@@ -8,11 +8,12 @@ import pytest
 
 from soilmoist_ros.exploration.mission.actions import Finish
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
-from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.ground import Ground
 from soilmoist_ros.simulation.rehearsal.judge import Judge, Kind
 
@@ -109,13 +110,17 @@ def test_a_wrong_place_must_be_noticed(judge):
 
 
 def test_counting_at_a_wrong_place(judge):
-    visit = Visit("a", 5.0, 5.0, 0.0, 60.0, 100, "", stop_x_m=5.0, stop_y_m=5.0)
+    visit = Visit(
+        "a", 5.0, 5.0, 0.0, 60.0, 100, "", stop_x_m=5.0, stop_y_m=5.0, ended=VisitEnd.ENOUGH, outcome="60 s"
+    )
     judge.drove(1.0, (5, 5), [], COUNTING)
     judge.visited(60.0, visit)
     assert kinds(judge) == []
     judge.drove(61.0, (5, 12), [], COUNTING)
     judge.visited(120.0, visit)
     assert kinds(judge) == [Kind.WRONG_VISIT]
+    judge.visited(130.0, replace(visit, outcome=""))
+    assert kinds(judge) == [Kind.WRONG_VISIT, Kind.NO_REASON]
 
 
 def test_goals(judge):
@@ -158,3 +163,38 @@ def test_the_end(judge):
     judge.mapped(100.0, one, two)
     assert kinds(judge)[-1] is Kind.MAP_DIFFERS
     assert math.isfinite(judge.violations[-1].at_s)
+
+
+def test_a_map_that_is_missing(judge):
+    one = as_samples([(1.0, 1.0)], [10], [10.0])
+    judge.mapped(1.0, None, as_samples(np.empty((0, 2)), [], []))
+    assert kinds(judge) == []
+    judge.mapped(1.0, None, one)
+    assert kinds(judge) == [Kind.MAP_DIFFERS]
+
+
+def test_records_that_are_lost_or_invented(judge):
+    records = [CountRecord(10.0 * number, 1.0, 2.0, 0.0, 40 + number, 10.0, 10.0) for number in range(4)]
+    judge.kept(50.0, records[:3], records, "the log")
+    judge.known(50.0, records[:3], records, "the log")
+    assert kinds(judge) == []
+    judge.kept(50.0, records, records[:3], "the log")
+    judge.known(60.0, [*records, records[0]], records, "the bag")
+    assert kinds(judge) == [Kind.LOST, Kind.INVENTED]
+    assert "1 not in the log, the first of 30.0 s" in judge.violations[0].what
+
+
+@pytest.mark.parametrize("phase", [Phase.PAUSED, Phase.CANCELLING, Phase.WAITING, Phase.FINISHED])
+def test_a_stop_has_a_reason(judge, phase):
+    judge.said(1.0, replace(STATUS, phase=phase, reason="paused by Ada"), 0.0)
+    assert kinds(judge) == []
+    judge.said(2.0, replace(STATUS, phase=phase, reason=" "), 0.0)
+    assert kinds(judge) == [Kind.NO_REASON]
+
+
+def test_a_mission_ends_or_says_why_it_waits(judge):
+    judge.ended(1.0, replace(STATUS, phase=Phase.FINISHED))
+    judge.ended(1.0, replace(STATUS, phase=Phase.PAUSED, needs_operator=True, reason="no fix"))
+    assert kinds(judge) == []
+    judge.ended(1.0, replace(STATUS, phase=Phase.TRAVELLING))
+    assert kinds(judge) == [Kind.UNENDED]
