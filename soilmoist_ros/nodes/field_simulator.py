@@ -50,7 +50,7 @@ class FieldSimulator(Node):
         start_s = read_start_time(given.text("start_time"))
         self._system = VirtualSystem(settings, start_s, given.number("gnss_period_s"), scenario)
         self._time = SimulatedTime(given.number("speed"), MAX_STEP_S)
-        self._waiting = WaitingClock(given.number("gnss_period_s"))
+        self._waiting = WaitingClock(given.number("gnss_period_s"), given.number("wait_limit_s"))
         self._noted = ""
         self._started = not given.flag("start_when_connected")
         self._connected_s = math.inf

@@ -20,6 +20,9 @@ PARAMETERS = (
     Parameter(name="start_when_connected", default=True,
               description="whether time stands still until loggers, receivers and the records of each property "
               "have a receiver"),
+    Parameter(name="wait_limit_s", default=120.0,
+              description="longest time for which simulated time stands still for a planner; what a simulated "
+              "fault has swallowed is waited for in vain", unit="s", low=0.0),
     Parameter(name="graph", default="",
               description="topological map, a file; empty for a lattice of about 300 nodes"),
     Parameter(name="host", default="127.0.0.1", description="address on which logger and receiver are served"),

@@ -49,7 +49,7 @@ class ProcessGroup:
         :param name: name of the node, with the namespace if there is one: ``compaction/mapper``
         :param parameters_file: parameters of the node
         :param remaps: new names of topics and services by their names
-        :raises ValueError: if the node was started before
+        :raises ValueError: if the node was started before, and not killed
         """
         if name in self._processes:
             raise ValueError(f"{name} was started before")
@@ -58,7 +58,7 @@ class ProcessGroup:
         command += ["--ros-args", "-r", f"__ns:=/{namespace}", "--params-file", str(parameters_file)]
         command += [word for old, new in remaps.items() for word in ("-r", f"{old}:={new}")]
         parent = os.getpid()
-        with self.log(name).open("wb") as log:
+        with self.log(name).open("ab") as log:
             self._processes[name] = subprocess.Popen(
                 command,
                 env=self._environment,
@@ -68,6 +68,19 @@ class ProcessGroup:
                 start_new_session=True,  # Ctrl-C on the terminal must end the nodes in the right order
                 preexec_fn=lambda: _end_with_parent(parent),
             )
+
+    def kill(self, name: str) -> None:
+        """Kill a node without warning; it can be started again then.
+
+        :param name: name of a node that was started
+        """
+        process = self._processes.pop(name)
+        _kill_group(process)
+        process.wait()
+
+    def pid(self, name: str) -> int:
+        """Process number of a node that was started."""
+        return self._processes[name].pid
 
     def log(self, name: str) -> Path:
         """File with the output of a node."""

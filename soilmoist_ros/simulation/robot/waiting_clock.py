@@ -113,10 +113,13 @@ class WaitingClock:
     (:data:`SHORT_S`) until it comes in time again.
 
     :param epoch_s: time between epochs of the receivers [s]
+    :param limit_s: a wait ends after this time at the latest [s of the wall clock]; a message that a simulated
+        fault has swallowed never comes
     """
 
-    def __init__(self, epoch_s: float) -> None:
+    def __init__(self, epoch_s: float, limit_s: float = math.inf) -> None:
         self._epoch_s = epoch_s
+        self._limit_s = limit_s
         self.waited_s = 0.0
         """Wall-clock time for which simulated time waited [s]."""
         self._answer_s = 0.0  # time that planners take to receive a record
@@ -145,7 +148,8 @@ class WaitingClock:
                 self._late.discard(key)
         for key in waits:
             since_s = self._since.setdefault(key, wall_s)
-            if wall_s - since_s >= (SHORT_S if key in self._late else LIMITS_S[key[1]]):
+            limit_s = SHORT_S if key in self._late else min(LIMITS_S[key[1]], self._limit_s)
+            if wall_s - since_s >= limit_s:
                 self._late.add(key)
                 self._excused.add(key)
         open_waits = waits.keys() - self._excused

@@ -106,6 +106,12 @@ def test_what_does_not_come_is_not_waited_for_again_until_it_comes_in_time():
     assert clock.stands(204.0 + limit_s - 0.1, RECORD), "the long limit applies again"
 
 
+def test_a_shorter_limit_ends_every_wait_earlier():
+    clock = WaitingClock(epoch_s=1.0, limit_s=2.0)
+    assert clock.may_run_to(0.0, RECORD) == clock.may_run_to(1.9, RECORD) == -math.inf
+    assert clock.may_run_to(2.0, RECORD) == math.inf
+
+
 def test_one_that_is_excused_does_not_excuse_others():
     clock = Clock()
     clock.stands(0.0, RECORD)

@@ -1,0 +1,130 @@
+"""The real nodes under faults: ``scripts/chaos``, ``scripts/soak --nodes``, and what their judge must find."""
+
+from __future__ import annotations
+
+import importlib.machinery
+import importlib.util
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("topological_navigation_msgs")
+
+from soilmoist_ros.recording.record_log import RecordTail
+from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
+from soilmoist_ros.simulation.rehearsal.judge import Kind
+from soilmoist_ros.simulation.robot.scenario import Scenario
+
+ROOT = Path(__file__).parents[2]
+TIME_FACTOR = 40.0
+
+
+def load(name):
+    """A script as a module."""
+    loader = importlib.machinery.SourceFileLoader(name, str(ROOT / "scripts" / name))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader))
+    sys.modules[name] = module
+    loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def chaos():
+    """``scripts/chaos`` with missions of five minutes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "scripts"))
+        module = load("chaos")
+        patch.setattr(module, "BUDGET_S", 300.0)
+        yield module
+
+
+@pytest.fixture(scope="module")
+def soak_nodes():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "scripts"))
+        yield load("soak_nodes.py")
+
+
+def with_faults(chaos, *spans):
+    return chaos.Chaos("patches", "greedy", "goto_node", Faults(spans))
+
+
+KILLS = (
+    Span(Fault.KILL_MAPPER, 40.0, 1.0, 0.0), Span(Fault.KILL_DRIVER, 90.0, 1.0, 0.0),
+    Span(Fault.KILL_PLANNER, 140.0, 1.0, 0.0), Span(Fault.LINK_GARBAGE, 60.0, 60.0, 0.0),
+)  # fmt: skip
+COMPUTER = (
+    Span(Fault.CLOCK_FORWARD, 30.0, 1.0, 0.5), Span(Fault.CLOCK_BACK, 120.0, 1.0, 0.5),
+    Span(Fault.DISK_FULL, 80.0, 60.0, 0.0), Span(Fault.PAUSE, 150.0, 20.0, 0.0),
+)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.process
+@pytest.mark.parametrize("spans", [KILLS, COMPUTER], ids=["kills", "computer"])
+def test_no_record_is_lost_and_nobody_is_disobeyed(chaos, tmp_path, spans):
+    violations, figures = chaos.run(with_faults(chaos, *spans), 1, tmp_path / "run", TIME_FACTOR)
+    assert violations == []
+    assert figures["records"] > 10
+    assert figures["kills"] == sum(span.fault in (Fault.KILL_MAPPER, Fault.KILL_DRIVER, Fault.KILL_PLANNER)
+                                   for span in spans)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_a_log_that_lacks_a_record_is_found(chaos, tmp_path, monkeypatch):
+    kept = RecordTail.read
+
+    def forgetful(self):
+        found = kept(self)
+        return found._replace(records=found.records[:5] + found.records[6:])
+
+    monkeypatch.setattr(RecordTail, "read", forgetful)
+    violations, _ = chaos.run(with_faults(chaos), 1, tmp_path / "run", TIME_FACTOR)
+    assert {Kind.LOST, Kind.MAP_DIFFERS} <= {one.kind for one in violations}
+
+
+def test_seed_and_number_make_a_run(chaos):
+    assert str(chaos.make_chaos(1, 3)) == str(chaos.make_chaos(1, 3)) != str(chaos.make_chaos(2, 3))
+    firsts = {span.fault for number in range(60) for span in chaos.make_chaos(1, number).faults.spans}
+    from disturbed_nodes import ON_NODES
+
+    assert firsts == set(ON_NODES), "each fault has its turn"
+
+
+def test_every_fault_of_the_world_makes_a_scenario(chaos):
+    from disturbed_nodes import OF_THE_WORLD, scenario_of
+
+    nothing = Scenario.model_validate(scenario_of([]))
+    for fault in OF_THE_WORLD:
+        made = Scenario.model_validate(scenario_of([Span(fault, 100.0, 60.0, 0.3)]))
+        assert made != nothing, fault
+    late = scenario_of([Span(Fault.LINK_CUT, 100.0, 60.0, 0.3)], begin_s=130.0)
+    assert late["logger"]["outages"] == [{"at_s": 0.0, "for_s": 30.0, "kind": "cut"}]
+    assert scenario_of([Span(Fault.LINK_CUT, 100.0, 60.0, 0.3)], begin_s=170.0)["logger"]["outages"] == []
+
+
+@pytest.mark.parametrize(("index", "what"), [(1, "memory"), (2, "handles"), (3, "threads")])
+def test_growth_of_a_node_is_a_fault(soak_nodes, index, what):
+    def sample(number, grown):
+        figures = [100, 150.0, 20, 16, 1.0]
+        figures[index] += grown
+        return soak_nodes.Sample(0, 60.0 * number, 20.0 * number, {"mapper": tuple(figures)}, 20.0, 1.0, 1.0, 1.0)
+
+    flat = [sample(number, 0) for number in range(40)]
+    assert soak_nodes.grown(flat) == []
+    (fault,) = soak_nodes.grown([sample(number, number) for number in range(40)])
+    assert what in fault
+    slower = [replace(one, update_ms=20.0 + 4 * number) for number, one in enumerate(flat)]
+    assert "time from a record" in soak_nodes.grown(slower)[0]
+
+
+def test_a_day_has_every_fault_and_ends_with_processes_that_last(soak_nodes):
+    spans = soak_nodes.day_of_faults(24.0, 1)
+    assert {*soak_nodes.PERIODS_S, *soak_nodes.OF_GOALS, *soak_nodes.KILLS} <= {span.fault for span in spans}
+    kills = [span.at_s for span in spans if span.fault in soak_nodes.KILLS]
+    assert max(kills) < 0.3 * 86_400
+    assert spans == soak_nodes.day_of_faults(24.0, 1)
