@@ -15,7 +15,7 @@ import click
 from soilmoist_ros.cli.answers.answer import answering, current, put, say, warn, wrote
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.names import Name
-from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output
+from soilmoist_ros.cli.options.output_options import confirmed, figures_option, output_options, prepare_output
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.workers import THREADS
 
@@ -32,10 +32,17 @@ LINE_S = 60.0
 @click.option("--runs", type=click.IntRange(min=1), help="Runs of each combination, instead of those of the file.")
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler to use instead, such as tcp://host:8786.")
+@figures_option
 @output_options()
 @answering
 def command(
-    campaign: str, runs: int | None, workers: int | None, scheduler: str | None, out: Path, overwrite: bool
+    campaign: str,
+    runs: int | None,
+    workers: int | None,
+    scheduler: str | None,
+    out: Path,
+    overwrite: bool,
+    figures: tuple[str, ...],
 ) -> None:
     """Run the missions of a CAMPAIGN (a YAML file, or the name of a shipped one: paper).
 
@@ -43,8 +50,12 @@ def command(
     Writes results.parquet, results.csv and report.html.
     """
     os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy is loaded: more threads round differently
+    from soilmoist_ros.reporting.campaign.data import CampaignData
+    from soilmoist_ros.reporting.campaign.figures import campaign_figures
     from soilmoist_ros.reporting.campaign.report import write_campaign_report
-    from soilmoist_ros.simulation.campaign.campaign import CampaignInterrupted, load_campaign, run_campaign
+    from soilmoist_ros.reporting.figures.style import write_figures
+    from soilmoist_ros.simulation.campaign.campaign import RUNS, CampaignInterrupted, load_campaign, run_campaign
+    from soilmoist_ros.simulation.campaign.mission_store import MissionStore
     from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
     plan = load_campaign(campaign)
@@ -68,7 +79,10 @@ def command(
     with progress_bar() as progress_of:
         progress_of("writing the report", 1.0)
         report = write_campaign_report(plan, out, outcome.failures, outcome.rows)
-    wrote((*outcome.written, *filter(None, [report])))
+        store = MissionStore(out / RUNS)
+        drawn = campaign_figures(CampaignData(plan, outcome.rows, store.read)) if outcome.rows else ()
+        pictures = write_figures(out, drawn, figures)
+    wrote((*outcome.written, *filter(None, [report]), *pictures))
     if not outcome.complete:
         sys.exit(1)
 

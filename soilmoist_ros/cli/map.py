@@ -13,7 +13,7 @@ from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
 from soilmoist_ros.cli.options.map_options import crs_option, map_options
 from soilmoist_ros.cli.options.names import InputFile, Name
-from soilmoist_ros.cli.options.output_options import output_options, prepare_output
+from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
 from soilmoist_ros.simulation.mission.settings import PRESETS
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
 @reference_option
 @crs_option
 @click.option("--title", help="Title of the report.")
+@figures_option
 @output_options()
 @answering
 def command(
@@ -75,6 +76,7 @@ def command(
     crs: str | None,
     out: Path,
     overwrite: bool,
+    figures: tuple[str, ...],
     covariates: tuple[str, ...],
     **choices: Any,
 ) -> None:
@@ -90,6 +92,8 @@ def command(
     from soilmoist_ros.mapping.covariates.source import CovariateSource
     from soilmoist_ros.replay.log_map import MapSettings, map_logs
     from soilmoist_ros.reporting import write_outputs
+    from soilmoist_ros.reporting.figures.run_figures import run_figures
+    from soilmoist_ros.reporting.figures.style import write_figures
 
     settings = MapSettings(
         site=resource("sites", site) if site else None,
@@ -107,7 +111,7 @@ def command(
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:
         run = map_logs(logs, settings, progress, compute)
         progress("writing the results", 0.0)
-        written = write_outputs(out, run, crs)
+        written = [*write_outputs(out, run, crs), *write_figures(out, run_figures(run), figures)]
     _print_summary(run)
     wrote(written, out)
 

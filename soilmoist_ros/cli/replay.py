@@ -14,7 +14,12 @@ from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
 from soilmoist_ros.cli.options.map_options import crs_option, map_options
 from soilmoist_ros.cli.options.names import FILE, Name
-from soilmoist_ros.cli.options.output_options import output_options, prepare_output, reported_failure
+from soilmoist_ros.cli.options.output_options import (
+    figures_option,
+    output_options,
+    prepare_output,
+    reported_failure,
+)
 
 if TYPE_CHECKING:
     from soilmoist_ros.replay import Replay
@@ -46,12 +51,14 @@ if TYPE_CHECKING:
 @reference_option
 @covariate_option(" Default: as in the run; none for those of the field only.")
 @crs_option
+@figures_option
 @output_options()
 @answering
 def command(
     bag: Path,
     out: Path,
     overwrite: bool,
+    figures: tuple[str, ...],
     crs: str | None,
     nugget: str | None,
     truths: tuple[str, ...],
@@ -66,6 +73,8 @@ def command(
     prepare_output(out, overwrite)
     from soilmoist_ros.replay import ReplaySettings, replay_bag
     from soilmoist_ros.reporting import write_outputs
+    from soilmoist_ros.reporting.figures.run_figures import run_figures
+    from soilmoist_ros.reporting.figures.style import write_figures
 
     keep_nugget = None if nugget is None else nugget == "keep"
     named: dict[str | int, str] = dict(_truth(text) for text in truths)
@@ -81,7 +90,7 @@ def command(
         with reported_failure(out):
             replay = replay_bag(bag, settings, progress)
         progress("writing the results", 1.0)
-        written = write_outputs(out, replay.run, crs)
+        written = [*write_outputs(out, replay.run, crs), *write_figures(out, run_figures(replay.run), figures)]
     print_replay(replay)
     wrote(written, out)
 

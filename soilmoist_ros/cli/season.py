@@ -10,7 +10,7 @@ import click
 from soilmoist_ros.cli.answers.answer import answering, say, warn, wrote
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.names import FILE, Name, VariogramModel
-from soilmoist_ros.cli.options.output_options import output_options, prepare_output
+from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
 
 
 @click.command("season")
@@ -22,10 +22,17 @@ from soilmoist_ros.cli.options.output_options import output_options, prepare_out
 @click.option("--model", type=VariogramModel(), default="matern32", show_default=True, help="Variogram model.")
 @click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m].")
 @click.option("--title", help="Title of the page.")
+@figures_option
 @output_options()
 @answering
 def command(
-    runs: tuple[Path, ...], field: str | None, site: str | None, out: Path, overwrite: bool, **choices: Any
+    runs: tuple[Path, ...],
+    field: str | None,
+    site: str | None,
+    out: Path,
+    overwrite: bool,
+    figures: tuple[str, ...],
+    **choices: Any,
 ) -> None:
     """Make a time series of all RUNS of one field.
 
@@ -34,6 +41,8 @@ def command(
     """
     prepare_output(out, overwrite)
     from soilmoist_ros.foundation.configuration import resource
+    from soilmoist_ros.reporting.figures.season_figures import season_figures
+    from soilmoist_ros.reporting.figures.style import write_figures
     from soilmoist_ros.reporting.season.season import SeasonSettings, make_season
     from soilmoist_ros.reporting.season.season_files import estimate_text, write_season
 
@@ -45,7 +54,7 @@ def command(
     with progress_bar() as progress:
         season = make_season(runs, settings, progress)
         progress("writing the results", 1.0)
-        written = write_season(out, season)
+        written = [*write_season(out, season), *write_figures(out, season_figures(season), figures)]
     share = season.persistence
     say(f"patterns   correlation of two surveys {share.share:.2f} +- {share.sd:.2f}")
     for label, survey in zip(season.labels, season.surveys, strict=True):

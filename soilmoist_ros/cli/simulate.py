@@ -16,7 +16,7 @@ from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_notes, ra
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option
 from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
-from soilmoist_ros.cli.options.output_options import output_options, prepare_output
+from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
 
 if TYPE_CHECKING:
     from soilmoist_ros.console.watched_mission import WatchedMission
@@ -36,11 +36,13 @@ TIME_FACTOR = 60.0
               help="Simulated seconds per real second, with --live. Default: 60.")  # fmt: skip
 @earlier_option(" Not for a series of simulated surveys: --earlier-surveys.")
 @covariate_option()
+@figures_option
 @output_options()
 @answering
 def command(
     out: Path,
     overwrite: bool,
+    figures: tuple[str, ...],
     live: bool,
     time_factor: float | None,
     earlier: tuple[Path, ...],
@@ -58,6 +60,8 @@ def command(
     prepare_output(out, overwrite)
     from soilmoist_ros.mapping.covariates.source import CovariateSource
     from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
+    from soilmoist_ros.reporting.figures.run_figures import run_figures
+    from soilmoist_ros.reporting.figures.style import write_figures
     from soilmoist_ros.reporting.mission_report import mission_run, write_mission
     from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
@@ -74,6 +78,7 @@ def command(
             progress("writing the results", 1.0)
             run = None if result.soil_map is None else mission_run(result, earlier=runs)
             written = write_mission(out, result, run=run)
+            written += write_figures(out, () if run is None else run_figures(run), figures)
         _print_summary(settings, result, run)
         wrote(written, out)
         if page is not None and not page.stopped and sys.stdin.isatty() and sys.stdout.isatty():

@@ -12,6 +12,7 @@ import click
 from soilmoist_ros.cli.answers.answer import wrote
 from soilmoist_ros.cli.options.names import FILE
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.lazy import install, is_installed
 
 Command = Callable[..., None]
 
@@ -38,6 +39,20 @@ def overwrite_option(text: str) -> Callable[[Command], Command]:
     :param text: its help
     """
     return click.option("--overwrite", "--force", "overwrite", is_flag=True, help=text)
+
+
+def figures_option(command: Command) -> Command:
+    """Add ``--figures``; matplotlib is looked for before the work."""
+
+    def known(_context: click.Context, _option: click.Parameter, chosen: tuple[str, ...]) -> tuple[str, ...]:
+        if chosen and not is_installed("matplotlib"):
+            raise InputError("--figures needs matplotlib, which is not installed", install("reports"))
+        return chosen
+
+    text = "Also write figures for publications, as svg or pdf, to figures/ in --out. Repeatable."
+    return click.option("--figures", type=click.Choice(("svg", "pdf")), multiple=True, callback=known, help=text)(
+        command
+    )
 
 
 def prepare_output(out: Path, overwrite: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -62,6 +62,16 @@ def _look(strategy: str) -> Look:
 def _is_baseline(strategy: str) -> bool:
     kind = strategy_traits(strategy)
     return kind is not None and kind.is_baseline
+
+
+def campaign_figures(data: CampaignData) -> Iterator[tuple[str, Figure]]:
+    """Names and figures of the report, without the maps of examples; the number is that of the case, from 1."""
+    for case in data.strategy_cases:
+        yield f"strategies_{case.number + 1}", strategies_figure(data, case)
+    for case in data.cases:
+        if interval_strategies(data, case):
+            yield f"intervals_{case.number + 1}", intervals_figure(data, case)
+    yield "coverage", coverage_figure(data, data.strategy_cases or data.cases)
 
 
 def strategies_figure(data: CampaignData, case: Case) -> Figure:

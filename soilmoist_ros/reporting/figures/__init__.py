@@ -1,0 +1,1 @@
+"""Figures for publications: vector files with the widths of journal columns."""

@@ -1,0 +1,163 @@
+"""Figures of a survey or mission: map, standard deviation, track, variogram, and errors or moisture over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.reporting.colours import RATE, UNCERTAIN, WATER
+from soilmoist_ros.reporting.figures.style import SIZE, caption_axes, column_figure, key
+from soilmoist_ros.reporting.geometry import map_extent, rings
+from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series
+from soilmoist_ros.reporting.page.charts.sample_variogram import mean_spread, model_curve, sample_variogram
+from soilmoist_ros.reporting.page.style import BLUE, FAINT, INK, ORANGE, SOFT, colour_map, extension, robust_range
+from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.simulation.mission.result import MissionResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+EAST, NORTH = "East [m]", "North [m]"
+MOISTURE, MOISTURE_SD = "Soil moisture [m³/m³]", "Standard deviation [m³/m³]"
+RATE_TITLE, RATE_SD = "Neutron rate [counts/s]", "Standard deviation [counts/s]"
+DAY_S = 86_400.0
+
+
+def run_figures(run: MapRun) -> Iterator[tuple[str, Figure]]:
+    """Names and figures of a run; those of further properties end with the property.
+
+    :raises InputError: without matplotlib
+    """
+    if at_one_place(run):
+        yield "moisture", _moisture_figure(run)
+        return
+    for number, one in enumerate(run.properties):
+        end = f"_{one.name}" if number else ""
+        soil_map = one.soil_map
+        vwc = one.calibrated
+        values = (soil_map.vwc, soil_map.vwc_sd) if vwc else (soil_map.rate, soil_map.rate_sd)
+        titles = (MOISTURE, MOISTURE_SD) if vwc else (RATE_TITLE, RATE_SD)
+        yield f"map{end}", _raster_figure(one, values[0], titles[0], WATER if vwc else RATE)
+        yield f"sd{end}", _raster_figure(one, values[1], titles[1], UNCERTAIN)
+        yield from _variogram_figure(one, end)
+    yield "track", _track_figure(run)
+    if run.mission is not None and any(np.isfinite(row.mse) for row in run.mission.series):
+        yield "errors", _errors_figure(run.mission)
+
+
+def _raster_figure(run: MapRun, values: Array, title: str, colours: str) -> Figure:
+    """A raster with the boundary of the field and the samples."""
+    soil_map = run.soil_map
+    west, east, south, north = map_extent(soil_map)
+    figure, axes = column_figure(_height_share(run))
+    low, high = robust_range(values)
+    # Cells stay cells: without interpolation the file has one pixel for each.
+    image = axes.imshow(
+        values, origin="lower", extent=(west, east, south, north), cmap=colour_map(colours), vmin=low, vmax=high,
+        interpolation="none",
+    )  # fmt: skip
+    _boundary(run, axes)
+    xy = soil_map.samples.xy
+    axes.plot(xy[:, 0], xy[:, 1], ".", color=INK, markersize=2.5, markeredgewidth=0)
+    bar = figure.colorbar(image, ax=axes, extend=extension(values, low, high), shrink=0.9, pad=0.02)
+    bar.set_label(title, fontsize=SIZE)
+    bar.ax.tick_params(labelsize=SIZE - 1)
+    return figure
+
+
+def _track_figure(run: MapRun) -> Figure:
+    """The ways of the robots, and their stops: the area of a disc is the time there."""
+    figure, axes = column_figure(_height_share(run))
+    _boundary(run, axes)
+    several = len(run.tracks_xy) > 1
+    for number, xy in enumerate(run.tracks_xy, 1):
+        name = f"way of robot {number}" if several else "way"
+        axes.plot(xy[:, 0], xy[:, 1], linewidth=0.7, color=BLUE if number == 1 else None, label=name)
+    visits = [] if run.mission is None else run.mission.visits
+    if visits:
+        dwell = np.array([max(visit.dwell_s, 1.0) for visit in visits])
+        east, north = np.array([(visit.x_m, visit.y_m) for visit in visits]).T
+        area = 60 * dwell / dwell.max()
+        name = f"stops (largest: {dwell.max():.0f} s)"
+        axes.scatter(east, north, s=area, color=ORANGE, alpha=0.75, linewidths=0, label=name, zorder=3)
+    else:
+        xy = run.soil_map.samples.xy
+        axes.plot(*xy.T, ".", color=ORANGE, markersize=3, label="samples", zorder=3)
+    key(axes)
+    return figure
+
+
+def _variogram_figure(run: MapRun, end: str) -> Iterator[tuple[str, Figure]]:
+    """Semivariance of the samples, the interval that they should lie in, and the model."""
+    soil_map = run.soil_map
+    found = sample_variogram(soil_map)
+    for number, classes in enumerate(found):
+        figure, axes = column_figure(0.75)
+        h = np.linspace(1e-4, 1.04 * float(classes.lag_m.max()), 150)
+        used = model_curve(soil_map.variogram, h, classes.angle_deg, mean_spread(soil_map))
+        name = "9 in 10 under the model"
+        axes.fill_between(classes.lag_m, classes.low, classes.high, color=FAINT, linewidth=0, label=name)
+        axes.plot(h, used, color=BLUE, linewidth=1.2, label=f"model ({soil_map.variogram.model})")
+        size = 10 + 20 * np.sqrt(classes.pairs / max(classes.pairs.max(), 1))
+        axes.scatter(classes.lag_m, classes.gamma, s=size, color=INK, linewidths=0, label="samples", zorder=3)
+        caption_axes(axes, "Distance [m]", "Semivariance [(counts/s)²]")
+        axes.set_xlim(0, h[-1])
+        axes.set_ylim(bottom=min(0.0, 1.1 * float(classes.gamma.min())))
+        key(axes)
+        yield f"variogram{end}{f'_{number + 1}' if number else ''}", figure
+
+
+def _errors_figure(mission: MissionResult) -> Figure:
+    """Error of the map, and coverage of its intervals, against time; where the truth is known."""
+    rows = [row for row in mission.series if np.isfinite(row.mse)]
+    hours = np.array([row.time_s / 3600 for row in rows])
+    figure, axes = column_figure(0.75)
+    root = np.sqrt([row.mse for row in rows])
+    axes.step(hours, root, where="post", color=BLUE, linewidth=1.2)
+    axes.set_ylim(bottom=0)
+    caption_axes(axes, "Mission time [h]", "Root mean squared error [counts/s]")
+    axes.yaxis.label.set_color(BLUE)
+    other = axes.twinx()
+    other.step(hours, [100 * row.coverage95 for row in rows], where="post", color=ORANGE, linewidth=1.0)
+    other.axhline(95, color=ORANGE, linewidth=0.6, linestyle=":")
+    other.set_ylim(0, 102)
+    other.set_ylabel("Coverage of the 95 % interval [%]", fontsize=SIZE, color=ORANGE)
+    other.tick_params(labelsize=SIZE - 1, colors=SOFT, labelcolor=INK, length=3)
+    other.spines[["top", "left", "bottom"]].set_visible(False)
+    other.spines["right"].set_color(SOFT)
+    return figure
+
+
+def _moisture_figure(run: MapRun) -> Figure:
+    """Moisture, or rate, at one place over time."""
+    series = moisture_series(run.track, run.soil_map.curve)
+    days = (series.begin_s + series.step_s / 2 - series.begin_s[0]) / DAY_S
+    figure, axes = column_figure(0.6)
+    if run.calibrated:
+        axes.fill_between(days, series.bands.vwc_p05, series.bands.vwc_p95, color=FAINT, linewidth=0, label="90 %")
+        axes.plot(days, series.bands.vwc, color=BLUE, linewidth=1.0, label="soil moisture")
+        caption_axes(axes, "Time [d]", MOISTURE)
+        key(axes)
+    else:
+        axes.plot(days, series.bands.rate, color=BLUE, linewidth=1.0)
+        caption_axes(axes, "Time [d]", RATE_TITLE)
+    return figure
+
+
+def _boundary(run: MapRun, axes: Axes) -> None:
+    for ring in rings(run.soil_map):
+        axes.plot(*ring.T, color=SOFT, linewidth=0.8)
+    axes.set_aspect("equal")
+    caption_axes(axes, EAST, NORTH)
+
+
+def _height_share(run: MapRun) -> float:
+    """Height of a map figure for the shape of the field, within what fits on a page."""
+    west, east, south, north = map_extent(run.soil_map)
+    return float(np.clip(0.72 * (north - south) / (east - west) + 0.18, 0.45, 1.6))
