@@ -48,11 +48,6 @@ class KMeans:
         return centres
 
 
-def k_means(xy: Array, count: int, rng: np.random.Generator, mass: Array | None = None) -> Array:
-    """Centres of one number of clusters, as :class:`KMeans`."""
-    return KMeans(xy, rng, mass).centres(count)
-
-
 def _drawn(weight: Array, rng: np.random.Generator) -> int:
     """An index drawn in proportion to its weight; that of ``rng.choice``, which checks more."""
     total = np.cumsum(weight / weight.sum())

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, Optimal
-from soilmoist_ros.exploration.strategies.clusters import k_means
+from soilmoist_ros.exploration.strategies.clusters import KMeans
 from soilmoist_ros.exploration.strategies.route import nearest_neighbour, open_route
 from soilmoist_ros.exploration.strategies.rules import reachable, whole_records
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
@@ -146,6 +146,7 @@ class _Lattices:
         self._cells = situation.map_xy[:: max(len(situation.map_xy) // MAX_CELLS, 1)]
         self._weighed = situation.map_xy[:: max(len(situation.map_xy) // MAX_WEIGHED_CELLS, 1)]
         self._seeds = rng.integers(2**31, size=2) if len(self._possible) else np.zeros(2, int)
+        self._clusters = KMeans(self._cells, np.random.default_rng(self._seeds[0]))
 
     @property
     def nearest(self) -> Indices:
@@ -163,8 +164,7 @@ class _Lattices:
         """Candidates of the lattice of a number of stops; fewer if two centres have the same nearest candidate."""
         if not len(self._possible):
             return self._possible
-        centres = k_means(self._cells, count, np.random.default_rng(self._seeds[0]))
-        return _snapped(centres, self.situation, self._possible)
+        return _snapped(self._clusters.centres(count), self.situation, self._possible)
 
     def fitting_tour(self, chosen: Indices, dwell_s: float) -> tuple[Indices, bool]:
         """The shortest tour of some candidates, and whether it fits into the time left at this dwell.

@@ -1,6 +1,6 @@
 import numpy as np
 
-from soilmoist_ros.exploration.strategies.clusters import KMeans, k_means, lloyd
+from soilmoist_ros.exploration.strategies.clusters import KMeans, lloyd
 
 
 def rng(seed=0):
@@ -10,17 +10,17 @@ def rng(seed=0):
 def test_k_means_finds_clusters_and_no_more_centres_than_places():
     middle = np.array([[0, 0], [50, 0], [0, 50]], float)
     points = (middle[:, None] + rng(1).normal(0, 1, (3, 40, 2))).reshape(-1, 2)
-    found = k_means(points, 3, rng(4))
+    found = KMeans(points, rng(4)).centres(3)
     assert np.hypot(*(found[:, None] - middle).transpose(2, 0, 1)).min(axis=0).max() < 1
-    assert len(k_means(np.zeros((5, 2)), 3, rng())) == 1
+    assert len(KMeans(np.zeros((5, 2)), rng()).centres(3)) == 1
 
 
 def test_mass_attracts_centres():
     cells = np.array([(x, y) for x in range(20) for y in range(10)], float)
     mass = np.where(cells[:, 0] < 10, 9.0, 1.0)
-    centres = k_means(cells, 24, rng(1), mass)
+    centres = KMeans(cells, rng(1), mass).centres(24)
     assert 1.5 < (centres[:, 0] < 9.5).sum() / (centres[:, 0] > 9.5).sum() < 9
-    assert np.array_equal(k_means(cells, 5, rng(2), np.zeros(200)), k_means(cells, 5, rng(2)))
+    assert np.array_equal(KMeans(cells, rng(2), np.zeros(200)).centres(5), KMeans(cells, rng(2)).centres(5))
 
 
 def test_a_centre_moves_to_the_middle_of_its_mass_and_stays_without_any():
@@ -33,4 +33,4 @@ def test_more_centres_begin_with_the_same_start():
     cells = rng(3).uniform(0, 50, (300, 2))
     clusters = KMeans(cells, rng(1))
     for count in (20, 5, 30):
-        np.testing.assert_array_equal(clusters.centres(count), k_means(cells, count, rng(1)))
+        np.testing.assert_array_equal(clusters.centres(count), KMeans(cells, rng(1)).centres(count))
