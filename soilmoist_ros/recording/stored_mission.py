@@ -53,7 +53,7 @@ class StoredMission:
             self._mark = mark
         events = (entry.payload for entry in found.entries if entry.kind == EVENT)
         self.problems = found.problems
-        self.mission: Mission | None = interrupted_mission(rules, found.snapshot, events)
+        self.mission: Mission | None = interrupted_mission(rules, found.snapshot, events, found.complete)
         waits = self.mission is not None and self.mission.state.waits_for_people
         trusted = found.complete and not waits
         self.resumes = self.mission is not None and trusted and (crashed or resume == "auto")

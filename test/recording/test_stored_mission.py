@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from soilmoist_ros.exploration.mission.events import RESTART, AlarmOver, Command, Moved, Tick
+from soilmoist_ros.exploration.mission.events import RESTART, AlarmOver, Command, GoalFailed, Moved, Tick
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import Alarm, MissionRules, Phase, Response, Verb
@@ -75,11 +75,16 @@ def test_a_pause_that_a_full_disk_refused_is_kept_by_people_after_a_crash(tmp_pa
     assert again.mission is not None
     assert not again.resumes
     assert any("refused" in problem for problem in again.problems)
+    again.mission.step(Command(4.0, Verb.PAUSE, who=RESTART))
+    assert again.mission.state.phase is Phase.CANCELLING, "the robot may be driving to a goal that was not written"
+    assert again.mission.state.goal is not None
 
     stored = StoredMission(tmp_path, RULES, resume, 60.0)  # with space again, the next snapshot makes up for it
     journal, mission = MissionJournal(stored.journal), stored.mission
-    take(Command(4.0, Verb.PAUSE))
-    take(Command(5.0, Verb.RESUME))
+    take(Command(4.0, Verb.PAUSE, who=RESTART))
+    take(GoalFailed(5.0, mission.state.goal.goal_id, "cancelled"), Moved(6.0, 0.0, 0.0), Moved(30.0, 0.0, 0.0))
+    assert mission.state.phase is Phase.PAUSED
+    take(Command(31.0, Verb.RESUME))
     stored.journal.close()
     assert start(tmp_path, resume).resumes
 

@@ -8,10 +8,11 @@ from typing import Any, Protocol
 
 from soilmoist_ros.exploration.mission.events import Command, Event, Moved, RecordArrived, Tick
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.state import replace, shown
+from soilmoist_ros.exploration.mission.state import Goal, MissionState, Todo, replace, shown
 from soilmoist_ros.exploration.mission.stored import event_from_dict, event_to_dict, state_from_json, visit_to_dict
-from soilmoist_ros.exploration.mission.types import MissionRules, Verb
+from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing.records import CountRecord
 
 EVENT = "event"
@@ -58,12 +59,14 @@ class MissionJournal:
 
     def __init__(self, journal: Journal | None) -> None:
         self._journal = journal
-        self._pending = False
+        self._pending = self._doubtful = False
         self._kept: tuple[object, ...] = ()
         self.problem = ""
 
     def note(self, mission: Mission, event: Event) -> None:
         """Write an event down before the mission takes it in; a tick only if something is due."""
+        if self._doubtful:
+            self._write(mission)
         if isinstance(event, Command) and event.verb is Verb.START and not mission.state.under_way:
             self._turn_over(mission)
         due_s = mission.next_deadline_s if isinstance(event, Tick) else event.now_s
@@ -102,13 +105,19 @@ class MissionJournal:
         The number of records at a stop alone is not worth it: they are replayed.
         """
         worth = shown(replace(mission.state, counting=None))
-        if self._journal is None or worth == self._kept:
-            return
+        if self._journal is not None and worth != self._kept and self._write(mission):
+            self._kept = worth
+
+    def _write(self, mission: Mission) -> bool:
+        """Write the state down; whether the disk has taken it."""
+        assert self._journal is not None
         try:
             self._journal.snapshot(mission.snapshot())
-            self._kept, self._pending = worth, False
         except OSError as error:
             self._fail(error)
+            return False
+        self._pending = self._doubtful = False
+        return True
 
     def _turn_over(self, mission: Mission) -> None:
         """Begin anew with a new mission, so that the journal of a season stays small."""
@@ -132,18 +141,22 @@ class MissionJournal:
             _log.error("the mission goes on, but is not written down any more: %s", error)
         if self._journal is not None:
             self._journal.doubt()  # a pause may be missing: after a crash only people may resume
+            self._doubtful = True
         self._kept = ()
         self.problem = f"the mission is not written down: {error.strerror or error}"
 
 
 def interrupted_mission(
-    rules: MissionRules, snapshot: str | None, events: Iterable[Mapping[str, Any]]
+    rules: MissionRules, snapshot: str | None, events: Iterable[Mapping[str, Any]], complete: bool = True
 ) -> Mission | None:
     """The mission that was under way when its process ended.
+
+    After a journal with missing events nobody knows what the navigation does: a goal is taken to be open.
 
     :param rules: what governs the mission from now on
     :param snapshot: the last state written down, if any
     :param events: the events written down after it
+    :param complete: whether no event is missing
     :returns: the mission as it was, or ``None`` if none was under way
     :raises InputError: if something was not written by a mission
     """
@@ -151,7 +164,24 @@ def interrupted_mission(
     for event in events:
         if PROPERTY not in event:
             mission.step(event_from_dict(dict(event)))  # what it asks for has been done, or is too late
-    return mission if mission.state.under_way else None
+    if not mission.state.under_way:
+        return None
+    if not complete:
+        mission.state = _with_open_goal(mission.state)
+    return mission
+
+
+def _with_open_goal(state: MissionState) -> MissionState:
+    """A state in which the robot may be driving, so that it is stopped first."""
+    if state.goal is not None:
+        return state
+    stop = Stop("an unknown stop", *(state.position or (0.0, 0.0)))
+    goal = Goal(state.goals + 1, stop, deadline_s=state.now_s or 0.0)
+    state = replace(state, goal=goal, goals=goal.goal_id)
+    if state.phase is Phase.PAUSED:
+        goal = replace(goal, cancelled_s=state.now_s or 0.0, requests=1)
+        state = replace(state, goal=goal, phase=Phase.CANCELLING, todo=Todo.PAUSE)
+    return state
 
 
 def interrupted_records(

@@ -132,7 +132,7 @@ class PlannerProcess:
             executor=self._later,
             clock=MissionClock(self.now_s, lambda: world.time_s, "this computer"),
         )
-        mission = interrupted_mission(rules, snapshot, events)
+        mission = interrupted_mission(rules, snapshot, events, complete)
         if mission is not None:
             self.control.take_up(mission, auto=complete)
         self.control.use_graph(case.ground.graph)
