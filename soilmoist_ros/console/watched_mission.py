@@ -16,6 +16,7 @@ from soilmoist_ros.console.plan.survey_files import SurveyFiles
 from soilmoist_ros.console.robot_history import RobotHistory
 from soilmoist_ros.console.server import ConsoleServer
 from soilmoist_ros.console.views import PLACE_DIGITS, field_view, mission_view, sample_views, visit_view
+from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.map_cells import map_cells
@@ -98,7 +99,8 @@ class WatchedMission:
             names = [self._robots[visit.robot - 1] for visit in moment.visits]
             views = (visit_view(visit, name) for visit, name in zip(moment.visits, names, strict=True))
             self._board.put("visits", tuple(views))
-        if len(moment.samples) != self._samples and time.monotonic() >= self._map_s:
+        ended = all(one.status.phase is Phase.FINISHED for one in moment.robots)
+        if ended or (len(moment.samples) != self._samples and time.monotonic() >= self._map_s):
             self.show_map(moment)
         return not self.stopped
 

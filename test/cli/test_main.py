@@ -463,7 +463,8 @@ def test_results_are_not_replaced_without_a_word(tmp_path):
     """The refusal comes before the work, and --overwrite replaces results of this package only."""
     (tmp_path / "summary.json").write_text('{"software": "soilmoist_ros", "title": "Mine"}')
     (tmp_path / "bag").mkdir()
-    log = tmp_path / "nothing.log"
+    log = tmp_path / "a.log"
+    log.write_text("x")
     for command in (["map", log], ["replay", log], ["simulate", "--field", "patches"], ["campaign", "paper"]):
         result = run(*command, "--out", tmp_path)
         assert result.exit_code == 2
