@@ -392,7 +392,7 @@ def test_what_is_missing_is_said_before_anything_is_computed(campaign, tmp_path,
     with pytest.raises(InputError, match="cannot be -1"):
         run_campaign(campaign, tmp_path, counted, workers=-1)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"pip install 'pandas>=2\.2' 'pyarrow>=14'"):
+    with pytest.raises(InputError, match=r"pip install 'soilmoist_ros\[campaign\]'"):
         run_campaign(campaign, tmp_path, counted, workers=0)
     assert not counted.calls
 
