@@ -62,7 +62,7 @@ def test_an_absent_module_of_an_extra_is_an_error_with_a_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "rasterio", None)
     assert not is_installed("numpy", "rasterio")
     with pytest.raises(InputError, match=r"rasterio is not installed -> pip install 'soilmoist_ros\[reports\]'"):
-        optional_module("rasterio.warp")
+        optional_module("rasterio")
 
 
 def test_a_module_of_no_extra_is_a_fault_of_the_installation():
