@@ -23,6 +23,8 @@ from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.recording.whole_file import write_whole
 
 BAG = "bag"
+BAG_FILES = (".mcap", ".db3", ".bag")
+"""Endings of files with messages: of ROS 2, and of ROS 1."""
 SUMMARY = "summary.json"
 """All figures of a run that was mapped, for programs."""
 CONFIGURATION = "configuration"

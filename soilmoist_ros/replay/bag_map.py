@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
-from soilmoist_ros.recording.bag.reader import BAG_FILES, BagReader, bags_of
+from soilmoist_ros.recording.bag.reader import BagReader, bags_of
 from soilmoist_ros.recording.bag.storage import recorder_notes
-from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters
+from soilmoist_ros.recording.run_folder import BAG_FILES, bag_of, configuration_of, read_parameters
 from soilmoist_ros.replay.bag_lines import logger_topic
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
 from soilmoist_ros.replay.log_map import loss_rows, read_reference, reference_error, with_reference

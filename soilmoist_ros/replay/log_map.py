@@ -28,8 +28,7 @@ from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
-from soilmoist_ros.recording.bag.reader import BAG_FILES, BagReader
-from soilmoist_ros.replay.bag_lines import fix_topic, logger_topic, read_fixes, text_lines
+from soilmoist_ros.recording.run_folder import BAG_FILES
 from soilmoist_ros.replay.file_facts import far_from_site
 from soilmoist_ros.reporting.earlier.earlier_runs import (
     EarlierRun,
@@ -315,6 +314,10 @@ def read_logs(
     for index, path in enumerate(paths):
         progress("reading logs", index / len(paths))
         if path.suffix in BAG_FILES:
+            # logs of a logger are read without the extra with recordings
+            from soilmoist_ros.recording.bag.reader import BagReader
+            from soilmoist_ros.replay.bag_lines import logger_topic, text_lines
+
             with BagReader(path) as reader:
                 lines = text_lines(reader, logger_topic(reader, topic))
             form = form or format_of_lines(lines, path)
@@ -372,6 +375,9 @@ def read_track(
         fixes += found
         problems += faults
     for path in (one for one in others if one.suffix in BAG_FILES):
+        from soilmoist_ros.recording.bag.reader import BagReader
+        from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes
+
         with BagReader(path) as reader:
             if name := fix_topic(reader, topic):
                 found, faults = read_fixes(reader, name)

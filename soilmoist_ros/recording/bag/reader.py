@@ -22,12 +22,11 @@ from soilmoist_ros.recording.mcap.chunks import TooMuchError
 from soilmoist_ros.recording.mcap.definitions import Definition
 from soilmoist_ros.recording.mcap.metadata import Extent, Qos, joined
 from soilmoist_ros.recording.ros1.bag_file import Message
+from soilmoist_ros.recording.run_folder import BAG_FILES
 from soilmoist_ros.sensing.records import CountRecord
 
 VISIT = "soilmoist_msgs/msg/Visit"
 """Type of the topic ``visits``."""
-BAG_FILES = (".mcap", ".db3", ".bag")
-"""Endings of files with messages: of ROS 2, and of ROS 1."""
 GIVE: Final = "give the folder of a bag, or an MCAP, db3 or ROS 1 .bag file"
 
 
