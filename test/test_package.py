@@ -71,6 +71,9 @@ def test_package_xml_says_what_setup_py_says():
         root.findtext("name"), root.findtext("version"), root.findtext("license"), maintainer.get("email")
     ]  # fmt: skip
     assert soilmoist_ros.__version__ == root.findtext("version")
+    changes = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
+    released = re.findall(r"^(\d+\.\d+\.\d+) \((\d{4}-\d{2}-\d{2})\)\n-{18,}$", changes, re.MULTILINE)
+    assert released[0][0] == soilmoist_ros.__version__
     # For a bad address colcon silently treats the package as one without ROS.
     assert "@" in maintainer.get("email")
     assert "." in maintainer.get("email").split("@")[1]
