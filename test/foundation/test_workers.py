@@ -30,7 +30,7 @@ def test_a_cluster_that_is_not_there(monkeypatch):
     with pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
         connect("tcp://127.0.0.1:9", timeout_s=0.3)
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match="pip install 'distributed>="):
+    with pytest.raises(InputError, match=r"pip install 'soilmoist_ros\[campaign\]'"):
         connect("tcp://127.0.0.1:9")
 
 
