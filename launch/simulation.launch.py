@@ -19,9 +19,9 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from soilmoist_ros.console.invitation import PORT
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.system.demo_configuration import (
-    CONSOLE_PORT,
     DemoSettings,
     node_name,
     shared_mapper,
@@ -135,7 +135,7 @@ def team(
         given("scenario"),
         flag("autostart"),
         flag("exit_when_finished"),
-        console_port=CONSOLE_PORT if flag("console") else 0,
+        console_port=PORT if flag("console") else 0,
     )
     files = write_configuration(settings, field, out)
     robots = robot_namespaces(mission.robots)

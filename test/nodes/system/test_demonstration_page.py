@@ -115,7 +115,7 @@ def test_a_demonstration_from_plan_to_download(tmp_path, browser):
     out = tmp_path / "runs" / "run"
     command = [sys.executable, "-m", "soilmoist_ros.cli.main", "demo", "--no-autostart", "--strategy", "ivr"]
     with Terminal([*command, "--hours", "4", "--time-factor", "30", "--out", str(out)]) as demo:
-        port = int(demo.wait_for(r"console: http://127\.0\.0\.1:(\d+)/")[1])
+        port = int(demo.wait_for(r"console +http://127\.0\.0\.1:(\d+)/")[1])
         with Link(port) as link:
             ada, bo = Seen(browser, link.port, PHONE, "Ada"), Seen(browser, port, DESK, "Bo")
             viewers = [Seen(browser, port) for _ in range(VIEWERS)]

@@ -34,7 +34,7 @@ def simulate(settings, progress=None):
 
 def deadly(settings, progress=None):
     mark = Path(os.environ["MARK"])
-    if settings.seed == 5 and not mark.exists():
+    if settings.seed == 29 and not mark.exists():
         mark.touch()
         os.kill(os.getpid(), 9)
     return simulate(settings, progress)
