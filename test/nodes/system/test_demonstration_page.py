@@ -211,9 +211,9 @@ def go_home(ada):
     slide(ada.page, "Slide to drive home and end")
     ada.shows("notice", "there is no home: set one")
     ada.page.get_by_text("Change the mission").click()
-    ada.page.locator("#set-home").fill("r01c01")
+    ada.page.locator("#set-home").fill("r04c05")
     ada.page.get_by_role("button", name="Change", exact=True).click()
-    ada.shows("last-command", "home r01c01")
+    ada.shows("last-command", "home r04c05")
     slide(ada.page, "Slide to drive home and end")
 
 
