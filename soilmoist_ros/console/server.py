@@ -167,7 +167,19 @@ class ConsoleServer:
         for viewer in tuple(self._viewers):
             await viewer.close(code=1001, message=b"the console ends")
         if self._runner is not None:
+            server = self._runner.server
+
+            def connected() -> list[Any]:
+                return [] if server is None else [each.transport for each in server.connections]
+
+            transports = connected()
             await self._runner.cleanup()
+            # Left are connections whose peers read nothing, and those that arrived during the clean-up.
+            await asyncio.sleep(0)
+            for transport in (*transports, *connected()):
+                if transport is not None:
+                    transport.abort()
+            await asyncio.sleep(0)
 
     # Guard ---------------------------------------------------------------------------------------------------
 

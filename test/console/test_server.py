@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
+import socket as sockets
 import time
 import urllib.error
 import urllib.request
+import warnings
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -281,3 +284,22 @@ def test_a_background_that_cannot_be_made_is_said(tmp_path):
         assert served.get("/background.jpg")[0] == 404
     finally:
         served.server.close()
+
+
+@pytest.mark.slow
+def test_a_viewer_that_reads_nothing_is_disconnected_at_the_end(tmp_path):
+    served = Served(Access(), tmp_path)
+    with sockets.socket() as viewer:
+        viewer.setsockopt(sockets.SOL_SOCKET, sockets.SO_RCVBUF, 4096)
+        viewer.settimeout(20)
+        viewer.connect(("127.0.0.1", served.port))
+        page = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\n\r\n".encode()
+        viewer.sendall(page * 1000)
+        viewer.recv(1)
+        time.sleep(0.5)  # until the server waits for the viewer
+        with warnings.catch_warnings(record=True) as left:
+            warnings.simplefilter("always", ResourceWarning)
+            served.server.close()
+            del served
+            gc.collect()
+        assert [str(warning.message) for warning in left if warning.category is ResourceWarning] == []
