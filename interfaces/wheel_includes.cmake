@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 # The wheels of ROS 2 name the Python headers of the machine that built them (/opt/python/...), which do not exist here; CMake refuses targets
 # with include folders that are not there. Loaded by -DCMAKE_PROJECT_INCLUDE; runs when all packages have been found.
 function(drop_builders_python_headers)

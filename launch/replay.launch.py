@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Show a recorded survey in the viewers: play the bag's records to a mapper, and its plans to the displays.
 
     ros2 launch soilmoist_ros replay.launch.py bag:=recordings/NAME field:=my_field.yaml site:=my_site.yaml

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A survey in simulation: the nodes of robot.launch.py with a simulated robot, sensor and clock.
 
     ros2 launch soilmoist_ros simulation.launch.py field:=synthetic-high hours:=1

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``counts``: corrected, geo-tagged records as a sensor_msgs/PointCloud2, one point per record.
 
 ``quarantined_counts`` has the bad ones, with the number of the reason in the field ``reason``:

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Fixes to NavSatFix, and weather <-> FluidPressure, Temperature and RelativeHumidity of sensor_msgs."""
 
 from __future__ import annotations

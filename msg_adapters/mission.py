@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``mission``: the mission's status as a diagnostic_msgs/DiagnosticStatus, for operators and displays."""
 
 from __future__ import annotations

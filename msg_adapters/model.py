@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``model``: variogram and drift of the map as JSON in a std_msgs/String, which saves the planner a fit."""
 
 from __future__ import annotations

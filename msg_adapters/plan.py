@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``plan`` as a nav_msgs/Path and ``plan_markers`` as a MarkerArray: the stops ahead, the next one first."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Lines of the devices <-> std_msgs/String, so that a replay can start from the bytes."""
 
 from __future__ import annotations

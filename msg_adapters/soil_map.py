@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``soil_map`` and ``change``: organised PointCloud2; ``uncertainty``: the map's uncertainty as an OccupancyGrid.
 
 All have the rows and columns of the field's grid: rows from south to north, columns from west to east.

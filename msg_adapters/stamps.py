@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Seconds since 1970 UTC <-> builtin_interfaces/Time."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """tf2_msgs/TFMessage to transforms of the core; the robot's pose as a geometry_msgs/PoseWithCovarianceStamped.
 
 The module does not import tf2_msgs, which a machine without the package of apt may lack.

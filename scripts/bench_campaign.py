@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Campaigns on a Dask cluster: missions per CPU second of the workers, overhead of a mission, and memory.
 
 usage: .venv/bin/python scripts/bench_campaign.py [--missions 1000] [--trivial 10000] [--quick]

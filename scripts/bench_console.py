@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Cost of the operator's page: bytes and time until the first map on a slow link, CPU and memory of its node.
 
 A demonstration runs; Chromium (apt-get install chromium) looks on. The link has 1 Mbit/s and a latency of 100 ms.

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Predictions at left-out places of a public roving survey: kriging with covariates against the random forest.
 
 The data are the example of soil-moisture-prediction (see ``smp_forest.py``): 99 places of two days in 1.5 km by

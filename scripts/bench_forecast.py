@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """How well the forecasts of a mission's standard deviation hold, over many simulated missions.
 
 usage: .venv/bin/python scripts/bench_forecast.py [--seeds 3] [--cell 2] [--strategy gcb] [--preset recommended]

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """How the cost of a map grows with the samples and the cells: time, peak memory, exponents.
 
     scripts/bench_growth.py [--workers 2] [--scheduler tcp://host:8786] [--most-samples N] [--most-cells N]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What earlier surveys and covariates are worth: errors of maps with them, divided by those of maps without.
 
 Random fields of 60 m x 50 m with a mean rate of 3 counts/s, of which a part persists from survey to survey.

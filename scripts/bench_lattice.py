@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Strategies against the best lattice that hindsight chooses, with paired seeds.
 
 usage: .venv/bin/python scripts/bench_lattice.py [--fields rough validation FILE.yaml] [--seeds 20] [--cell 2]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Time of kriging a raster: mean and variance of 70,000 cells, with this package and four others.
 
 All packages use equal samples, equal fixed covariance parameters and one BLAS thread; nothing is fitted. The noise

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Time of maps on line: mean and variance of 70,000 cells after each of 300 records, compared with libKriging.
 
 Every record begins a new sample. This package updates the previous map (RasterKriging). libKriging, the fastest of

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Benchmark of recording: speed, size and safety.
 
 * messages/s without loss, for small and large messages

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Cost of the nodes on this machine: delay from record to map, start-up time, CPU and memory.
 
 * time from a published record to the map with it, on 3,000 and on 70,000 cells

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Processor time of simulated missions and of planning decisions, on one thread.
 
 usage: .venv/bin/python scripts/bench_simulation.py [--out bench] [--repeats 5] [--quick]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Time of fitting a variogram to samples at random places, on one thread, in milliseconds of processor time.
 
 * restricted maximum likelihood (REML) with one range for all directions

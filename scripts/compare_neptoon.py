@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The part of scripts/compare_programs.py that runs with neptoon, in an environment that has it.
 
 Reads record, cores and settings as JSON from the standard input, and prints what neptoon computes as JSON.

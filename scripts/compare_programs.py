@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Runs crnpy and neptoon on the public record of the station in Kansas, and compares them with this package.
 
 usage: .venv/bin/python scripts/compare_programs.py NEPTOON_PYTHON

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """How good the tests of counts are: false alarms in days of good records, and maps with faults against clean ones.
 
 ``python scripts/count_checks.py alarms --days 10``: false alarms in a day of good records, for several sensors.

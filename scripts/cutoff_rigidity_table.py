@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Computes soilmoist_ros/sensing/corrections/cutoff_rigidity.csv by tracing cosmic rays through the earth's field.
 
 usage: scripts/cutoff_rigidity_table.py IGRF.shc OUT.csv [--epoch 2020] [--degree 10] [--places FILE]

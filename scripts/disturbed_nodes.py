@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Faults of a rehearsal put into effect on real nodes, people who answer, and the judgement afterwards."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Makes what the site shows and what takes minutes: the runs of the gallery, and the tutorials with their outputs.
 
 usage: .venv/bin/python scripts/docs_runs.py DIR [NOTEBOOK...]

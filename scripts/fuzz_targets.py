@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Readers of bytes that may come from anywhere, with real files to begin from, and a simple mutator.
 
 A reader may refuse its input by an error of the package, or by ``ValueError`` where its documentation says so.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Simulates how good a map becomes in an hour, by the size of the field and by how fast the soil changes.
 
 usage: .venv/bin/python scripts/hours_needed.py [SEEDS]

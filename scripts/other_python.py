@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Run a script of this folder in the environment of another tool: JSON in, JSON out."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The real nodes on a simulated field, with faults of every kind, watched by the judge of the rehearsals.
 
 The robot's computer is made unreliable by a library that its processes preload (scripts/unreliable.c): its clock

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The files of a rehearsal, written by the real journal and the real logs."""
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Way-points of SGP-Tools' continuous planner, the reference from the literature in ``bench_lattice.py``.
 
 SGP-Tools (Jakkala and Akella, https://pypi.org/project/sgptools) places way-points as the inducing points of a

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Makes pages of the site that are no files in docs/: called by mkdocs (hooks in mkdocs.yml) in scripts/docs.
 
 * Links of a page to a file outside docs/ lead to a page made of this file, such as CONTRIBUTING.md.

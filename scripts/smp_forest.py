@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Random forest of soil-moisture-prediction, the tool of the field, in ``bench_covariates.py``.
 
 soil-moisture-prediction (UFZ, https://pypi.org/project/soil-moisture-prediction) maps roving surveys by a random

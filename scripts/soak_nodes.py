@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The real nodes for a simulated day, sampled all the time: what must not grow, and what must not be lost."""
 
 from __future__ import annotations

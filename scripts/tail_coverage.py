@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Measures how often the true moisture lies below ``vwc_p05`` and above ``vwc_p95``: 5 % each would be exact.
 
 usage: .venv/bin/python scripts/tail_coverage.py [--seeds 20] [--fields rough patches] [--samples 40]

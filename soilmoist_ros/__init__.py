@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Map soil moisture with a cosmic-ray neutron sensor on a robot: sense, map, explore, record.
 
 The folders follow the data: ``sensing`` turns logger bytes into corrected, geo-tagged counts, ``mapping`` turns

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A robot installs every import of the product: package.xml by rosdep, requirements-robot.txt by pip."""
 
 from __future__ import annotations

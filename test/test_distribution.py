@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The source distribution and the wheel, in a clean environment with the light core only."""
 
 from __future__ import annotations

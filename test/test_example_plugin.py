@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The example package of the documentation, installed by pip and used through the real ``soilmoist`` command."""
 
 import csv

@@ -1,7 +1,10 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Rules of the house beyond imports: a public API for each folder, a test for each file, the vocabulary."""
 
 import importlib
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -12,8 +15,11 @@ CORE = (
 )  # fmt: skip
 MAX_NAMES = 12
 """Highest number of names in the public API of a folder."""
-LONG = 100
-"""Number of lines from which a file must have tests."""
+LONG = 102
+"""Number of lines from which a file must have tests; two of them are its licence."""
+LICENCE = (b"SPDX-FileCopyrightText: ", b"SPDX-License-Identifier: ")
+CODE = (".py", ".js", ".css", ".cmake")
+"""Endings of source files; those that begin with ``#!`` are, too."""
 AVOIDED = re.compile(r"\b(beside|errands?)\b", re.IGNORECASE)
 LIMITS = re.compile(r"\b_?(MOST|FEWEST|LEAST|LONGEST|SHORTEST)_[A-Z]")
 
@@ -60,6 +66,22 @@ def test_long_files_have_their_tests():
         if not own.is_file() and not any(name in each.read_text() for name in names for each in neighbours):
             missing.append(str(inside))
     assert missing == []
+
+
+def test_every_source_file_says_whose_it_is_and_under_which_licence():
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    missing = []
+    for name in listed.split("\0"):
+        path = ROOT / name
+        if not path.is_file():
+            continue
+        with path.open("rb") as file:
+            first = file.read(300)
+        if first and (path.suffix in CODE or path.name == "CMakeLists.txt" or first.startswith(b"#!")):
+            lines = first.splitlines()[:3]
+            said = [word for word in LICENCE if any(word in line for line in lines)]
+            missing += [name] if len(said) < len(LICENCE) else []
+    assert missing == [], f"begin with the same two lines as {Path(__file__).name}"
 
 
 def test_words_of_the_vocabulary():

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The site of the documentation: builds without warnings, and finds what is wrong."""
 
 import importlib.util

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Files that cannot be run here: workflows, container, citation, hooks. They name what is there."""
 
 import json

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // Browsers start no workers for pages that were opened from a folder. There the search runs in a hidden frame,
 // which looks like a worker to the page, and the page like the owner of a worker to the search.
 class FrameWorker extends EventTarget {

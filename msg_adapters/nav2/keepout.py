@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``OccupancyGrid`` and ``CostmapFilterInfo`` of a keep-out mask, as Nav2's keep-out filter reads them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``planner/command``: an operator's request and its reply as a soilmoist_msgs/Command."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``map_summary``: the map in a few numbers, as a soilmoist_msgs/MapSummary."""
 
 from __future__ import annotations

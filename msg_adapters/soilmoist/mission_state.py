@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``mission_state``: the status of the mission as a soilmoist_msgs/Mission, as numbers and codes to plot."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``visits``: each visit as a soilmoist_msgs/Visit."""
 
 from __future__ import annotations

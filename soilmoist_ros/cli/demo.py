@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``soilmoist demo``: the whole ROS system on a simulated field."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The ``soilmoist`` command.
 
 Each subcommand is in the file of its name and is loaded on use, which keeps ``--help`` fast.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``soilmoist watch``: the live view of a running survey in a terminal."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The operator's console: a web page that shows a survey while it runs, and steers the robots. Without ROS."""
 
 from __future__ import annotations

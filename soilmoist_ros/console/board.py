@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What the console knows now, in sections; each viewer receives the sections that have changed."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """One holder of the controls: the others look on, see who it is, and may take over."""
 
 from __future__ import annotations

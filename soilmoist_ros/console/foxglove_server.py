@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A WebSocket server for the viewer Foxglove, which passes ROS messages on as they are, and takes none."""
 
 from __future__ import annotations

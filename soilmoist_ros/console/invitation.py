@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """How a browser gets to the page: a free port, an address with a token, as text and as a QR code."""
 
 from __future__ import annotations

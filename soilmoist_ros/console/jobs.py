@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Long work for the page, in processes of low priority, one after the other."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What a page asks for: JSON from the network, as requests of operators."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What a viewer who comes late wants to see of a robot: its way, and how the count at this stop has grown."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What the page may do with the runs on this computer: list, read, have reports, exports, comparisons made."""
 
 from __future__ import annotations

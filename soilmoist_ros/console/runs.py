@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The runs on this computer: what is known of each, and the files that may be taken home."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Serves the console: the page, the pictures of the map, what has changed, and the way for commands."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What viewers see of a field, a mission, a visit, and of health: values that JSON can express."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The page of a simulated mission: it shows how the map grows, and steers nothing."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Map, travel graph and clock to the next stop and the time to count there.
 
 A :class:`Mission` is a pure state machine that :class:`MissionControl` runs on a robot and the simulator on its

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Errors with a remedy, configuration files, geodesy and health; imports no other folder of the package."""
 
 from __future__ import annotations

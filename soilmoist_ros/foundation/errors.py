@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Exceptions of the core: each states the mistake, its place and the remedy."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Positions inside a field: a tangent plane (east, north, in metres) about a fixed datum.
 
 The plane is the ellipsoidal orthographic projection (EPSG method 9840). For points on the ellipsoid, it *is* the

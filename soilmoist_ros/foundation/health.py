@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Health of the parts of the system: reported by the core, shown by the diagnostic tools of ROS."""
 
 from __future__ import annotations

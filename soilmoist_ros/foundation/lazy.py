@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Modules that are imported on first use: ``import soilmoist_ros.sensing`` is light, and extras may be missing."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Places in words: coordinates, distance and direction, and the nearest town of an offline gazetteer."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Turn and shift between two planes in metres, such as the plane of a field and the map frame of a navigation."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Objects chosen by name, from this package and from the entry points of installed packages."""
 
 from __future__ import annotations

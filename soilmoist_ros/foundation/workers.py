@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Distribute work to local processes, each with one thread of linear algebra, or to a Dask cluster."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Counts to samples, variogram and Poisson kriging: a map of rate and soil moisture with its uncertainty.
 
 A :class:`FieldMap` takes records or samples and makes a :class:`SoilMap` of them; the others are its parts.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Compares counts with what the map expects: one record that does not fit is held back until another confirms it.
 
 A fault of the sensor and a wet hollow can look alike in one record. The next record at the same place decides:

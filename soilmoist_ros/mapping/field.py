@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The field file: where the field lies, its boundary, and what inside it must not be entered."""
 
 from __future__ import annotations

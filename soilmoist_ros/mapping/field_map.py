@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The map of a field that grows: records or samples go in, and any state of them has its map."""
 
 from __future__ import annotations

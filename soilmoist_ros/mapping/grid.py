@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The grid of a field: square cells, and which of them lie inside the field's polygon."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A map as one array of cells, as viewers want it: places and bands of each cell, rows from south to north."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Maps computed in a thread while records arrive: always of the newest state, one at a time."""
 
 from __future__ import annotations

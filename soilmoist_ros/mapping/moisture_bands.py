@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """From the kriged rate to soil moisture with an interval, kept to what the soil can hold.
 
 The moisture curve is monotone, so quantiles of the rate become quantiles of the moisture: an interval that is

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Whether records lie in the field of a map, how far away they are if not, and why that may be."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Which records can be part of a map, and why the others are left out."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The soil map: rate and soil moisture with their uncertainty over a field, and what they came from."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The rclpy nodes. They declare parameters, convert messages, and call the core, which does the work."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Serves the operator's page: shows the survey while it runs, and passes commands to the planners."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Simulates robots, navigation, neutron loggers and GNSS receivers."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Merges records to samples, fits the variogram, and maps rate and moisture with their uncertainty."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Runs the mission. This node only passes messages in and out; the core makes the decisions."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Writes every topic to a bag that survives a crash, with the parameters of the nodes and the files they name."""
 
 from __future__ import annotations

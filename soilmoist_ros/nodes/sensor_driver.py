@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Converts lines of the neutron logger and the GNSS receiver to corrected, geo-tagged records."""
 
 from __future__ import annotations

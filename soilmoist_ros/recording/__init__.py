@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Runs on disk: bags in the rosbag2 layout that survive a crash, the mission's journal, and the folder of a run.
 
 >>> from pathlib import Path

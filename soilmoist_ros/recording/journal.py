@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The mission's journal: each event is on the disk before the robot acts on it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Lines of a journal: JSON with a checksum, so that a cut is detected and a flipped bit is repaired."""
 
 from __future__ import annotations

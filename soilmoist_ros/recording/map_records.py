@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Puts the records of several sources into one map: each once, wherever it comes from."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where the records of a map are stored on this computer, and which of them belong to the map."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A mark in a folder by which a process that starts recognises that the one before has crashed."""
 
 from __future__ import annotations

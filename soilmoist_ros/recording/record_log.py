@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Records on the disk before anybody receives them, so that a map survives the end of any process."""
 
 from __future__ import annotations

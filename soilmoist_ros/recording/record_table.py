@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Counted records as a CSV table with all digits, from which a map can be computed again."""
 
 from __future__ import annotations

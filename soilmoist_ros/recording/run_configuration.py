@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Stores the configuration of the nodes with a recording: their parameters, and copies of the files they name."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The folder of a run: the bag, and the parameters and configuration files of its nodes.
 
 ::

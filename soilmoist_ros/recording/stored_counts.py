@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Counted records of a bag in any condition: whole, interrupted, or still being written."""
 
 from __future__ import annotations

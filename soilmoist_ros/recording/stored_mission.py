@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The mission that a planner finds in its journal when it starts, and whether it goes on by itself."""
 
 from __future__ import annotations

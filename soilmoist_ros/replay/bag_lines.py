@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Raw lines of a logger, and positions, in bags of any recorder: ROS 1 or ROS 2, under any names of topics."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Maps a recorded run again: bit for bit with the robot's settings, or with other settings."""
 
 from __future__ import annotations

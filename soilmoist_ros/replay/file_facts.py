@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What field, site and log files mean, in words; doubts about them, and contradictions between them."""
 
 from __future__ import annotations

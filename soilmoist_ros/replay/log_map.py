@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The steps of ``soilmoist map``: logs -> counts -> samples -> variogram -> kriging -> report."""
 
 from __future__ import annotations

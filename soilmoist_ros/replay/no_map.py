@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A recorded run without a map: why, from its records, its mission and what its nodes reported."""
 
 from __future__ import annotations

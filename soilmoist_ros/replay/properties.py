@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The properties in a bag: each has the records of a sensor, and is mapped with its mapper's settings."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Raw lines of logger and receiver from a bag, corrected and placed like their log files."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where recorded places lie in the field that is mapped: a recording may have the datum of another field file."""
 
 from __future__ import annotations

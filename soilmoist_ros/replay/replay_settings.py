@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Choices of a replay, and the maps that they and the parameters of the run open."""
 
 from __future__ import annotations

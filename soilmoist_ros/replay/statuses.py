@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The statuses of a recorded mission, as the planner published them."""
 
 from __future__ import annotations

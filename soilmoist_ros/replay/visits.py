@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The visits of a recorded mission: from the topic ``visits``, or estimated from statuses in older bags."""
 
 from __future__ import annotations

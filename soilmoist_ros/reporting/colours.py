@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Colour maps, and rasters as PNG pictures, without a plotting library: a report is written in less time."""
 
 from __future__ import annotations

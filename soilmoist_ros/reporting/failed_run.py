@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A run that made no map: why, when, what was counted, and what to do."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A map that grows, opened from the files of a field and a site, and saved as an output folder."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Geometry of the outputs in local metres: the field's polygon and the robot's track."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Soil moisture over time, for records that all lie at one place, as those of a stationary probe."""
 
 from __future__ import annotations

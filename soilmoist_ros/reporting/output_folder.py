@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """An output folder before the work: whether it can be written, and which results a run would replace there."""
 
 from __future__ import annotations

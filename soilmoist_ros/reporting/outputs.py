@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Writes the output folder of a run: all files are replaced, or none."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Logger bytes and NMEA sentences to corrected, geo-tagged records of neutron counts.
 
 >>> from soilmoist_ros.sensing import load_site, process_logs, read_log

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A GNSS fix, and its error from the receiver's quality figures."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Data with a known truth: surrogate fields, simulated missions, and virtual robots, loggers and receivers."""
 
 from __future__ import annotations

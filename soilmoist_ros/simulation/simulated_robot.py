@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A robot of the simulated system: its motion, navigation, logger, GNSS receiver and further sensors."""
 
 from __future__ import annotations

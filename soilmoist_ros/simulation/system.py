@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The simulated system of a mission: a field with robots, each with navigation, logger and GNSS receiver."""
 
 from __future__ import annotations

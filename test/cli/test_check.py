@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``soilmoist check``: what files mean, mistakes in them, contradictions between them."""
 
 from __future__ import annotations

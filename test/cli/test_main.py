@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The command as a user runs it: map.py, simulate.py, replay.py, demo.py, calibrate.py, mission_options.py ...."""
 
 import json

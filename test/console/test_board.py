@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The sections of the console (board.py) as readers receive them."""
 
 from __future__ import annotations

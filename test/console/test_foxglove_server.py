@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The server for Foxglove, with clients that speak its protocol over a real connection."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The pages Plan and Results, and several operators, in a real browser; without robots."""
 
 from __future__ import annotations

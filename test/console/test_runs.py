@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The runs on a computer and what the page may do with them (runs.py, run_routes.py, jobs.py)."""
 
 from __future__ import annotations

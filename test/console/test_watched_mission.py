@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The page of a simulated mission (watched_mission.py) and the moments that it shows."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What holds whatever happens in whatever order: hypothesis plays operator, planner, navigation and sensor."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Things chosen by name: found, added by installed packages, refused with a reason."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Inputs that once broke a reader, and some changed ones; ``scripts/fuzz`` looks for more."""
 
 import importlib

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Makes the golden bags: tiny recordings, one per case, with the expected results of a replay.
 
 ``python test/golden/make_golden_bags.py`` writes the bags to the folder of this file. The code of the nodes makes

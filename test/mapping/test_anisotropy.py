@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Variograms whose range depends on the direction: the map, its likelihood, and when a fit believes in one."""
 
 import functools

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Records that do not lie in the field: refused with distance, direction and the likely cause."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The map's intervals hold what they promise, also while samples are few and lie along a way."""
 
 from itertools import product

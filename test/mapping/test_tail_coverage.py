@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Misses of the quantiles of the moisture on both sides, as ``scripts/tail_coverage.py`` counts them."""
 
 import importlib.util

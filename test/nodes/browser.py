@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A real browser for tests of the operator's page: Debian's Chromium, without window and internet."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A robot of one action: ``python goto_node_server.py`` serves topological_navigation until it is ended."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Stand-ins for the parts of ``launch`` and ``launch_ros`` that the launch files use; neither package has wheels.
 
 Each stand-in accepts the arguments of the real part, and refuses others.

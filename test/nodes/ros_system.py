@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A private ROS system for one test: a private domain on loopback, real processes, an observer."""
 
 from __future__ import annotations

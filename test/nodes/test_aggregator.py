@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The groups of diagnostic_aggregator: each name that the nodes publish belongs to one of them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The real nodes under faults: ``scripts/chaos``, ``scripts/soak --nodes``, and what their judge must find."""
 
 from __future__ import annotations

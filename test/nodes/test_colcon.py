@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``ros2 run`` after a build with colcon: finds the package by the index, and starts a file of the package."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Commands of an operator to a real planner (planner_commands.py): services, parameters, emergency stops."""
 
 import importlib

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The live view of the console for Foxglove, with viewers that speak its protocol (console_foxglove.py)."""
 
 from __future__ import annotations

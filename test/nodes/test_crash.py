@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Nodes killed at any moment: the measurements are on the disk, and the mission resumes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The DDS profile of tests, demos and simulations blocks all traffic from and to other machines."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Every failsafe with a real planner process: the fault comes as a message, or messages stay away.
 
 One planner goes through all of them, in the order of the tests; the last ones end its mission.

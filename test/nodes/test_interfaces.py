@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The ROS types below interfaces/, built next to the wheels of ROS 2."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Parameter files and documented tables agree with the tables of the nodes: planner.py, guard.py and others."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Missions with a real planner process (planner_inputs.py, planner_outputs.py), a virtual robot and navigation."""
 
 import math

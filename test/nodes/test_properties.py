@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A planner and two mappers: unmapped parts of a further property change the choice of stops."""
 
 import pytest

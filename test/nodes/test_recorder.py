@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The recorder as a process: published messages are in the bag even after faults of the process."""
 
 import signal

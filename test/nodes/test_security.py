@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The policy of SROS 2 names what nodes use and nothing else; none runs without the security asked for."""
 
 import importlib.util

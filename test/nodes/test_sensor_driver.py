@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The sensor driver as a real process, with devices that behave as in the field."""
 
 import contextlib

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The whole system: a simulated robot and its devices, driver, mapper, planner and recorder as processes."""
 
 from __future__ import annotations

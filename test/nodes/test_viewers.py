@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Layouts of the viewers, and the picture of the system: only what the nodes publish, in its types and fields."""
 
 from __future__ import annotations

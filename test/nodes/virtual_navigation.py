@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A small world for tests of the planner: a clock, a robot, fixes and counts, a mapper, and the navigation.
 
 The navigation serves the real action, with the quirks of the robot's server.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Bags for the tests; messages are made by rosbags, so that no ROS is needed."""
 
 from dataclasses import dataclass, field

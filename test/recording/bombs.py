@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Small files that claim to be large, or unpack to it; each is made by hand, for no writer makes them."""
 
 import struct

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The journal survives every cut and flipped bit: journal.py and journal_lines.py."""
 
 import errno

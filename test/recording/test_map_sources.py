@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The map after any sequence of kills equals the map of everything that was published.
 
 Tests map_sources.py, map_records.py and record_log.py with real files, without processes.

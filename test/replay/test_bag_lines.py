@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Lines of a logger and positions in bags of ROS 1, under names of a stranger's choice."""
 
 from __future__ import annotations

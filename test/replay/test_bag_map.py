@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Bags, mapped again: bag_map.py, replay_settings.py, mission.py, comparison.py, raw.py, statuses.py,
 topics.py."""
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Bags with several properties: a golden bag with its counts on two topics."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A recording has the datum of its own field file, whatever field is mapped: recorded_place.py."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Runs of several robots that share a mapper: a golden bag with its records on the topics of two robots."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A run without a map: failed_run.py, failed_outputs.py and failed.py of the page."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A map that grows, from files to an output folder: field_survey.py, map_run.py and run.py."""
 
 import json

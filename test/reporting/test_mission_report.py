@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Outputs of a mission: mission_report.py, and mission_section.py of the page."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A stationary probe end to end: the public record of a station in Kansas, and its moisture over time."""
 
 import csv

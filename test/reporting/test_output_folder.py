@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What an output folder has before the work, and what may be replaced there."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Several properties in the outputs: files of each property, and layers of each in the report."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The stop that is farthest from all places measured so far: it fills the field evenly, whatever the map says."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """An export: places and rates of the samples as plain text, one line each."""
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The answer of a command: lines for people, or one JSON object with ``--json``; errors and exit codes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Progress of the commands: a bar on a terminal, otherwise plain lines."""
 
 from __future__ import annotations

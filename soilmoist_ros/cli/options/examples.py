@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Examples at the end of each ``--help``; a test parses them all."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Options on what is known of the field already: earlier surveys, covariates, a reference sensor."""
 
 from __future__ import annotations

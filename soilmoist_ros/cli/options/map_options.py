@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Options of a map that ``map`` and ``replay`` share, declared once."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Options of ``simulate`` and ``demo``, derived from the declared settings of a mission."""
 
 from __future__ import annotations

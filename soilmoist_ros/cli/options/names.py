@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Values of options that have names: fields, sites, loggers, strategies ... The shell completes them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The output folder of a command: ``--out``, ``--overwrite``, and the question before results are replaced."""
 
 from __future__ import annotations

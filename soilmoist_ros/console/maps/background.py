@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The background of the map: an orthophoto, or tiles of a web map, as one picture in the plane of the field.
 
 Run as a module, it reads ``{"source", "datum", "boundary"}`` as JSON, and prints picture and extent, or

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The map as pictures, one pixel a cell, and its values at a place."""
 
 from __future__ import annotations

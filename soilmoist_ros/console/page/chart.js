@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // The error of the map against time, as an SVG of 360 x 200.
 
 import { duration } from "./widgets.js";

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // Is everything ready? Each check has a level, what was heard, and what to do.
 
 import { clockOffS, nowS, sections } from "./link.js";

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // The connection to the console: sections that stay up to date, commands, and the emergency stop.
 
 export const sections = {};

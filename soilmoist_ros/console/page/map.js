@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // The map: a picture of the server in metres of the field, and what is drawn over it.
 
 import { sections } from "./link.js";

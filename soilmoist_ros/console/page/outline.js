@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // The field that is planned for: drawn on the map, read from a file, walked with the robot, or chosen from the saved ones.
 
 import { request, sections } from "./link.js";

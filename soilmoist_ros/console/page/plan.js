@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // Plan: is everything ready, what is known before, and what will a mission of some hours bring?
 
 import { request, sections, who } from "./link.js";

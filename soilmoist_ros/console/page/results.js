@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // Results: the surveys on the robot's computer, their reports and files, and two of them compared.
 
 import { request, sections } from "./link.js";

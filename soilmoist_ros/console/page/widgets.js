@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // Small parts of the page.
 
 export const $ = (id) => document.getElementById(id);

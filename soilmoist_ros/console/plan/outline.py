@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The outline of a field from a file of strangers: GeoJSON, KML, KMZ, or a shapefile in a zip."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What the page *Plan* asks for: forecasts, fields, walks, and what may be chosen for the next mission."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Files on this computer that a page may choose for the next mission, by their names: fields, runs, covariates."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A boundary from a walk with the robot: its places from start to stop, and the ring that they enclose."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Work for the page *Plan*, done in a process of its own: fields, travel maps, outlines, walks, forecasts.
 
 Reads a JSON object from its input and prints one: the answer, or ``{"error": ...}``.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """From the map and the robot's place to the next stop: prepares the situation and asks the strategy."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Mission time: it runs evenly, whatever is done to the clock of the computer."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Runs a mission on a real robot: what comes in goes to the mission, what it asks for is carried out.
 
 No ROS in here: the node passes messages in and out, and tests do the same without any.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """From a field, a travel graph and settings to all that a mission on a real field needs."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What an operator asks for, checked against the field and the mission, as a command of the state machine."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Plan requests wait here until the map has what was just measured; then they are answered."""
 
 from __future__ import annotations

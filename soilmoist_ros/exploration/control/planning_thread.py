@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Chooses stops in a thread, so that the mission never waits for a choice."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Several robots on one field: when one plans, pending measurements of the others count as done.
 
 The kriging variance does not depend on the data, only on where was counted and for how long. So samples that are

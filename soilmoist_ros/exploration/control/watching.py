@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What a watch needs to know of a mission: where the robot is, what it does, and how long its way home takes."""
 
 from __future__ import annotations

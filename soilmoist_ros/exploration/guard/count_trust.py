@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Whether the counts of a sensor can be trusted: how many of the last records were quarantined, and why."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Presses and releases of an emergency stop that several nodes may publish on one topic."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The table of failsafes: what may be wrong, what follows, and what the operator can do."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The fence: the field without its no-go areas. Every stop, edge, goal and route is validated by it."""
 
 from __future__ import annotations

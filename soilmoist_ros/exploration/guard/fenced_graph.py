@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The part of a navigation's map that the fence allows, and how to send a robot along it.
 
 A topological navigation plans routes itself: from a node near the robot, over the shortest route of its whole map,

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Whether the navigation's frame is where the field's plane says: TF and fixes of the robot, compared.
 
 A navigation with another datum, or a map that is turned, drives the robot to shifted places without an error.

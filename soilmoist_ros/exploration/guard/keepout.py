@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The fence as a raster: where a costmap keeps the robot's centre out, whatever route the navigation plans."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Which measured places the robot can be at: the others never reach the mission or the navigation.
 
 A place is plausible if the robot can have come to it from the plausible places before it. Places that are not, but

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The robot in the plane of the field and in the frame of its navigation: datum, heading, and their check."""
 
 from __future__ import annotations

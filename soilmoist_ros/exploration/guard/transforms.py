@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The tree of coordinate frames that a robot publishes, and the pose of one frame in another."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Watches what a mission depends on, and answers each cause of trouble with a response.
 
 There is no clock in it: every observation has its time, and :meth:`Watch.check` is called several times a second.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Actions that a mission asks for, all of them frozen data."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What a mission does about alarms of the guard, and about an emergency stop."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What a mission does without an event: the time is up, or somebody is late."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Events that a mission takes, all of them frozen data.
 
 All times ``now_s`` come from the mission's clock.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A mission that survives the end of its process: a journal of its events, and how to resume from it."""
 
 from __future__ import annotations

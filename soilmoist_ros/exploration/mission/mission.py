@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The mission: a pure state machine between operator, planner, navigation and sensor.
 
 ``step(rules, state, event)`` gives the next state and the actions to carry out. There is no clock, no randomness

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What a mission can do in one step: send and cancel goals, count, plan, go home, and end."""
 
 from __future__ import annotations

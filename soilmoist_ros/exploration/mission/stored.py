@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """State, events and visits of a mission as plain dictionaries of numbers, texts and lists, fit for strict JSON.
 
 A journal stores them, replays the events, or continues from a stored state.

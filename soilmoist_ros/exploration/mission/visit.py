@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A visit: a stop that a robot has driven to and counted at."""
 
 from __future__ import annotations

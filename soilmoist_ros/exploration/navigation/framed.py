@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A navigator whose navigation has another frame than the field: the one place where goals change the frame."""
 
 from __future__ import annotations

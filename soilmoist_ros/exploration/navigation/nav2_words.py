@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Numbers of Nav2 in words: error codes of its actions, and feedback on the way."""
 
 from __future__ import annotations

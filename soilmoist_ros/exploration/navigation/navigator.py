@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What a navigator is: it takes the robot to one stop at a time, and reports how each goal ended."""
 
 from __future__ import annotations

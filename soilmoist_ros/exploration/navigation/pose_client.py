@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Goals that are only poses: nothing answers, so arrival and standstill are judged by the robot's positions.
 
 Poses cannot stop a robot. The only pose that comes close is the place where the robot is; a wrong place drives it

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where the robot plausibly is: recent positions that agree with each other and with how fast it can move."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Goals on the way to a stop: where the robot goes straight, and which way it faces there."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Dwell rules: how long to count at a stop.
 
 A rule sees only the counts of the stop. :class:`MarginalValue` compares the gain of a longer dwell with the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Lower bound of the integrated variance that any plan can reach in a given counting time.
 
 The bound ignores travel and divides the time freely among all places. The best division is an A-optimal design

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Makes forecasts of the map's standard deviation.
 
 The kriging variance depends on places and exposures, not on the counts. If further counting of T seconds were

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The value of a measurement: the posterior covariance, and how hypothetical counts lower it.
 
 The kriging variance depends only on the places, the exposures and the approximate rates. So the integrated

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Properties of a field, and the normalised kriging variance that a planner lowers for all of them.
 
 Each property p has its own counts and its own map. The planner lowers::

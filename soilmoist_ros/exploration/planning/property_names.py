@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Names of further properties, used for their ROS namespaces and files."""
 
 from __future__ import annotations

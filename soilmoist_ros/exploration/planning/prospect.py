@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Look-ahead of the planner: the value of each stop, the trip included."""
 
 from __future__ import annotations

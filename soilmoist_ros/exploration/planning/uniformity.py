@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Whether the counts so far show any difference between places of a field."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Stops spread over a field: k-means of its cells, each with a mass that attracts stops."""
 
 from __future__ import annotations

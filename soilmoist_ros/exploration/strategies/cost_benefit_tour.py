@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``gcb``: tours of the whole field, each finer than the one before; the robot visits stop by stop.
 
 A mission consists of passes. Each pass is a tour whose number of stops, dwell and places are chosen together for

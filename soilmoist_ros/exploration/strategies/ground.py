@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What a tour is designed on: the stops within reach, and the uncertainty of the map between them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Strategies that compare the value of a measurement with the time it takes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The static lattice: evenly spread stops, planned once for the whole budget."""
 
 from __future__ import annotations

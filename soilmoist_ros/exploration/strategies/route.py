@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Order of visits: an open travelling-salesman route that starts at the robot."""
 
 from __future__ import annotations

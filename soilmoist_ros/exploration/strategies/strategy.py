@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Interface of a strategy: it chooses the next stop from the situation."""
 
 from __future__ import annotations

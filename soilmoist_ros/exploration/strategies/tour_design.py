@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Design of a tour for a given time: how many stops, where, in which order, and how long the dwell.
 
 The number of stops and the dwell share the time: ``time = stops (overhead + dwell) + driving(stops)``. The

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Adaptive Sampling: a queue of targets on the shortest route."""
 
 from __future__ import annotations

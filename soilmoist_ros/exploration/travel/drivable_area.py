@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where the robot may drive: inside the field and not in a no-go area."""
 
 from __future__ import annotations

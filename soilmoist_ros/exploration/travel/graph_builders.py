@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Travel graphs made from a field's outline: a lattice for open ground, rows with headlands for crops."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The topological map of Thorvald's navigation: read it from a topic or file, write one for a travel graph."""
 
 from __future__ import annotations

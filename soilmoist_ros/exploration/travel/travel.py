@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Routes and travel times: on straight lines, or along a travel graph."""
 
 from __future__ import annotations

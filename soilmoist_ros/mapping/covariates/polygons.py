@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Polygons of a soil map: a column of zeros and ones for each class but one, or a number."""
 
 from __future__ import annotations

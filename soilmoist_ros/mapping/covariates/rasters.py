@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """One band of a raster file, warped to square cells in the plane of a field."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Covariates of a field, read from files and standardised over its cells."""
 
 from __future__ import annotations

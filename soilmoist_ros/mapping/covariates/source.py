@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where covariates come from: a file, a part of it, and what is derived from elevations."""
 
 from __future__ import annotations

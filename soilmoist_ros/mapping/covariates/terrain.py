@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What elevations say about water: slope, aspect, curvature and the topographic wetness index.
 
 Rasters have square cells, rows from south to north, and NaN where nothing is known. A neighbour without a value is

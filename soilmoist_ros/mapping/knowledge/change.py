@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What has changed in a field from one survey to another, with its uncertainty and where it is significant.
 
 The change is a posterior of both surveys together: its variance is ``v1 + v2 - 2 cov``, and the covariance between

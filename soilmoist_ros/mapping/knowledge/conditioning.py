@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What surveys tell of the persistent pattern and of the effects of covariates, survey by survey.
 
 The structured rate of survey s is ``g_s P(x) + sqrt(1 - g_s^2) D_s(x) + z(x)'b``: P and D_s have the covariance of

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Covariates: what else is known at every place of a field, such as relief, soil maps or satellite images."""
 
 from __future__ import annotations

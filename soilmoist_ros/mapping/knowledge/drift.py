@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Drift: the mean rate changes while the survey lasts, by drying or rain, and must not become a pattern in space.
 
 The rate at place x and time t is ``r(x) (1 + u(t))`` with r the map, and u = 0 at its time: a wet place and a dry

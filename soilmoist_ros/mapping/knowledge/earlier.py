@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Earlier surveys of a field: their counts, not their maps."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The joint model of a survey and all that is known besides, fitted to all counts."""
 
 from __future__ import annotations

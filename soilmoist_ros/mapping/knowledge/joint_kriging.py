@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Kriging of several surveys of a field together: maps of each of them, and of differences between them.
 
 The rate of survey s is ``m_s + Z_s(x)``, with unknown means m_s and

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """All that is known of a field besides the counts of the survey."""
 
 from __future__ import annotations

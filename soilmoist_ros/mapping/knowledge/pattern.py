@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The pattern of a field that persists from survey to survey, in a few hundred numbers.
 
 Kriging from inducing places u represents a pattern with correlation R by ``Phi(x) c``, where the coefficients c

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Fewer samples where there are thousands: pools of neighbours keep counts, exposure and second moments."""
 
 from __future__ import annotations

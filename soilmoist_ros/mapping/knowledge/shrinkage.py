@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """How strongly the effects of covariates are shrunk towards 0: a variance of each, by marginal likelihood.
 
 The effects b have independent normal priors with variances d. The counts say of b what a normal distribution with

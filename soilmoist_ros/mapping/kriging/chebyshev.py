@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Smooth surfaces on rasters, interpolated to all cells from few Chebyshev points.
 
 For a function that is analytic in a box, the interpolation error falls geometrically with the number of Chebyshev

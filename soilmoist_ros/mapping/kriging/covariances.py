@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Covariances of samples with fixed targets, stored while samples are added, and weighted sums of the covariances.
 
 The stored values of a sample depend only on this sample and earlier ones. A sum always uses equal operations on

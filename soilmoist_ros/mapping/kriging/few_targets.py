@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Repeated kriging of few fixed targets while samples are added or grow.
 
 With some hundred targets, the triangular solve of all of them takes less time than the administration of known

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Gaussian kriging on grids of points, from few features of each axis.
 
 A Gaussian correlation is a product over the axes. On an interval, its factor is a sum of products of few features,

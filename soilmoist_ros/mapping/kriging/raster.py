@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Kriging of the cells of one raster, by interpolation or tiles where faster, else cell by cell."""
 
 from __future__ import annotations

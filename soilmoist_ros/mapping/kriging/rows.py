@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Repeated kriging of fixed targets, row by row, while samples are added or grow.
 
 Row i of the Cholesky factor L, of its inverse and of W = L^-1 C_.0 (see :mod:`poisson_kriging`) depends only on

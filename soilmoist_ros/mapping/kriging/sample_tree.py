@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Samples merged on all scales: near samples stay single, far ones form groups.
 
 The tree of Barnes & Hut (1986), Nature 324:446-449, over counts instead of masses. A group is one sample with all

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The kriging system of some samples, factored: what does not depend on the targets, and solutions for targets."""
 
 from __future__ import annotations

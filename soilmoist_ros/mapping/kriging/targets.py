@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where the map is wanted: sets of target places that know their distances to the samples.
 
 A target set returns correlations tile by tile. The kriging needs no more than this, so a set

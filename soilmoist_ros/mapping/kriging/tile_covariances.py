@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Covariances of samples with the cells of a raster, interpolated in each tile that is far from the sample.
 
 A correlation is singular only at distance 0 (the spherical one also at its range). Over a tile, a part of the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Kriging a raster once: rate and variance of each tile as forms of few functions.
 
 Rate and variance of a cell with covariances c are ``a.L^-1 c`` and ``|L^-1 c|^2`` (:mod:`poisson_kriging`), forms

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Poisson kriging of very many samples, tile by tile, in bounded memory and on many processors.
 
 The area is halved both ways until a tile is small compared with the circle around its nearest samples. All cells

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Samples: counts and exposures at places, checked; and how records become samples."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The spread of a sample: second moments of the area over which it was counted.
 
 A record that was counted while driving, or over a footprint, is a mean over an area. Of the area only the

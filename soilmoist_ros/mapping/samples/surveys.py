@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Samples of one or more surveys of a field: one variogram, but a mean rate of each survey."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A smooth field of amplitudes: how much the rate varies around each place, relative to the whole field.
 
 A field that is rough in one part and flat in another has the covariance ``a(x) a(y) C(x - y)``, with the

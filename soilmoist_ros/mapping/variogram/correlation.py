@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Correlation models of variograms, by name: the built-in ones, and those that other packages add."""
 
 from __future__ import annotations

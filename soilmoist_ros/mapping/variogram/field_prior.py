@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What is known of a field before the survey, as prior mean and covariance of its rate.
 
 Without knowledge, the structured rate has the covariance ``K(x, x')`` of the variogram and the mean of its survey.

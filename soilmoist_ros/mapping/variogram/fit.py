@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Fitting a variogram to counts: restricted maximum likelihood, or least squares on the binned estimate."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Whether the rate varies more here than there, and the amplitude of its variation where it does.
 
 The model is that of :mod:`amplitude`, with the stationary variogram fitted before as the start. The logarithm of

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A smooth estimate of the rate around each place, for the Poisson noise of the samples there.
 
 The noise variance of a sample is ``rate / exposure`` with the rate at its place. With the mean rate m* instead, it

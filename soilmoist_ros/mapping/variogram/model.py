@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Variogram models of the latent count rate, with nugget, sill, range and anisotropy."""
 
 from __future__ import annotations

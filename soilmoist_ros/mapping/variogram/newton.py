@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Minimisation of a costly function of few parameters, by damped Newton steps within a box."""
 
 from __future__ import annotations

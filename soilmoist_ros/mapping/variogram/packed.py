@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Symmetric matrices as vectors: half the work for functions of each element, and no memory asked for twice."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Restricted maximum likelihood (REML) of a variogram, with known Poisson noise and weak priors.
 
 Source: Patterson & Thompson (1971), Biometrika 58:545-554. The blocks follow the composite likelihood of Eidsvik

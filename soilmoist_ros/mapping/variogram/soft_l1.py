@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Soft-L1 fit of a variogram model to the classes of an empirical semivariogram.
 
 The semivariance is linear in nugget and structured sill. For a given range their fit is therefore convex (variable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The support of samples: the area over which counts are averaged while driving or over a footprint.
 
 The area is described by its second moments, the *spread*: the covariance matrix (sxx, sxy, syy) [m^2] of a random

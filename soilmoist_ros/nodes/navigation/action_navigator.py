@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A navigation that is a ROS action: goals, answers and cancellations, with the rules of the goal client."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Navigation over a topological map by the action ``GotoNode``."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Navigation by Nav2's action ``NavigateToPose``: poses with answers, feedback and cancellation."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The node that the robot passes, from the feedback of a goal or from a plain topic."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The action servers of the simulated navigation: nodes of a map (GotoNode), and poses (NavigateToPose)."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Requests the parameters of other nodes regularly, without waiting for the answers."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Declares the parameters of a node from its table, reads them by type, and rejects all others."""
 
 from __future__ import annotations

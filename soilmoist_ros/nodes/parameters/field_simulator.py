@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of ``field_simulator``, and the settings made from them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Rows of a node's parameter table, and the check of values against the table."""
 
 from __future__ import annotations

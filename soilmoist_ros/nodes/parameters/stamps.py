@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Limits of the stamps of records, which mapper and planner have in common."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Services whose work takes long, such as saving files: the node's callbacks go on meanwhile."""
 
 from __future__ import annotations

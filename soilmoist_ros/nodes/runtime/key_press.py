@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Reacts to the space bar while a command runs in a terminal."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A private ROS domain on the loopback interface, which no other machine can join."""
 
 from __future__ import annotations

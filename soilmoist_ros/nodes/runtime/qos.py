@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Quality of service of the topics, with the reason for each profile."""
 
 from __future__ import annotations

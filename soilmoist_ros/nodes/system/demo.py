@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Simulates the whole system: all nodes as processes on a private ROS domain, a live view, and the report."""
 
 from __future__ import annotations

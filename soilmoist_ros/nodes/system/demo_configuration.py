@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Settings of the demo, and the configuration of its nodes."""
 
 from __future__ import annotations

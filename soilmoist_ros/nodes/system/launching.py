@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Converts the arguments of a launch file, which are texts, to parameters of nodes and names of topics."""
 
 from __future__ import annotations

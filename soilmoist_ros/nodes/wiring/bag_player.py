@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``soilmoist bag play``: plays a bag to real nodes, with the time of the recording."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Live view for Foxglove: passes messages of all topics to the viewers that want them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Commands from the operator's page to the planners, and the emergency stop."""
 
 from __future__ import annotations

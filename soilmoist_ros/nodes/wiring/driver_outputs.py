@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What the driver publishes and stores: records, fixes, weather and the lines of the devices."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The change of the field since an earlier survey, while the map grows: the topic ``change`` of a mapper."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Commands of an operator to the planner: services, live parameters, and emergency stops."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Frames of the planner: TF and the datum service come in, the robot's pose in the plane of the field goes out."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Outputs of the planner: status and plan of the mission, visits, health, and requests to save the map."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Records of the planner, in slices, so that no flood of them delays a command."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Playback of a bag: selection, order and time of its messages."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Read bags of any recorder: MCAP, SQLite or ROS 1, split or compressed."""
 
 from __future__ import annotations

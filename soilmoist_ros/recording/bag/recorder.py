@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Record messages in a separate thread, so that a slow disk never blocks the node."""
 
 from __future__ import annotations

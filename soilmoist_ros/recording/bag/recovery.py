@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Rebuild a readable bag from an interrupted or damaged one; the original is only read."""
 
 from __future__ import annotations

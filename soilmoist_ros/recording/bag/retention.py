@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Limits for the bags of a recorder: their age, and the space they take."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The files of a bag, read within limits: MCAP, SQLite, ROS 1, also compressed. It may come from a stranger."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Tables for the terminal: the content of a bag, and the result of a recovery."""
 
 from __future__ import annotations

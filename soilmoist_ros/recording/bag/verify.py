@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Verify a bag: checksums, every message, and what its metadata say."""
 
 from __future__ import annotations

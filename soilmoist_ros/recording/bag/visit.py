@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A visit from a decoded soilmoist_msgs/Visit, without ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Write a bag in the rosbag2 layout; a crash loses only the messages after the last flush."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Chunks of an MCAP file, unpacked within limits: a file may come from a stranger, or from a failing disk."""
 
 from __future__ import annotations

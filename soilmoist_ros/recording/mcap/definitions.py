@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Definitions of message types, read from the files of a ROS installation; ROS is not imported."""
 
 from __future__ import annotations

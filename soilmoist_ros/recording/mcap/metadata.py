@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``metadata.yaml`` of a bag, version 9 (ROS 2 Jazzy), and the qualities of service in it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Read every complete message of an MCAP file, even if the file is cut off or damaged, or made to do harm."""
 
 from __future__ import annotations

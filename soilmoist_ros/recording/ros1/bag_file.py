@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Bag files of ROS 1 (``.bag``, format 2.0), read within limits; their messages become those of ROS 2.
 
 The format: http://wiki.ros.org/Bags/Format/2.0. Reading needs no ROS.

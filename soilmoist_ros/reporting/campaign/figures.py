@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Figures of a campaign: error, distance and coverage against time; maps, variance and paths of examples."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Tests by fixed rules whether a campaign confirms the findings of the published experiments."""
 
 from __future__ import annotations

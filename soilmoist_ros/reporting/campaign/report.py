@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Report of a campaign: settings, figures, final values and the comparison with published results."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What earlier surveys contribute to a run, and what has changed in the field since the last of them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The records that a finished run has left: an output folder, or a recording with its configuration."""
 
 from __future__ import annotations

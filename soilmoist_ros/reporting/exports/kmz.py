@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A map for phones: KMZ with the map as an overlay, its legend, the samples and the field."""
 
 from __future__ import annotations

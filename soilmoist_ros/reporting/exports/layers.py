@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The layers of a run: field, no-go areas, samples, records, track, visits, contours and zones."""
 
 from __future__ import annotations

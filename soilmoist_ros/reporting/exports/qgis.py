@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A QGIS project: the GeoPackage, the maps with their styles, and a project file that shows all of it."""
 
 from __future__ import annotations

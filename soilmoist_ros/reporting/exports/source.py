@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What exports are made of: maps, samples, records and shapes of a run, read from its folder."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A map as a coloured GeoTIFF of one band: 8 bits and a colour table, for programs without styles."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Vector files: all layers of a run in one GeoPackage with styles for QGIS; zones and contours as shapefiles."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Layers of points, lines and polygons, written by GDAL (pyogrio)."""
 
 from __future__ import annotations

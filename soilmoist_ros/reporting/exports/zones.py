@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Management zones: classes of a map as workable polygons that share their borders and cover the field."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Figures of a survey or mission: map, standard deviation, track, variogram, and errors or moisture over time."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Figures of a season: the mean of each survey with its interval, and the maps."""
 
 from __future__ import annotations

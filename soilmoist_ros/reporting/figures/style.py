@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """How figures for publications look, and how they are written: SVG and PDF with embedded fonts."""
 
 from __future__ import annotations

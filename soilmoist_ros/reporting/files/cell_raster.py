@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Rasters of a field's cells as a GeoTIFF: each cell of the file has the value of the cell at its centre."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The samples, the track, the field and its no-go areas as GeoJSON (RFC 7946)."""
 
 from __future__ import annotations

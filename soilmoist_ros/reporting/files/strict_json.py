@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Standard JSON: no NaN, no infinity, plain numbers, UTF-8."""
 
 from __future__ import annotations

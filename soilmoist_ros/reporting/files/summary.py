@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``summary.json``: the run in numbers, for programs. The names of the keys include the units."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Layouts of the viewers RViz, Foxglove and PlotJuggler for a robot's namespace and a field of any size."""
 
 from __future__ import annotations

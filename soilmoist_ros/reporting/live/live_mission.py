@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Collects the messages of a running mission for :mod:`terminal`."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Terminal view of a running mission: state, numbers, and a small map of each property."""
 
 from __future__ import annotations

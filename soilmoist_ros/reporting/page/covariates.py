@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What the covariates of a map explain: their effects and their shares of its variance, with intervals."""
 
 from __future__ import annotations

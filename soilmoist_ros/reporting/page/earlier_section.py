@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The part of a report on earlier surveys: which informed the map, what they contributed, and what has changed."""
 
 from __future__ import annotations

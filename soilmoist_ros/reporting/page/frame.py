@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The frame of every page: one self-contained HTML file with header, style and footer."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The farmer's page: zones of the field by soil moisture, water in the root zone, and what to do next."""
 
 from __future__ import annotations

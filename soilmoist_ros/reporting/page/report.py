@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """``report.html``: the report of a run in one self-contained, interactive file."""
 
 from __future__ import annotations

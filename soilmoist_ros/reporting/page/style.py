@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Style of the figures: no global state, colours that colour-blind readers can distinguish."""
 
 from __future__ import annotations

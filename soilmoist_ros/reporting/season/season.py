@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """All surveys of a field as a time series; the map of each is made from the counts of all, past and future."""
 
 from __future__ import annotations

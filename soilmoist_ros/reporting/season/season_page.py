@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The page of a season: maps with a time slider, the course of the mean, and the course at a chosen place."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """How often the checks may raise a false alarm, and what this means for one test."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What no single record shows: cumulative sums of likelihood ratios, and runs of one number."""
 
 from __future__ import annotations

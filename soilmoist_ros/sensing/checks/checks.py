@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The checks of one probe: records go in one by one, and come out with their faults."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Signs of rain in the weather that a logger records. They are told, and change no record."""
 
 from __future__ import annotations

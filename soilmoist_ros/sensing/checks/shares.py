@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Shares of the tubes in the rate of the whole sensor, estimated from good counts only, with their uncertainty."""
 
 from __future__ import annotations

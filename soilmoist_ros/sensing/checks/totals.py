@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Record against record: the counts of all tubes together, and the dispersion of a log.
 
 At a stop all records see the same soil, so given the total of two counts one of them is binomial. Rain, irrigation

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Tube against tube: all tubes of a sensor see the same neutrons, so each has its share of the counts.
 
 Soil moisture, rain and pressure change the rate of all tubes together. Given the total of a record, the counts of

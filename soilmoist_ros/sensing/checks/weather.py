@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Weather that the air cannot have, pressures that jump, and a pressure sensor that never changes."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Pressure and depth of the air above a place, and the barometric coefficient of the neutrons there."""
 
 from __future__ import annotations

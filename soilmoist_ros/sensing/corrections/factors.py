@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Correction of neutron counts for air pressure, humidity and incoming cosmic-ray intensity.
 
 The counts stay unchanged: the *exposure* is divided by the product of the factors

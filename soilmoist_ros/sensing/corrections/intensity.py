@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Scaling of the incoming intensity from a neutron monitor to the site.
 
 A monitor and a probe respond differently to a change of the cosmic rays, depending on cutoff rigidity and

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Incoming cosmic-ray intensity from a file of neutron monitors, such as an export of the database NMDB."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A stationary reference sensor: what it says of the change of the rate while a survey lasts.
 
 The reference counts at one place of the field, or next to it, while the survey goes on. Its rate rises and falls

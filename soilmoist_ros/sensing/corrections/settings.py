@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The corrections of a site file, and the parameters that follow from them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Constant factors of a site: plants around the probe, and the road that it drives on."""
 
 from __future__ import annotations

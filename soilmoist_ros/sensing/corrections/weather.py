@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Weather at the records: missing values are interpolated from neighbouring records."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The header lines of one log: names and units of the columns, and values such as the serial number."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Converts the fields of one line to a record: units, live times, range checks, choice of sensors."""
 
 from __future__ import annotations

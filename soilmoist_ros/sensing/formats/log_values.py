@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Converts bytes to text, and text to numbers and times; none of these functions raises."""
 
 from __future__ import annotations

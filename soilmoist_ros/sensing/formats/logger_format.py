@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Logger formats: the meaning and unit of each column.
 
 One YAML file in ``config/loggers`` describes one logger. A new logger needs a new file and no code: copy the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Parses the bytes of loggers into records, for live streams and files; no input makes the parser raise."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Writes the lines of the robot's sensor: format ``thorvald_crs``.
 
 ``config/loggers/thorvald_crs.yaml`` defines the format. The virtual logger uses these functions;

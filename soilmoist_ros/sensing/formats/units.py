@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Conversion from the units of loggers to the units of this package."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Hydrogen in the soil that is not moisture, from clay and organic carbon, where it was not measured."""
 
 from __future__ import annotations

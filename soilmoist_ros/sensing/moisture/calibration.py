@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Calibration against soil cores: N0 and its uncertainty, written into the site file."""
 
 from __future__ import annotations

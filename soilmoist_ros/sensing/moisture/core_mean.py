@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The mean moisture of soil cores as a probe sees it."""
 
 from __future__ import annotations

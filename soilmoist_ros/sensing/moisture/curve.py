@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Corrected neutron count rate <-> volumetric water content (VWC): the protocol, and the curve of Desilets.
 
 Desilets, Zreda & Ferre (2010), Water Resources Research 46, W11505:

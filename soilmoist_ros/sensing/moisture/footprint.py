@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where the counts come from: weights of distance and depth, radius and depth of 86 % of the counts.
 
 Köhli et al. (2015), Water Resources Research 51:5772-5790. Parameters, rescaling and depth: Schrön et al. (2017),

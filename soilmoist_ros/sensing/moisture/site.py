@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The site file: corrections, soil and calibration of one sensor at one place."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The universal transport solution: the rate as a function of soil moisture and of absolute air humidity.
 
 Köhli, Weimar, Schrön, Baatz & Schmidt (2021), Frontiers in Water 2:544847, equation 15. With all water of the soil

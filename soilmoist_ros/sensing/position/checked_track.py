@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Jumps of place: no vehicle that counts neutrons is so fast, or gathers speed so quickly."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where antenna and sensor sit on the robot, and the heading that this needs."""
 
 from __future__ import annotations

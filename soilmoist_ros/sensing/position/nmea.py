@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Parses NMEA 0183 (GGA, RMC and GST) of a GNSS receiver into one fix per epoch.
 
 :data:`SENTENCES` has the fields and converters of each sentence type. Sentences with one time of day form an

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The driver of a sensor: reads its links, and converts their lines to records."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What a driver reports about its logger, for nodes that need no survey."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Processes the logs of a survey into corrected, geo-tagged counts and a list of problems."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Why bytes of a logger become no record, and what to do about it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Converts the live lines of a logger and a GNSS receiver to the records of a survey."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Corrects and geo-tags the records of one probe, one by one."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Run campaigns: simulate missions in parallel, store each, and collect them in tables."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Compute the missions of a campaign on a Dask cluster.
 
 A task of the cluster is a batch of missions, because the administration of each task takes time. A few batches for

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What runs in each worker of a Dask cluster when it joins a campaign. Needs Dask."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Compute one mission, in whatever process, and return what the campaign stores of it."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Strategies against the best lattice in hindsight: the fixed dwell that turns out best on a field.
 
 On each field, lattices with the dwells of :data:`LATTICE_DWELLS` run with the same settings and seeds. The best

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Finished missions of a campaign on disk: one small file each, written atomically."""
 
 from __future__ import annotations

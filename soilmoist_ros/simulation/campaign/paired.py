@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Differences of strategies over shared seeds, with intervals.
 
 Missions with the same seed share their random draws, such as the field and the weather, so the differences of

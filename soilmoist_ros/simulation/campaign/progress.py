@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Progress of a campaign: missions done, missions a minute, and the time left."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The tables of a campaign: all missions on one time grid, and one row per mission with its final values."""
 
 from __future__ import annotations

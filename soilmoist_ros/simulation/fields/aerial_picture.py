@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """An aerial picture of a surrogate field, drawn: what a drone would see of its soil, crop rows, trees and pond."""
 
 from __future__ import annotations

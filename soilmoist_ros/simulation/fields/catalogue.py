@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Surrogate fields: count rate and soil moisture are known everywhere.
 
 Built-in fields follow the published experiments: the rate is extrapolated by ordinary kriging from point rates

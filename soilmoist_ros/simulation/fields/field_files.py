@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Write the files of a surrogate field: field and site for the mission, truth for reports."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Gaussian random fields on a grid, by circulant embedding.
 
 Dietrich & Newsam (1997), SIAM Journal on Scientific Computing 18:1088-1107; Wood & Chan (1994), Journal of

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Point rates extrapolated to a field by ordinary kriging, with PyKrige."""
 
 from __future__ import annotations

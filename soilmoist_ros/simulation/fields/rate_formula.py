@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Families of fields that a formula and a few parameters define.
 
 A formula computes one quantity, the corrected rate [counts/s] or the soil moisture [m^3/m^3], at any position.

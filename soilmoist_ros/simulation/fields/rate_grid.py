@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A quantity on the nodes of a grid with fast linear interpolation."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A surrogate field: count rate and soil moisture are known everywhere."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Fields as soil texture makes them: zones of sand and clay with gradual borders, and finer variation inside."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Surrogate fields from a file: a field file with a section ``truth``."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The data files of a truth: points or an even grid as CSV, or a GeoTIFF."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Random fields that are rough in some places and nearly flat in others.
 
 Three families differ in where the field is rough: in one half, in one patch, in every other strip. The value is

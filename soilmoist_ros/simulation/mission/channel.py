@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """One property of a simulated mission: its truth, and the map of its counts."""
 
 from __future__ import annotations

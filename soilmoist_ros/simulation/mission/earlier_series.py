@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A series of surveys of one field: what earlier surveys would have counted, whose pattern persists in part.
 
 The rate of survey s is ``mean_s + Z_s(x)``. All Z have the variance and the correlation R(h) of the field's

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Efficiency of a mission: the lowest variance that any plan can leave, divided by that of the mission's samples.
 
 Both variances are those of kriging with one variogram, fitted to the truth of the field, with the noise of the

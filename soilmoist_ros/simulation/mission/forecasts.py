@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The forecasts of a mission in the order of time, and what became of them."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where a simulated robot may go: everywhere in the field, or along a topological map."""
 
 from __future__ import annotations

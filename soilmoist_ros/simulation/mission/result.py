@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Result of a mission: state over time, visits, and a map of each property."""
 
 from __future__ import annotations

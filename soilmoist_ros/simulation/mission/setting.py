@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The declaration of a setting: its type, limits and help, and how a value is checked."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Settings of a simulated mission; each is declared once, here.
 
 :data:`SETTINGS` defines command-line options, keys and table columns of campaigns, and all checks.

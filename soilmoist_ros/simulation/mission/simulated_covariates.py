@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Covariates of a surrogate field: one that follows the truth with a given correlation, and useless ones."""
 
 from __future__ import annotations

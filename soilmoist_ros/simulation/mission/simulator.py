@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Run one mission on a surrogate field: the real mission logic, virtual robots and sensors, a simulated clock."""
 
 from __future__ import annotations

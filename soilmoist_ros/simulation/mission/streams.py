@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Random streams of a simulated mission; each source of randomness has an independent stream."""
 
 from __future__ import annotations

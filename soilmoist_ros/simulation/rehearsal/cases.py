@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Rehearsals by number: a seed and a number make a field, a navigator, a strategy and faults."""
 
 from __future__ import annotations

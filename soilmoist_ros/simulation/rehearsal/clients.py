@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Navigators of a rehearsal: the rules of the package's clients, wired to simulated servers."""
 
 from __future__ import annotations

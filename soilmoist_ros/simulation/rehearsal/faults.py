@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Faults in a rehearsal: which one is on at which time, drawn from a seed."""
 
 from __future__ import annotations

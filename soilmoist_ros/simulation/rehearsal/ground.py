@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Random fields with no-go areas, and random travel graphs that know nothing of either."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """An independent judge of what the robot truly did. It shares no code with the guard of the package."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The planner's process in a rehearsal: as its node makes it, from its settings and its journal alone."""
 
 from __future__ import annotations

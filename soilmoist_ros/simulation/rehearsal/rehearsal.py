@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """One rehearsal: the planner's real control loop, a mapper, an operator, and a world with faults."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The robot as it truly moves, and navigation servers that drive it where they are sent, with faults.
 
 Nothing here knows the fence, the mission or the fixes: the servers localise the robot by themselves.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The world of a rehearsal: time, the robot, its navigation, receiver and sensor, with the faults of a case."""
 
 from __future__ import annotations

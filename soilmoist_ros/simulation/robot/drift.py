@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Drying and rain during a mission: the true rate of the whole field changes with time."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A TCP server that sends the same bytes to all clients, like a serial device server."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Scenarios: faults of navigation, sensors, loggers and receivers in a simulated mission."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A neutron sensor with bad tubes, weather sensors and clock, as a scenario defines."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A simulated neutron logger: its lines have the format of the real logger."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A simulated navigation: goals by node name or pose, localisation, and faults."""
 
 from __future__ import annotations

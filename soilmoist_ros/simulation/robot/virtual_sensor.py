@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A simulated neutron sensor that counts at the position of the robot."""
 
 from __future__ import annotations

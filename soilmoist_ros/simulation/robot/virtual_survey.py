@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A simulated survey of a surrogate field, with the files of a real logger and GNSS receiver.
 
 ``python -m soilmoist_ros.simulation.robot.virtual_survey --out DIR`` writes ``survey.log`` (records of the robot's

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Simulated time waits for the planners, so that a slow computer sees the same mission as a fast one."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Lines for people, JSON for programs, errors and exit codes (answer.py, progress.py)."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The picture below the map (background.py, background_route.py)."""
 
 from __future__ import annotations

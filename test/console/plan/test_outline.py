@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Outlines from files of strangers (outline.py): what people have, and what nobody should have."""
 
 from __future__ import annotations

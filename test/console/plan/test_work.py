@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Fields, travel maps and forecasts for the page Plan (work.py)."""
 
 from __future__ import annotations

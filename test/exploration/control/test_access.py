@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where a mission sends the robot: never where the fence refuses it (mission_setup.py, mission_control.py)."""
 
 import logging

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What the explorer makes of maps, correction factors and budgets before a strategy chooses."""
 
 from dataclasses import replace

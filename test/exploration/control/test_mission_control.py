@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A mission and all around it, without ROS: a robot that jumps, and a clock that the test moves."""
 
 import time

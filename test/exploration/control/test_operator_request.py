@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Requests of an operator: what is refused and why, and what the others do in a whole planner without ROS."""
 
 import json

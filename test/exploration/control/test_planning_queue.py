@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Plan requests wait for the map, but not for ever, and whatever goes wrong is an answer."""
 
 from dataclasses import replace

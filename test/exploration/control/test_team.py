@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Pending measurements of other robots count as done, and no robot goes where another one is."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Each cause of trouble in a mission that drives through a simulated world, without ROS."""
 
 import math

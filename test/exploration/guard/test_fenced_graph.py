@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The part of a map that the fence allows, and goals that stay inside it."""
 
 from itertools import pairwise

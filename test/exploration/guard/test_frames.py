@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Agreement of TF and fixes: what is recovered, what it says, and what it does not mind."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A robot in two frames (robot_frames.py): each source of the navigation's datum, headings, health and faults."""
 
 import math

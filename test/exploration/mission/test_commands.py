@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What an operator may ask for in mid-mission: the commands of Mission and what they change."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What a mission does without an event (deadlines.py)."""
 
 from mission_driver import EAST, HOME, NORTH, Driver

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The mission, path by path: events in, actions out (mission.py and its moves.py)."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The visit stays open while the next stop is chosen, and the planner may choose to count on."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """How a mission stops: standstill, waits after failures, alarms, emergency stop (moves.py, dangers.py)."""
 
 import pytest

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Goals that are only poses: arrival and standstill from positions, and stops only at plausible places."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Forecasts of the map's standard deviation agree with kriging, and fall with the time left."""
 
 import math

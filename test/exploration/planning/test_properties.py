@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Several properties at once: their falls add up, and where one alone matters, the plan is that of one."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Where the robot may drive, asked by several threads at once (drivable_area.py; see test_travel.py too)."""
 
 import subprocess

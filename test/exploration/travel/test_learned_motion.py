@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Learned motion: the truth is found, obstacles are not learned, and equal parameters stay as they are."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Travel times and routes, around no-go areas too: travel.py and drivable_area.py."""
 
 from itertools import pairwise

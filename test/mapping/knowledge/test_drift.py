@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A drift of the mean rate: drift.py, and the maps that know of it."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Earlier surveys as they were at their end (earlier.py)."""
 
 import numpy as np

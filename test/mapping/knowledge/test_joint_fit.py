@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The joint model (joint_fit.py, conditioning.py, pattern.py) against dense kriging of all surveys."""
 
 from dataclasses import replace

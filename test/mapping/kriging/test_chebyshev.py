@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Interpolated surfaces are the surfaces, and the shortcut is taken where it is one."""
 
 from types import SimpleNamespace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Few targets, kriged again and again; :mod:`test_raster` has their maps."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Kriging with an amplitude: every way to a map against the full covariance, solved densely."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Rows that are kept from one map to the next; :mod:`test_raster` has their maps."""
 
 from unittest import mock

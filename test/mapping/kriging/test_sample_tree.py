@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Samples merged on all scales: nothing is lost, and what is near stays as it is."""
 
 import numpy as np

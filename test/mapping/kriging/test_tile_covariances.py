@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Covariances from the points of tiles are those of the cells, for all models, ranges, directions and supports."""
 
 import itertools

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Maps by the forms of tiles are those of every single cell, for all variograms, samples and rasters."""
 
 import dataclasses

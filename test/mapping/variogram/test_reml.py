@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime, minimize

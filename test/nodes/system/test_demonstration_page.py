@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A whole demonstration, as its operators see it: the command on a terminal, real nodes, a real browser."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A bag played to real nodes: the nodes act as during the recording."""
 
 from __future__ import annotations

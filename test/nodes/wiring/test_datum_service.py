@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The datum of a navigation from the robot's datum service; its type is imported at run time, and a fake here."""
 
 import sys

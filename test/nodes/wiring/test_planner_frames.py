@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The planner's frames (planner_frames.py) with real nodes: shifted navigations, other datums, TF that agrees."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """What the planner takes from the messages of the mapper."""
 
 from unittest.mock import MagicMock

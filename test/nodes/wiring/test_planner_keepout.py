@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A real planner publishes the fence for the costmaps of Nav2 (planner_keepout.py)."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Recovery of bags that are cut or damaged at any place: recovery.py and scan.py."""
 
 import random

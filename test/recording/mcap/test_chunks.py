@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Bags of strangers: a small file must not fill the memory, nor take long: chunks.py, scan.py."""
 
 import subprocess

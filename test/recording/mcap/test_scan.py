@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Files of strangers: whatever they hold, they are read or refused with a reason."""
 
 import random

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Bags of ROS 1, written by rosbags; whole, damaged, and made to do harm."""
 
 from __future__ import annotations

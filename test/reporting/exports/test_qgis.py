@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """QGIS project and styles: qgis.py and qml.py. QGIS itself is not needed."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Coloured GeoTIFF, NetCDF and KMZ read by GDAL: styled_geotiff.py, netcdf.py and kmz.py."""
 
 from __future__ import annotations

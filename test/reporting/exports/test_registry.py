@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Exports by name, of any run folder: registry.py and source.py."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """GeoPackage and shapefiles read by GDAL: vector_files.py, vectors.py and layers.py."""
 
 from __future__ import annotations

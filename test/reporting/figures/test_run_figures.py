@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Figures for publications: what is drawn, widths, embedded fonts (run_figures.py, season_figures.py)."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The page: report.py with its wording.py, style.py, frame.py, picture.py and survey_charts.py."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Tests of counts, record by record: impossible counts and weather (checks.py, finding.py)."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Record against record: bursts of the whole sensor, and the dispersion of a log (totals.py)."""
 
 import numpy as np

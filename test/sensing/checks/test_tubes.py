@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Tube against tube: bad tubes are found soon, good tubes keep counting (tubes.py, charts.py, shares.py)."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Impossible weather, jumps of the pressure, and a barometer that never changes (weather.py)."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The table of cutoff rigidities, and the script that computes it: scripts/cutoff_rigidity_table.py."""
 
 import importlib.util

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Conversion of the fields of one line to a record, or to the reason of a lost record."""
 
 import math

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Tables of Campbell Scientific loggers (TOA5): quotes, four header lines, restarts; also log_header and units."""
 
 import math

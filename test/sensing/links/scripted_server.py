@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A server with the behaviour of servers in the field, and readers of its lines."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Lever arms: the heading from positions, and places of the sensor that are right in any heading."""
 
 import math

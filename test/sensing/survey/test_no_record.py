@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A logger that sends bytes but no valid record is an error that says why and what to do (driver_health too)."""
 
 from dataclasses import replace

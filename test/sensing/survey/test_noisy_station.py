@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A public record of a stationary probe with noisy tubes: what remains after the tests of counts."""
 
 import re

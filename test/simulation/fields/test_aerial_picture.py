@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The drawn aerial picture of a field (aerial_picture.py)."""
 
 import numpy as np

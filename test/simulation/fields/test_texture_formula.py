@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Fields as soil texture makes them (texture_formula.py), and the field of the demo."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Field files with a truth: truth_file.py, its tables and rasters (truth_table.py) and rate_formula.py."""
 
 import os

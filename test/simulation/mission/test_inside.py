@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Simulated missions stay in the field and out of its no-go areas, whatever the graph."""
 
 import json

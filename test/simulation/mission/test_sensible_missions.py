@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """No silly behaviour: small and large fields, few and many counts, much time lost at stops."""
 
 import math

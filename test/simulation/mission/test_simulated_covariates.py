@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Simulated covariates: their correlation with the truth, and that nothing else changes with them."""
 
 import numpy as np

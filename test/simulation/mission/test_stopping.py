@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Missions that end when the map is good enough, or when the field shows no differences."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Each source of randomness of a mission has a separate stream, equal to earlier releases and to a robot."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Rehearsals: ``rehearsal.py``, ``planner.py``, ``world.py``, ``cases.py``, ``clients.py``, ``faults.py``."""
 
 import importlib.machinery

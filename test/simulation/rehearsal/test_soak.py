@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The soak of the cores: short days in which nothing may be lost, and what counts as growth."""
 
 import importlib.machinery

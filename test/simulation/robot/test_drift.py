@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Rain and drying in a simulated mission: drift.py, and what counts and errors make of it."""
 
 from dataclasses import replace

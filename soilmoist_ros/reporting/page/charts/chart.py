@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """A chart: marks in an SVG that stretches with the page, labels as text that does not.
 
 Lines keep their width (``vector-effect``) and dots stay round (lines of length 0 with round caps), so one SVG fits

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Chart of the map's standard deviation against mission time, as forecast and as reached."""
 
 from __future__ import annotations

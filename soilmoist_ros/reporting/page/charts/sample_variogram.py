@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The empirical semivariogram in the main directions, and what the model of the map expects of it.
 
 Circles and curves are comparable: the same noise is subtracted, and pairs of samples that were counted while

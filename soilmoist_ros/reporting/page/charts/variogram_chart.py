@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The variogram chart: circles, the interval that they should lie in, and the fitted and the used model."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // The maps of a season: a slider over the surveys, layers, and the course at a place that the reader chooses.
 (function () {
   "use strict";

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+// SPDX-License-Identifier: Apache-2.0
 // The map viewer of the report: layers, zoom, and the values at a place that the reader chooses.
 (function () {
   "use strict";

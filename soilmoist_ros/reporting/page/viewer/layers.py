@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """Data of the map viewer: rasters with their meaning, and what lies on top of them, all in local metres."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
 """The empirical semivariogram with the model's expectation: sample_variogram.py and variogram_chart.py."""
 
 from __future__ import annotations
