@@ -199,7 +199,9 @@ def test_two_operators_and_ten_viewers(browser, served):
     for page in viewers:
         shows(page, "actions", "Ada has the controls")
     bo.locator("#stop").click()
-    shows(ada, "stop", "STOP is pressed")
+    for page in (ada, bo):  # what is slid must not be drawn anew meanwhile
+        shows(page, "stop", "STOP is pressed")
+    served.board.hear("mission/r1")
     slide(bo, "Slide to take over")
     shows(ada, "actions", "Bo has the controls")
     assert [barriers(ada), barriers(bo)] == ["", ""]
