@@ -11,7 +11,7 @@ from pathlib import Path
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, put, tables, warn
+from soilmoist_ros.cli.answers.answer import answering, put, say, tables, warn
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.names import FILE
 from soilmoist_ros.foundation.errors import InputError
@@ -108,11 +108,10 @@ def play(bag: Path, topics: str | None, time_factor: float, start_s: float) -> N
     from soilmoist_ros.recording.bag.playback import INPUTS
     from soilmoist_ros.recording.run_folder import bag_of
 
-    def say(text: str) -> None:
-        warn(f"note: {text}")
-
     with (
-        player_of(bag_of(bag), topics or INPUTS, time_factor, start_s, say) as player,
+        player_of(
+            bag_of(bag), topics or INPUTS, time_factor, start_s, lambda text: warn(f"note: {text}")
+        ) as player,
         on_space(player.toggle),
         progress_bar() as progress,
     ):

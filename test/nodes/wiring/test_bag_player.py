@@ -87,6 +87,7 @@ def test_the_mapper_makes_the_map_that_the_replay_makes(ros, play):
     player = play(run, "--time-factor", 100)
     assert player.wait(60) == 0, player.output()
     assert "played 30 messages" in player.output()
+    assert "note: played" not in player.output(), "it is the result, no warning"
     with BagReader(run / "bag") as reader:
         recorded, begin_ns = reader.read_counts(), reader.extent.start_ns
     played = [record for message in counts for record in counts_from_message(message)]
