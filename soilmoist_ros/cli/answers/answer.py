@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -81,8 +80,11 @@ def wrote(paths: Iterable[Path], out: Path | None = None) -> None:
         if (out / "report.html").is_file():
             say(f"open       {(out / 'report.html').absolute().as_uri()}")
         answer.values["out"] = str(out)
-        if answer.as_json and (out / "summary.json").is_file():
-            answer.values["summary"] = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+        if answer.as_json:
+            from soilmoist_ros.recording.run_folder import SUMMARY, read_result
+
+            if (out / SUMMARY).is_file():
+                answer.values["summary"] = read_result(out / SUMMARY)
 
 
 def tables() -> Console:

@@ -275,10 +275,8 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
     folders = [path for path in runs if (path / SUMMARY).is_file()]
     about: dict[str, Any] = {}
     if folders:
-        about = max(
-            (read_result(path / SUMMARY) for path in folders), key=lambda one: one.get("last_stamp_s") or 0.0
-        )
-        home = next(path for path in folders if read_result(path / SUMMARY) == about)
+        summaries = [(path, read_result(path / SUMMARY)) for path in folders]
+        home, about = max(summaries, key=lambda one: one[1].get("last_stamp_s") or 0.0)
     field = load_field(settings.field) if settings.field else None
     curve = load_site(settings.site).curve if settings.site else _curve(about)
     if field is None and not folders:
