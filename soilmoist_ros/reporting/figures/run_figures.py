@@ -11,11 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.colours import RATE, UNCERTAIN, WATER
-from soilmoist_ros.reporting.figures.style import SIZE, caption_axes, column_figure, key
+from soilmoist_ros.reporting.figures.style import (
+    MOISTURE,
+    RATE_TITLE,
+    SIZE,
+    caption_axes,
+    colour_bar,
+    column_figure,
+    key,
+)
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.charts.sample_variogram import mean_spread, model_curve, sample_variogram
-from soilmoist_ros.reporting.page.style import BLUE, FAINT, INK, ORANGE, SOFT, colour_map, extension, robust_range
+from soilmoist_ros.reporting.page.style import BLUE, FAINT, INK, ORANGE, SOFT, colour_map, robust_range
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation.mission.result import MissionResult
 
@@ -26,8 +34,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EAST, NORTH = "East [m]", "North [m]"
-MOISTURE, MOISTURE_SD = "Soil moisture [m³/m³]", "Standard deviation [m³/m³]"
-RATE_TITLE, RATE_SD = "Neutron rate [counts/s]", "Standard deviation [counts/s]"
+MOISTURE_SD, RATE_SD = "Standard deviation [m³/m³]", "Standard deviation [counts/s]"
 DAY_S = 86_400.0
 
 
@@ -67,9 +74,7 @@ def _raster_figure(run: MapRun, values: Array, title: str, colours: str) -> Figu
     _boundary(run, axes)
     xy = soil_map.samples.xy
     axes.plot(xy[:, 0], xy[:, 1], ".", color=INK, markersize=2.5, markeredgewidth=0)
-    bar = figure.colorbar(image, ax=axes, extend=extension(values, low, high), shrink=0.9, pad=0.02)
-    bar.set_label(title, fontsize=SIZE)
-    bar.ax.tick_params(labelsize=SIZE - 1)
+    colour_bar(figure, image, axes, values, title, shrink=0.9, pad=0.02)
     return figure
 
 

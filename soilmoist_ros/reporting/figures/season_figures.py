@@ -10,8 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soilmoist_ros.reporting.colours import RATE, WATER
-from soilmoist_ros.reporting.figures.style import SIZE, TEXT_IN, caption_axes, column_figure, vector_figure
-from soilmoist_ros.reporting.page.style import BLUE, SOFT, colour_map, extension, plain, robust_range
+from soilmoist_ros.reporting.figures.style import (
+    MOISTURE,
+    RATE_TITLE,
+    SIZE,
+    TEXT_IN,
+    caption_axes,
+    colour_bar,
+    column_figure,
+    vector_figure,
+)
+from soilmoist_ros.reporting.page.style import BLUE, SOFT, colour_map, plain, robust_range
 from soilmoist_ros.reporting.season.season import Season
 
 if TYPE_CHECKING:
@@ -27,7 +36,7 @@ def season_figures(season: Season) -> Iterator[tuple[str, Figure]]:
     :raises InputError: without matplotlib
     """
     moisture = season.curve is not None
-    title = "Soil moisture [m³/m³]" if moisture else "Neutron rate [counts/s]"
+    title = MOISTURE if moisture else RATE_TITLE
     estimates = [one.mean_vwc or one.mean_rate for one in season.surveys]
     values = np.array([one.value for one in estimates])
     low, high = np.array([one.interval95 for one in estimates]).T
@@ -62,7 +71,5 @@ def _maps_figure(season: Season, title: str) -> Figure:
         caption_axes(axes, "East [m]" if bottom else "", "North [m]" if left else "")
         axes.spines[["left", "bottom"]].set_color(SOFT)
         panels.append(axes)
-    bar = figure.colorbar(image, ax=panels, extend=extension(np.stack(maps), low, high), shrink=0.8, pad=0.01)
-    bar.set_label(title, fontsize=SIZE)
-    bar.ax.tick_params(labelsize=SIZE - 1)
+    colour_bar(figure, image, panels, np.stack(maps), title, shrink=0.8, pad=0.01)
     return figure

@@ -8,13 +8,17 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.lazy import optional_module
-from soilmoist_ros.reporting.page.style import plain
+from soilmoist_ros.reporting.page.style import extension, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
 FORMATS: Final = ("svg", "pdf")
 FOLDER: Final = "figures"
@@ -23,6 +27,7 @@ COLUMN_IN, TEXT_IN = 84 / 25.4, 174 / 25.4
 """Width of a column and of the text of a journal page [in]: 84 and 174 mm."""
 SIZE: Final = 8.0
 """Size of the text [pt]."""
+MOISTURE, RATE_TITLE = "Soil moisture [m³/m³]", "Neutron rate [counts/s]"
 _VECTOR: Final[dict[str, Any]] = {
     "pdf.fonttype": 42,  # TrueType, embedded: journals refuse Type 3
     "svg.fonttype": "path",  # needs no fonts of the reader
@@ -57,6 +62,27 @@ def caption_axes(axes: Axes, x: str, y: str) -> None:
     axes.set_xlabel(x, fontsize=SIZE)
     axes.set_ylabel(y, fontsize=SIZE)
     axes.tick_params(labelsize=SIZE - 1)
+
+
+def colour_bar(
+    figure: Figure,
+    image: AxesImage,
+    axes: Axes | list[Axes],
+    values: NDArray[np.float64],
+    title: str,
+    **layout: Any,
+) -> None:
+    """The scale of colours of images; its ends are pointed where values lie beyond.
+
+    :param image: one of the images
+    :param axes: the axes that it stands next to
+    :param values: all that the images show
+    :param title: quantity and unit
+    :param layout: size and place, as of matplotlib's ``Figure.colorbar``
+    """
+    bar = figure.colorbar(image, ax=axes, extend=extension(values, *image.get_clim()), **layout)
+    bar.set_label(title, fontsize=SIZE)
+    bar.ax.tick_params(labelsize=SIZE - 1)
 
 
 def key(axes: Axes) -> None:
