@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import gc
 import inspect
 import signal
 import sys
@@ -92,7 +91,6 @@ def run(make_node: Callable[[], Node]) -> None:
     try:
         node = make_node()
         executor.add_node(node)
-        gc.freeze()  # what the start has made stays: the collector need not look at it while the node works
         while not stopping and rclpy.ok() and not getattr(node, "finished", False):
             try:
                 executor.spin_once(timeout_sec=0.5)
