@@ -64,12 +64,13 @@ class Received:
 def in_journal(folder, name=None):
     """Stamps of the records in a journal, or of the records of a further property.
 
-    The journal begins with a mission, and must be complete from there except for an unfinished write.
+    With the entries before the mission, the journal must be complete except for an unfinished write.
     """
     lines = decode((folder / "journal.jsonl").read_bytes())
     assert all("never confirmed" in problem for problem in lines.problems)
-    first = lines.entries[0].seq
-    assert [entry.seq for entry in lines.entries] == list(range(first, first + len(lines.entries)))
+    before = folder / "journal_before.jsonl"
+    entries = (*(decode(before.read_bytes()).entries if before.exists() else ()), *lines.entries)
+    assert [entry.seq for entry in entries] == list(range(1, len(entries) + 1))
     return [
         entry.payload["record"]["stamp_s"]
         for entry in lines.entries
