@@ -46,7 +46,8 @@ __all__ = [
 ]
 
 MAX_PERIOD_S = 90_000.0
-REMEMBERED_RECORDS = 100_000
+REMEMBERED_RECORDS = 10_000
+"""Latest records of a live link by which a repeated one is known: more than a day of records of 10 s."""
 CLOCK_TOLERANCE_S = 5.0
 _LEADING_NUMBER = re.compile(r"[0-9.]{1,20}", re.ASCII)
 
@@ -102,6 +103,7 @@ class RecordParser:
         other formats ignore it
     :param on_problem: called with each problem; by default problems are collected in :attr:`problems`
     :param path: source of the lines, for messages
+    :param remembered: number of latest records by which a repeated one is known; all if ``None``
     :raises InputError: if the format is unknown, or ``longitude`` is ``signed`` and the format has no signs
     """
 
@@ -111,6 +113,7 @@ class RecordParser:
         longitude: Longitude = "signed",
         on_problem: Callable[[Problem], None] | None = None,
         path: Path | None = None,
+        remembered: int | None = REMEMBERED_RECORDS,
     ) -> None:
         self.format = load_logger_format(logger) if isinstance(logger, str) else logger
         self.problems: list[Problem] = []
@@ -120,6 +123,7 @@ class RecordParser:
         self._side = _checked_side(self.format, longitude, path)
         self._on_problem = on_problem or self.problems.append
         self._path = path
+        self._remembered = remembered
         self._header = HeaderReader(self.format)
         self._reader: FieldReader | None = None
         self._bad_header: MissingColumnsError | None = None
@@ -265,13 +269,18 @@ class RecordParser:
         if self._previous and 0 <= self._previous.record_number < record.record_number - 1:
             gap = record.record_number - self._previous.record_number - 1
             notes.append(Note(Kind.GAP, f"{gap} record(s) missing before this one"))
-        _remember(self._seen, key)
-        _remember(self._stamps, record.stamp_s)
+        self._remember(self._seen, key)
+        self._remember(self._stamps, record.stamp_s)
         self._previous = record
         self._take_clock_offset(reading)
         for note in notes:
             self._report(note, lost=False)
         return record
+
+    def _remember(self, memory: dict[Key, None], key: Key) -> None:
+        memory[key] = None
+        if self._remembered is not None and len(memory) > self._remembered:
+            del memory[next(iter(memory))]
 
     def _take_clock_offset(self, reading: Reading) -> None:
         offset_s = reading.gnss_offset_s
@@ -324,7 +333,7 @@ def parse_log(
     :param path: source of the lines, for messages
     :param last_is_complete: whether the last line had an end
     """
-    parser = RecordParser(logger, longitude, path=path)
+    parser = RecordParser(logger, longitude, path=path, remembered=None)
     last = len(lines) - 1
     fed = [parser.feed(line, complete=number < last or last_is_complete) for number, line in enumerate(lines)]
     records = tuple(record for record in fed if record is not None)
@@ -383,9 +392,3 @@ def _checked_side(logger: LoggerFormat, longitude: Longitude, path: Path | None)
             path,
         )
     return longitude
-
-
-def _remember(memory: dict[Key, None], key: Key) -> None:
-    memory[key] = None
-    if len(memory) > REMEMBERED_RECORDS:
-        del memory[next(iter(memory))]

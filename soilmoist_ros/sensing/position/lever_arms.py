@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -73,8 +74,7 @@ class Course:
 
     def clear(self) -> None:
         """Forget all positions."""
-        self._stamps: list[float] = []
-        self._headings: list[float] = []
+        self._stamps, self._headings = array("d"), array("d")
         self._anchor: Position | None = None
 
     def add(self, stamp_s: float, position: Position) -> None:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from bisect import bisect_left
 from collections.abc import Iterable
 
@@ -32,8 +33,8 @@ class Track:
 
     def __init__(self, fixes: Iterable[Fix] = (), max_positions: int | None = None) -> None:
         self._max_positions = max_positions
-        self._stamps: list[float] = []
-        self._positions: list[Position] = []
+        self._stamps = array("d")
+        self._values = array("d")  # four of each position; as objects they need six times the memory
         self.course = Course(max_positions)
         """Heading of the robot that carries the receiver."""
         self.reached_s = -math.inf
@@ -70,8 +71,7 @@ class Track:
         :param position: position of the receiver, ``None`` or NaN without a fix
         """
         if stamp_s < self.reached_s - CLOCK_CORRECTED_S:
-            self._stamps.clear()
-            self._positions.clear()
+            del self._stamps[:], self._values[:]
             self.course.clear()
             self.reached_s = -math.inf
         if not stamp_s > self.reached_s:
@@ -80,11 +80,13 @@ class Track:
         if position is None or not _is_known(position):
             return
         self._stamps.append(stamp_s)
-        self._positions.append(position)
+        self._values.extend(
+            (position.latitude_deg, position.longitude_deg, position.altitude_m, position.horizontal_sd_m)
+        )
         self.course.add(stamp_s, position)
         limit = self._max_positions
         if limit is not None and len(self._stamps) > 2 * limit:
-            del self._stamps[:-limit], self._positions[:-limit]
+            del self._stamps[:-limit], self._values[: -4 * limit]
 
     def at(self, stamp_s: float, max_gap_s: float, edge_tolerance_s: float = EDGE_TOLERANCE_S) -> Position | None:
         """Position at one time, or ``None`` if unknown.
@@ -101,16 +103,19 @@ class Track:
             return None
         after = bisect_left(self._stamps, stamp_s)
         if after < len(self) and self._stamps[after] == stamp_s:
-            return self._positions[after]
+            return self._position(after)
         before = after - 1
         if before >= 0 and after < len(self) and self._stamps[after] - self._stamps[before] <= max_gap_s:
             return self._between(before, stamp_s)
         near = [index for index in (before, after) if 0 <= index < len(self)]
         nearest = min(near, key=lambda index: abs(self._stamps[index] - stamp_s))
-        return self._positions[nearest] if abs(self._stamps[nearest] - stamp_s) <= edge_tolerance_s else None
+        return self._position(nearest) if abs(self._stamps[nearest] - stamp_s) <= edge_tolerance_s else None
+
+    def _position(self, index: int) -> Position:
+        return Position(*self._values[4 * index : 4 * index + 4])
 
     def _between(self, before: int, stamp_s: float) -> Position:
-        start, end = self._positions[before], self._positions[before + 1]
+        start, end = self._position(before), self._position(before + 1)
         part = (stamp_s - self._stamps[before]) / (self._stamps[before + 1] - self._stamps[before])
         latitude = start.latitude_deg + part * (end.latitude_deg - start.latitude_deg)
         # the shorter direction, also across 180 degrees

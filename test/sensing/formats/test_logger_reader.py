@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import math
+import tracemalloc
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,15 @@ from hypothesis import strategies as st
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.corrections.tubes import combine_tubes, tube_shares
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
-from soilmoist_ros.sensing.formats.logger_reader import Kind, RecordParser, Severity, detect_format, read_log
+from soilmoist_ros.sensing.formats.logger_reader import (
+    REMEMBERED_RECORDS,
+    Kind,
+    RecordParser,
+    Severity,
+    detect_format,
+    parse_log,
+    read_log,
+)
 
 FORMATS = {
     name: load_logger_format(name)
@@ -272,6 +282,46 @@ def test_duplicates_are_dropped() -> None:
     assert len(records) == 2
     assert kinds(problems) == [Kind.DUPLICATE]
     assert problems[0].severity is Severity.NOTE
+
+
+def lines_of_days(number: int) -> list[bytes]:
+    """Records, one each minute."""
+    start = datetime(2024, 5, 1, tzinfo=UTC)
+    return [
+        line(time=f"{start + timedelta(minutes=minute):%Y/%m/%d %H:%M:%S}", number=str(minute), gps="")
+        for minute in range(number)
+    ]
+
+
+@pytest.mark.slow
+def test_a_live_parser_knows_its_latest_records_and_a_file_all_of_them() -> None:
+    lines = lines_of_days(REMEMBERED_RECORDS + 100)
+    parser = RecordParser(FORMATS["hydroinnova_rover"], "east", on_problem=lambda problem: None)
+    for one in [*ROVER_HEADER.splitlines(), *lines]:
+        parser.feed(one)
+    assert parser.feed(lines[100]) is None
+    assert parser.feed(lines[-1]) is None
+    assert parser.feed(lines[99]) is not None
+    whole = [*ROVER_HEADER.splitlines(), *lines, lines[0]]
+    log = parse_log(whole, FORMATS["hydroinnova_rover"], "east", Path("whole.log"))
+    assert len(log.records) == len(lines)
+    assert [one.kind for one in log.problems].count(Kind.DUPLICATE) == 1
+
+
+@pytest.mark.slow
+def test_the_memory_of_a_live_parser_does_not_grow() -> None:
+    rover = FORMATS["hydroinnova_rover"]
+    parser = RecordParser(rover, "east", on_problem=lambda problem: None, remembered=100)
+    lines = [*ROVER_HEADER.splitlines(), *lines_of_days(1000)]
+    for one in lines[:400]:
+        parser.feed(one)
+    tracemalloc.start()
+    before, _ = tracemalloc.get_traced_memory()
+    for one in lines[400:]:
+        parser.feed(one)
+    after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert after - before < 30_000  # all 600 need 100,000 bytes
 
 
 def test_same_time_and_other_counts_are_kept() -> None:

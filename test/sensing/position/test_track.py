@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import math
+import tracemalloc
 
 import pytest
 from hypothesis import given, settings
@@ -108,3 +109,15 @@ def test_only_the_latest_positions_are_remembered() -> None:
     assert 10 <= len(track) <= 20
     assert track.at(999.0, 1.0).latitude_deg == pytest.approx(50.999)
     assert track.at(0.0, 1.0) is None
+
+
+def test_a_long_track_needs_little_memory_and_knows_its_oldest_positions() -> None:
+    tracemalloc.start()
+    before, _ = tracemalloc.get_traced_memory()
+    track = Track(max_positions=2000)
+    for second in range(3999):
+        track.add(float(second), fix(0.0, 50 + second / 1000, 13 + second / 1000, second / 7, second / 3).position)
+    needed, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (needed - before) / len(track) < 100  # a position as an object needs 200 bytes
+    assert track.at(0.5, 1.0).latitude_deg == pytest.approx(50.0005)

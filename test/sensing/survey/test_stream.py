@@ -24,6 +24,7 @@ from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.logs import process_logs
+from soilmoist_ros.sensing.survey.places import MAX_FIXES
 from soilmoist_ros.sensing.survey.stream import SensorStream
 from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S
 from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences, sentences_without_fix
@@ -185,6 +186,17 @@ def test_no_line_can_bring_it_down_and_each_loss_is_counted(lines):
     remarks = [text for text in lines if text.strip(b"\r\n").lstrip().startswith(b"#") and b"*" not in text]
     empty = [text for text in lines if not text.strip(b"\r\n").strip(b" \t\x03\x04\x1a")]
     assert problems.losses == len(lines) - len(remarks) - len(empty)
+
+
+def test_a_record_that_comes_hours_late_finds_its_place():
+    live, one_m = survey(), fix(0.0, 1.0).position.longitude_deg - FRAME.to_geographic((0.0, 0.0))[0][1]
+    for second in range(3 * MAX_FIXES):
+        place = Position(50.0, 10.0 + 1e-3 * second * one_m, 30.0)
+        live.take_fix(Fix(T0 + second, place, FixStatus.RTK))
+    late = 2 * MAX_FIXES // 10 + 2
+    live.take_logger_line(line(record(late)), 0.0)
+    [one] = live.take_ready(0.0)
+    assert one.x_m == pytest.approx((10 * late - 5) * 1e-3, abs=1e-4)
 
 
 def test_repeated_records_are_dropped_and_are_no_loss():
