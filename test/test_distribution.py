@@ -112,7 +112,7 @@ def test_a_survey_is_mapped_from_installed_files_only(clean, tmp_path):
     )  # fmt: skip
     assert "records lie" in done.stderr  # the field of the example is elsewhere: it was found
     done = run(programs / "soilmoist", "map", log, "--site", "gypsum_transect", "--out", "out", cwd=tmp_path)
-    assert f"map.tif, report.html not written: {REMEDY}" in done.stderr
+    assert f"map.tif, report.html, soilmoist.qgs not written: {REMEDY}" in done.stderr
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "summary.json", "samples.geojson", "records.csv"
     }  # fmt: skip
@@ -122,7 +122,7 @@ def test_a_survey_is_mapped_from_installed_files_only(clean, tmp_path):
 def test_a_mission_is_simulated(clean, tmp_path):
     command = ["simulate", "--field", "patches", "--hours", "0.2", "--out", "out"]
     done = run(clean[0] / "soilmoist", *command, cwd=tmp_path)
-    assert f"map.tif, report.html not written: {REMEDY}" in done.stderr
+    assert f"map.tif, report.html, soilmoist.qgs not written: {REMEDY}" in done.stderr
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "summary.json", "samples.geojson", "records.csv", "series.csv", "visits.csv"
     }  # fmt: skip

@@ -94,7 +94,7 @@ def command(
 ) -> None:
     """Run the whole ROS system on a simulated field: all nodes as processes, with a live view.
 
-    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
+    Writes summary.json, map.tif, samples.geojson, soilmoist.qgs, report.html, series.csv and visits.csv to --out.
     The folder also gets the recording (bag/), the configuration (configuration/) and the node output (log/).
     On a terminal the operator's page stays after the mission until Ctrl-C.
     """

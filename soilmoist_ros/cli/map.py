@@ -86,7 +86,7 @@ def command(
 
     A log is a file of the logger, or a bag with its lines: .bag of ROS 1, .mcap or .db3.
 
-    Writes summary.json, map.tif, samples.geojson and report.html to the folder --out.
+    Writes summary.json, map.tif, samples.geojson, soilmoist.qgs and report.html to the folder --out.
     """
     prepare_output(out, overwrite)
     from soilmoist_ros.foundation.configuration import resource

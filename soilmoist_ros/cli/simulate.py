@@ -53,7 +53,7 @@ def command(
 ) -> None:
     """Explore a surrogate field with a simulated robot, without ROS.
 
-    Writes summary.json, map.tif, samples.geojson, report.html, series.csv and visits.csv to the folder --out.
+    Writes summary.json, map.tif, samples.geojson, soilmoist.qgs, report.html, series.csv and visits.csv to --out.
     Each additional property NAME also gets map_NAME.tif and samples_NAME.geojson.
     """
     if time_factor is not None and not live:

@@ -22,12 +22,13 @@ from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.recording.run_folder import SUMMARY
 from soilmoist_ros.recording.whole_file import sync_file, sync_folder
 
-NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv")
+PROJECT_NAME = "soilmoist.qgs"
+NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv", PROJECT_NAME)
 MISSION_NAMES = ("series.csv", "visits.csv")
 SERIES_NAME = "moisture.csv"
 MAX_BEYOND_AREA_DEG = 6.0
 """Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
-_NEEDS = {".tif": ("pyproj", "rasterio"), ".html": ("jinja2", "matplotlib")}
+_NEEDS = {".tif": ("pyproj", "rasterio"), ".qgs": ("pyproj", "rasterio"), ".html": ("jinja2", "matplotlib")}
 """Modules of the extra ``reports`` that write a file, by its ending."""
 _LOG = logging.getLogger(__name__)
 _WORKSHOP = ".writing-"

@@ -10,13 +10,23 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, FieldChange
 from soilmoist_ros.recording.record_table import write_records
 from soilmoist_ros.recording.run_folder import SUMMARY
+from soilmoist_ros.reporting.exports.qgis import write_run_project
+from soilmoist_ros.reporting.exports.source import PropertyMap
 from soilmoist_ros.reporting.files.cell_raster import CellBand, write_cell_raster
 from soilmoist_ros.reporting.files.geojson import write_samples
 from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.summary import write_summary
 from soilmoist_ros.reporting.moisture_series import at_one_place, write_moisture
-from soilmoist_ros.reporting.output_folder import MISSION_NAMES, NAMES, SERIES_NAME, replaced_together, writable
+from soilmoist_ros.reporting.opened_run import OpenedRun
+from soilmoist_ros.reporting.output_folder import (
+    MISSION_NAMES,
+    NAMES,
+    PROJECT_NAME,
+    SERIES_NAME,
+    replaced_together,
+    writable,
+)
 from soilmoist_ros.reporting.page.report import write_report
 from soilmoist_ros.reporting.run import MapRun
 
@@ -25,12 +35,12 @@ if TYPE_CHECKING:
 
 
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
-    """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html`` and ``records.csv``.
+    """Write summary, ``map.tif``, ``samples.geojson``, ``report.html``, ``records.csv`` and ``soilmoist.qgs``.
 
     Records that all lie at one place add ``moisture.csv``, a mission ``series.csv`` and ``visits.csv``. Each
     property after the first adds ``map_NAME.tif``, ``samples_NAME.geojson`` and ``records_NAME.csv``. Earlier
-    surveys add ``change.tif``. Without the extra ``reports``, a warning names the GeoTIFFs and the report,
-    which are left out.
+    surveys add ``change.tif``. Without the extra ``reports``, a warning names the GeoTIFFs, the report and the
+    project, which are left out.
 
     The files are written to a hidden folder in ``folder`` and moved when all are complete. A reader never finds
     half a file, nor files of different runs after a failure.
@@ -59,6 +69,8 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
                 bands = change_bands(one.change.change)
                 tags = {**_tags(one), "SOILMOIST_CHANGE_SINCE": one.change.since.survey.name}
                 write_cell_raster(workshop / _change_name(run, one), one.soil_map, one.frame, target, bands, tags)
+        if PROJECT_NAME in names:
+            write_run_project(workshop / PROJECT_NAME, run.field_name or run.title, _maps(workshop, run))
         if "report.html" in names:
             write_report(workshop / "report.html", run)
         if at_one_place(run):
@@ -78,6 +90,16 @@ def property_names(name: str) -> tuple[str, str, str]:
     """
     end = f"_{name}" if name else ""
     return f"map{end}.tif", f"samples{end}.geojson", f"records{end}.csv"
+
+
+def _maps(folder: Path, run: MapRun) -> list[PropertyMap]:
+    """The maps of a run as its GeoTIFFs in a folder have them."""
+    opened = OpenedRun(folder)
+    names = ("", *(other.name for other in run.others))
+    return [
+        PropertyMap(name, one.label, *opened.raster(name), one.frame, {}, {})
+        for name, one in zip(names, run.properties, strict=True)
+    ]
 
 
 def _change_name(run: MapRun, one: MapRun) -> str:

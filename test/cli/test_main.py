@@ -23,7 +23,7 @@ from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.simulation.mission.settings import SETTINGS
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey
 
-OUTPUTS = ["map.tif", "records.csv", "report.html", "samples.geojson", "summary.json"]
+OUTPUTS = ["map.tif", "records.csv", "report.html", "samples.geojson", "soilmoist.qgs", "summary.json"]
 
 
 def run(*arguments):

@@ -255,7 +255,7 @@ def test_save_writes_the_outputs_and_a_later_mapper_starts_from_them(ros, start,
     answer = ros.call(Trigger, "mapper/save", timeout=60)
     assert (answer.success, answer.message) == (True, str(tmp_path / "saved"))
     names = {path.name for path in (tmp_path / "saved").iterdir()}
-    assert names == {"map.tif", "samples.geojson", "report.html", "summary.json", "records.csv"}
+    assert names == {"map.tif", "samples.geojson", "report.html", "summary.json", "records.csv", "soilmoist.qgs"}
     with rasterio.open(tmp_path / "saved" / "map.tif") as tif:
         assert {"vwc", "vwc_sd", "rate", "rate_sd"} <= set(tif.descriptions)
         assert np.isfinite(tif.read(1, masked=True).compressed()).sum() > 500

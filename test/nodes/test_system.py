@@ -124,7 +124,7 @@ def test_a_mission_maps_the_field_as_it_does_without_ros(ros, tmp_path):
     robot.stop()
     assert status.samples >= 3, robot.processes["planner"].output()
     names = {path.name for path in (tmp_path / "map").iterdir()}
-    assert names == {"map.tif", "samples.geojson", "report.html", "summary.json", "records.csv"}
+    assert names == {"map.tif", "samples.geojson", "report.html", "summary.json", "records.csv", "soilmoist.qgs"}
 
     replay = replay_bag(tmp_path / "bag", ReplaySettings(truths={0: "synthetic-high"}))
     assert replay.comparisons[0].same is True

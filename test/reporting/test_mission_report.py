@@ -34,7 +34,10 @@ from soilmoist_ros.simulation.mission.result import SeriesRow
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 FAKE = Path(__file__).resolve().parents[1] / "simulation"
-NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html", "records.csv", "series.csv", "visits.csv"]
+NAMES = [
+    "summary.json", "map.tif", "samples.geojson", "report.html", "records.csv", "soilmoist.qgs", "series.csv",
+    "visits.csv",
+]  # fmt: skip
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 
 

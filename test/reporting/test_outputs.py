@@ -13,7 +13,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording import read_records
 from soilmoist_ros.reporting import outputs, write_outputs
 
-NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html", "records.csv"]
+NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html", "records.csv", "soilmoist.qgs"]
 
 
 @pytest.mark.slow

@@ -7,12 +7,16 @@ from __future__ import annotations
 import shutil
 import zipfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
+import numpy as np
+
+from soilmoist_ros.reporting.exports.classes import shown_range
 from soilmoist_ros.reporting.exports.qml import VERSION, map_pipe, map_style, style_elements
-from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource, transformed
+from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource, transformed
 from soilmoist_ros.reporting.exports.vector_files import FILE, run_layers, write_package
 from soilmoist_ros.reporting.exports.vectors import Layer
 
@@ -21,7 +25,9 @@ if TYPE_CHECKING:
 
 PROJECT = "soilmoist"
 HIDDEN = ("records", "contours", "zones", "visits")
-"""Kinds of layers that are in the project but not shown at first."""
+"""Kinds of layers that are in the project but hidden at first, as samples of further properties are."""
+RUN_LAYERS = (("field", "Polygon"), ("no_go", "Polygon"), ("track", "LineString"))
+"""Layers of ``samples.geojson`` other than the samples, those to draw below first, and their geometry."""
 GEOMETRY = {"Point": "Point", "LineString": "Line", "Polygon": "Polygon", "MultiPolygon": "Polygon"}
 
 
@@ -41,45 +47,79 @@ def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> lis
         style = folder / f"{name}.qml"
         style.write_text(map_style(one), encoding="utf-8")
         written += [copy, style]
-    project = ET.tostring(_project(source, layers), encoding="unicode")
+    crs = source.properties[0].crs
+    shown = [_Shown(layer, f"./{FILE}|layername={layer.name}", crs) for layer in layers]
     path = folder / f"{PROJECT}.qgz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(
-            f"{PROJECT}.qgs", f"<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n{project}\n"
-        )
+        archive.writestr(f"{PROJECT}.qgs", _project(source.title, source.properties, shown))
     return [*written, path]
 
 
-def _project(source: RunSource, layers: Sequence[Layer]) -> ET.Element:
-    """The project; layers of the GeoPackage lie above the maps."""
-    crs = source.properties[0].crs
-    root = ET.Element("qgis", projectname=source.title, version=VERSION)
-    ET.SubElement(root, "title").text = source.title
+def write_run_project(path: Path, title: str, maps: Sequence[PropertyMap]) -> Path:
+    """Write a project that shows the files of a run in its folder: GeoTIFFs, and layers of ``samples.geojson``.
+
+    :param path: file to write
+    :param title: title of the project
+    :param maps: maps of all properties; samples and records are not needed
+    :returns: ``path``
+    """
+    import pyproj
+
+    geographic = pyproj.CRS.from_epsg(4326)
+    layers = [Layer(*parts, [], {}) for parts in RUN_LAYERS]
+    for one in maps:
+        columns = {"vwc": np.ones(1)} if one.quantity is MOISTURE else {}
+        layers.append(Layer(f"samples{one.suffix}", "Point", [], columns, shown=shown_range(one.values)))
+    shown = []
+    for layer in layers:
+        file, kind = (layer.name, "sample") if layer.name.startswith("samples") else ("samples", layer.name)
+        source = f"./{file}.geojson|layername={file}|geometrytype={layer.kind}|subset=kind = '{kind}'"
+        shown.append(_Shown(layer, source, geographic))
+    path.write_text(_project(title, maps, shown), encoding="utf-8")
+    return path
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A layer of points, lines or areas, and where QGIS finds it."""
+
+    layer: Layer
+    source: str
+    crs: CRS
+
+
+def _project(title: str, properties: Sequence[PropertyMap], layers: Sequence[_Shown]) -> str:
+    """The project; its layers, the first at the bottom, lie above the maps."""
+    crs = properties[0].crs
+    root = ET.Element("qgis", projectname=title, version=VERSION)
+    ET.SubElement(root, "title").text = title
     ET.SubElement(root, "projectCrs").append(_srs(crs))
     tree = ET.SubElement(root, "layer-tree-group")
     maps = ET.SubElement(root, "projectlayers")
-    for layer in reversed(layers):
-        shown = layer.name.split("_")[0] not in HIDDEN
-        _entry(tree, layer.name, shown, "ogr", f"./{FILE}|layername={layer.name}")
-        element = _layer(maps, layer.name, layer.name, f"./{FILE}|layername={layer.name}", "ogr", crs)
+    for one in reversed(layers):
+        name = one.layer.name
+        shown = name.split("_")[0] not in HIDDEN and not name.startswith("samples_")
+        _entry(tree, name, shown, "ogr", one.source)
+        element = _layer(maps, name, name, one.source, "ogr", one.crs)
         element.set("type", "vector")
-        element.set("geometry", GEOMETRY[layer.kind])
+        element.set("geometry", GEOMETRY[one.layer.kind])
         element.set("labelsEnabled", "1")
-        element.extend(style_elements(layer))
-    for number, one in enumerate(source.properties):
-        key, name = f"map{one.suffix}", _map_name(one)
-        _entry(tree, key, number == 0, "gdal", f"./map{one.suffix}.tif", name)
-        element = _layer(maps, key, name, f"./map{one.suffix}.tif", "gdal", one.crs)
-        element.set("type", "raster")
-        element.append(map_pipe(one))
-    properties = ET.SubElement(root, "properties")
-    reference = ET.SubElement(properties, "SpatialRefSys")
+        element.extend(style_elements(one.layer))
+    for number, each in enumerate(properties):
+        file = f"map{each.suffix}"
+        for key, name, sd in ((file, _map_name(each), False), (f"{file}_sd", f"{_map_name(each)}, SD", True)):
+            _entry(tree, key, number == 0 and not sd, "gdal", f"./{file}.tif", name)
+            element = _layer(maps, key, name, f"./{file}.tif", "gdal", each.crs)
+            element.set("type", "raster")
+            element.append(map_pipe(each, sd))
+    settings = ET.SubElement(root, "properties")
+    reference = ET.SubElement(settings, "SpatialRefSys")
     ET.SubElement(reference, "ProjectionsEnabled", type="int").text = "1"
-    ET.SubElement(ET.SubElement(properties, "Paths"), "Absolute", type="bool").text = "false"
-    settings = ET.SubElement(root, "ProjectViewSettings", UseProjectScales="0")
-    view = ET.SubElement(settings, "DefaultViewExtent", _extent(source.properties[0]))
+    ET.SubElement(ET.SubElement(settings, "Paths"), "Absolute", type="bool").text = "false"
+    view = ET.SubElement(ET.SubElement(root, "ProjectViewSettings", UseProjectScales="0"),
+                         "DefaultViewExtent", _extent(properties[0]))  # fmt: skip
     view.append(_srs(crs))
-    return root
+    return f"<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n{ET.tostring(root, encoding='unicode')}\n"
 
 
 def _map_name(one: PropertyMap) -> str:

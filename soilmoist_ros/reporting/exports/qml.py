@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from soilmoist_ros.reporting.colours import colour_ramp
+from soilmoist_ros.reporting.colours import UNCERTAIN, colour_ramp
 from soilmoist_ros.reporting.exports.classes import shown_range
 from soilmoist_ros.reporting.exports.source import MOISTURE, RATE, PropertyMap, Quantity
 from soilmoist_ros.reporting.exports.vectors import Layer
@@ -62,10 +62,11 @@ def style_elements(layer: Layer) -> list[ET.Element]:
     return [_graduated(layer, quantity)] if kind == "samples" else []
 
 
-def map_pipe(one: PropertyMap) -> ET.Element:
-    """Colours of the first band between the quantiles 0.02 and 0.98, interpolated."""
-    low, high = (edge / one.quantity.scale for edge in shown_range(one.values))
-    pipe, band = ET.Element("pipe"), 1 + list(one.bands).index(one.quantity.band)
+def map_pipe(one: PropertyMap, sd: bool = False) -> ET.Element:
+    """Colours of the first band or its standard deviation between the quantiles 0.02 and 0.98, interpolated."""
+    quantity, values = one.quantity, one.sd if sd else one.values
+    low, high = (edge / quantity.scale for edge in shown_range(values))
+    pipe, band = ET.Element("pipe"), 1 + list(one.bands).index(f"{quantity.band}_sd" if sd else quantity.band)
     renderer = ET.SubElement(
         pipe, "rasterrenderer", type="singlebandpseudocolor", band=str(band),
         opacity="1", alphaBand="-1", nodataColor="", classificationMin=repr(low), classificationMax=repr(high),
@@ -74,9 +75,9 @@ def map_pipe(one: PropertyMap) -> ET.Element:
         ET.SubElement(renderer, "rastershader"), "colorrampshader", colorRampType="INTERPOLATED",
         classificationMode="2", clip="0", minimumValue=repr(low), maximumValue=repr(high), labelPrecision="3",
     )  # fmt: skip
-    values = np.linspace(low, high, RAMP_ITEMS).tolist()
-    for value, colour in zip(values, colour_ramp(one.quantity.colours, RAMP_ITEMS).tolist(), strict=True):
-        label = f"{value * one.quantity.scale:.3g} {one.quantity.unit}"
+    colours = colour_ramp(UNCERTAIN if sd else quantity.colours, RAMP_ITEMS).tolist()
+    for value, colour in zip(np.linspace(low, high, RAMP_ITEMS).tolist(), colours, strict=True):
+        label = f"{value * quantity.scale:.3g} {quantity.unit}"
         ET.SubElement(shader, "item", value=repr(value), color=_hex(colour), alpha="255", label=label)
     ET.SubElement(pipe, "rasterresampler", maxOversampling="2")
     return pipe

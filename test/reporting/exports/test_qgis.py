@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""QGIS project and styles: qgis.py and qml.py. QGIS itself is not needed."""
+"""QGIS projects and styles: qgis.py and qml.py. QGIS itself is not needed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import pyogrio
 import pytest
 import rasterio
 
-from soilmoist_ros.reporting.exports.qgis import write_qgis
+from soilmoist_ros.reporting.colours import UNCERTAIN, hex_ramp
+from soilmoist_ros.reporting.exports.qgis import write_qgis, write_run_project
 from soilmoist_ros.reporting.exports.source import ExportSettings
 
 
@@ -39,7 +40,7 @@ def test_every_layer_of_the_project_is_in_its_files(written, project):
     sources = [element.text for element in project.iter("datasource")]
     in_package = {source.partition("|layername=")[2] for source in sources if "gpkg" in source}
     assert in_package == known
-    assert [source for source in sources if "gpkg" not in source] == ["./map.tif", "./map_salt.tif"]
+    assert [source for source in sources if "gpkg" not in source] == ["./map.tif"] * 2 + ["./map_salt.tif"] * 2
     tree = [element.get("id") for element in project.iter("layer-tree-layer")]
     assert tree == [element.findtext("id") for element in project.iter("maplayer")]
     assert all(
@@ -76,3 +77,42 @@ def test_zones_and_samples_have_a_symbol_for_each_class(project):
             used = {each.get("symbol") for each in (*renderer.iter("category"), *renderer.iter("range"))}
             assert used in ({*symbols}, set())
             assert symbols
+
+
+@pytest.fixture(scope="module")
+def beside(exported, tmp_path_factory):
+    """The project beside the files of a run; its layers by name."""
+    path = tmp_path_factory.mktemp("beside") / "soilmoist.qgs"
+    root = ET.parse(write_run_project(path, "Farm", exported.source.properties)).getroot()
+    return {layer.findtext("id").removeprefix("soilmoist_"): layer for layer in root.iter("maplayer")}
+
+
+def test_the_project_beside_a_run_finds_its_files(beside, exported):
+    found = {}
+    for name, layer in beside.items():
+        path, *options = layer.findtext("datasource").split("|")
+        assert path.startswith("./")  # the folder may move
+        assert layer.find("srs/spatialrefsys/wkt").text  # without it QGIS does not place the layer
+        if options:
+            chosen = dict(option.split("=", 1) for option in options)
+            shapes = pyogrio.read_dataframe(
+                exported.folder / path, layer=chosen["layername"], where=chosen["subset"]
+            )
+            assert {kind.removeprefix("Multi") for kind in shapes.geom_type} <= {chosen["geometrytype"]}
+            found[name] = len(shapes)
+        else:
+            assert (exported.folder / path).is_file()
+    assert found["field"] == found["track"] == 1
+    assert found["samples"] == found["samples_salt"] == len(exported.source.properties[0].samples["vwc"])
+
+
+def test_the_project_beside_a_run_shows_value_and_standard_deviation(beside, exported):
+    for one in exported.source.properties:
+        for end, colours in (("", one.quantity.colours), ("_sd", UNCERTAIN)):
+            renderer = beside[f"map{one.suffix}{end}"].find("pipe/rasterrenderer")
+            with rasterio.open(exported.folder / f"map{one.suffix}.tif") as raster:
+                assert raster.descriptions[int(renderer.get("band")) - 1] == one.quantity.band + end
+            ramp = [item.get("color") for item in renderer.iter("item")]
+            assert ramp == hex_ramp(colours, len(ramp))
+        column = {"vwc": "vwc", "rate": "rate_cps"}[one.quantity.band]
+        assert beside[f"samples{one.suffix}"].find("renderer-v2").get("attr") == column
