@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from soilmoist_ros.cli.answers.answer import reporting_errors
-from soilmoist_ros.cli.answers.live import live_view
+from soilmoist_ros.cli.answers.live import json_lines, live_view
 from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.foundation.errors import InputError
 
@@ -27,8 +27,12 @@ _POLL_S = 0.2
 @click.option("--property", "properties", multiple=True, help="Further property to show, repeatable.")
 @click.option("--layouts", type=FILE, metavar="DIR",
               help="Write layouts of RViz, Foxglove and PlotJuggler for these robots, and end.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True,
+              help="Print a JSON object a line for each change, once a second at most.")  # fmt: skip
 @reporting_errors
-def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...], layouts: Path | None) -> None:
+def command(
+    field: str, robots: tuple[str, ...], properties: tuple[str, ...], layouts: Path | None, as_json: bool
+) -> None:
     """Watch a running survey in a terminal, until Ctrl-C: state, numbers, and the map as it grows.
 
     It listens on the ROS domain of the shell, and changes nothing.
@@ -45,7 +49,7 @@ def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...], la
         for name in names:
             folder = layouts / name if len(names) > 1 else layouts
             for path in write_layouts(place, name, properties, folder):
-                click.echo(f"wrote {path}")
+                click.echo(f"wrote {path}", err=as_json)
         return
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
@@ -57,7 +61,7 @@ def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...], la
     except ValueError:
         raise InputError("ROS_DOMAIN_ID is no number", "export ROS_DOMAIN_ID=0") from None
     try:
-        with monitored(live, place.frame, domain), live_view() as show:
+        with monitored(live, place.frame, domain), (json_lines if as_json else live_view)() as show:
             while True:
                 show(live)
                 time.sleep(_POLL_S)

@@ -184,11 +184,16 @@ def test_a_terminal_watches_too(ros, tmp_path):
             str(tmp_path / "field.yaml"),
         ]
         watching = NodeProcess(command, ros.environment, tmp_path / "watch.txt")
-        ros.processes.append(watching)
+        program = NodeProcess([*command, "--json"], ros.environment, tmp_path / "watch.json")
+        ros.processes += [watching, program]
         ros.wait_for(lambda: "idle: waiting for start" in watching.output())
+        ros.wait_for(lambda: '"state": "idle"' in program.output())
         planning.accepted("start")
         ros.wait_for(lambda: "travelling: " in watching.output())
-    assert watching.stop() == 0
+        ros.wait_for(lambda: '"state": "travelling"' in program.output())
+    assert [watching.stop(), program.stop()] == [0, 0]
+    states = [json.loads(line)["robots"][0]["state"] for line in program.output().splitlines()]
+    assert [state for state in dict.fromkeys(states) if state][:1] == ["idle"]
 
 
 def test_a_stop_that_is_not_acknowledged_is_said_loudly_and_tried_until_it_is(ros, tmp_path, browser):

@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A running mission on the terminal."""
+"""A running mission on the terminal, or as lines of JSON."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import click
 
 from soilmoist_ros.cli.answers.answer import current, say, tables
 
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.live.live_mission import LiveMission
 
 _SHOW_S = 0.5
+_LINE_S = 1.0
 
 
 @contextmanager
@@ -54,3 +58,24 @@ def live_view() -> Iterator[Callable[[LiveMission], None]]:
                 screen.update(render(live.view(), min(64, console.width - 2), rows), refresh=True)
 
         yield picture
+
+
+@contextmanager
+def json_lines() -> Iterator[Callable[[LiveMission], None]]:
+    """Print a mission for programs: a JSON object a line when it has changed, once a second at most."""
+    from soilmoist_ros.reporting.files.strict_json import dumps, jsonable
+
+    printed: dict[str, Any] = {}
+    printed_s = -_LINE_S
+
+    def line(live: LiveMission) -> None:
+        nonlocal printed, printed_s
+        now_s = time.monotonic()
+        if now_s - printed_s < _LINE_S:
+            return
+        values = jsonable(live.values)  # NaN differs from itself, None does not
+        if values != printed:
+            printed, printed_s = values, now_s
+            click.echo(dumps({"time_utc": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}", **values}))
+
+    yield line

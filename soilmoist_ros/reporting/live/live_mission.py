@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,22 @@ from soilmoist_ros.reporting.page.numbers import duration, length
 
 Array = NDArray[np.float64]
 
+_TEXTS = ("state", "reason", "target", "forecast", "ended")
+_NUMBERS = (
+    "target_x_m",
+    "target_y_m",
+    "planned_dwell_s",
+    "elapsed_dwell_s",
+    "time_used_s",
+    "time_left_s",
+    "distance_m",
+    "samples",
+    "raw_counts",
+    "failures",
+    "estimated_end_s",
+    "stamp_s",
+)
+_FLAGS = ("needs_operator", "silent", "emergency")
 WETTEST = 0.6
 """Upper limit of plausible soil moisture [m^3/m^3]; early maps exceed it where the rate is uncertain."""
 
@@ -53,6 +70,20 @@ class LiveMap:
         values = np.asarray(field["vwc" if moist else "rate"], float)
         return LiveBand(f"{self.name} {what}".lstrip(), values, extent, wet_is_high=moist)
 
+    @property
+    def values(self) -> dict[str, Any]:
+        """Numbers of the map for programs; ``spread`` is the standard deviation between its cells."""
+        band = self.band
+        known = np.empty(0) if band is None else band.values[np.isfinite(band.values)]
+        return {
+            "name": self.name,
+            "quantity": None if band is None else ("vwc" if band.wet_is_high else "rate"),
+            "cells": known.size,
+            "mean": float(known.mean()) if known.size else None,
+            "spread": float(known.std()) if known.size else None,
+            "mse": self.mse,
+        }
+
 
 class LiveRobot:
     """The latest messages of a robot.
@@ -73,6 +104,21 @@ class LiveRobot:
         status = self.status
         return f"{status['state']}: {status['reason']}" if status else "waiting for the planner"
 
+    @property
+    def values(self) -> dict[str, Any]:
+        """Status of the mission for programs: texts, numbers and flags; those of a silent planner are ``None``."""
+        status = self.status
+        x_m, y_m = self.xy or (math.nan, math.nan)
+        return {
+            "name": self.namespace,
+            "x_m": x_m,
+            "y_m": y_m,
+            **{key: status.get(key) or None for key in _TEXTS},
+            **{key: float(status[key]) if key in status else None for key in _NUMBERS},
+            **{key: status[key] == "True" if key in status else None for key in _FLAGS},
+            "sensor_fault": self.sensor_fault or None,
+        }
+
 
 class LiveMission:
     """The latest messages of a mission. One thread may set them while another reads the view.
@@ -91,6 +137,18 @@ class LiveMission:
         """What simulated time waits for, if that has lasted long."""
         self.rain = ""
         """Why rain is likely, and what to do; empty if it is not."""
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The mission now, for programs: robots, maps, samples, and what it waits for."""
+        return {
+            "field": self._title.strip(),
+            "robots": [robot.values for robot in self.robots],
+            "maps": [one.values for one in self.maps],
+            "samples": len(self.samples_xy),
+            "clock_waits_for": self.clock_waits_for or None,
+            "rain": self.rain or None,
+        }
 
     def view(self) -> LiveView:
         """The view now."""

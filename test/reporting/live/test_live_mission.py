@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from soilmoist_ros.reporting.files.strict_json import jsonable
 from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.reporting.live.terminal import render
 
@@ -54,6 +55,24 @@ def test_what_is_told():
     assert live.view().targets_xy == [(12.5, 3.0)]
     live.robots[0].status = {**STATUS, "forecast": "±3.0 % of the rate now"}
     assert live.view().facts["forecast"] == "±3.0 % of the rate now"
+
+
+def test_values_for_programs_are_numbers_texts_and_flags():
+    live = LiveMission(" demo ", [LiveMap("", np.full((3, 5), 2.0))], ("", "robot_2"))
+    live.robots[0].status = {**STATUS, "silent": "False", "emergency": "True", "estimated_end_s": "nan"}
+    live.robots[0].xy = (1.0, 2.0)
+    live.maps[0].cells = cells()
+    robot, silent = jsonable(live.values)["robots"]
+    assert (robot["state"], robot["target"], robot["x_m"], robot["samples"]) == ("counting", "s17", 1.0, 7)
+    assert (robot["silent"], robot["emergency"], robot["estimated_end_s"]) == (False, True, None)
+    assert {value for key, value in silent.items() if key != "name"} == {None}
+    (one,) = live.values["maps"]
+    assert (one["quantity"], one["cells"], one["mean"]) == ("vwc", 15, 5.0)
+    assert one["mse"] == pytest.approx(live.maps[0].mse)
+    live.maps[0].cells = None
+    assert jsonable(live.values)["maps"] == [
+        {"name": "", "quantity": None, "cells": 0, "mean": None, "spread": None, "mse": None}
+    ]
 
 
 def test_several_robots_have_a_line_each():
