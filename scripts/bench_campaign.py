@@ -3,6 +3,7 @@
 """Campaigns on a Dask cluster: missions per CPU second of the workers, overhead of a mission, and memory.
 
 usage: .venv/bin/python scripts/bench_campaign.py [--missions 1000] [--trivial 10000] [--quick]
+       [--save]
 
 Starts a scheduler and workers on loopback. The plain loop simulates and packs the same missions in one process,
 half of them before and half of them after the campaigns, because the speed of a shared machine drifts.
@@ -15,7 +16,6 @@ import os
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
-import argparse
 import socket
 import subprocess
 import sys
@@ -27,6 +27,7 @@ from pathlib import Path
 
 import numpy as np
 import psutil  # type: ignore[import-untyped]
+import results
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.workers import connect
@@ -43,21 +44,20 @@ WARM = 0.2
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = results.parser(__doc__)
     parser.add_argument("--missions", type=int, default=1000)
     parser.add_argument("--trivial", type=int, default=10_000)
     parser.add_argument("--quick", action="store_true", help="a twentieth of the missions")
     options = parser.parse_args()
     share = 20 if options.quick else 1
     with tempfile.TemporaryDirectory() as folder:
-        efficiency(options.missions // share, Path(folder))
-        memory(options.trivial // share, Path(folder))
+        efficiency(options.missions // share, Path(folder), options.save)
+        memory(options.trivial // share, Path(folder), options.save)
 
 
-def efficiency(count: int, folder: Path) -> None:
-    """Print missions per CPU second of the workers, for a plain loop and 1 and 2 workers."""
+def efficiency(count: int, folder: Path, save: bool) -> None:
+    """Missions per CPU second of the workers, for a plain loop and 1 and 2 workers."""
     plan = campaign(folder, count)
-    print(f"{count} missions of {SETTINGS}\n")
     loop_s = loop_cpu_s(plan, slice(0, None, 2))
     used_s = {}
     for workers in (1, 2):
@@ -67,19 +67,16 @@ def efficiency(count: int, folder: Path) -> None:
             run_campaign(plan, folder / str(workers), simulate_mission, scheduler=address)
             used_s[workers] = cpu_s(processes["workers"]) - before_s
     loop_s += loop_cpu_s(plan, slice(1, None, 2))
-    print(
-        "|                | missions per CPU second of the workers | of the plain loop | overhead of a mission |"
-    )
-    print(
-        "|----------------|----------------------------------------|-------------------|-----------------------|"
-    )
-    for name, spent_s in (("plain loop", loop_s), ("1 worker", used_s[1]), ("2 workers", used_s[2])):
-        overhead_ms = 1e3 * (spent_s - loop_s) / count
-        print(f"| {name:14} | {count / spent_s:38.1f} | {loop_s / spent_s:16.0%}  | {overhead_ms:18.1f} ms |")
+    rows = [
+        (name, f"{count / spent_s:.1f}", f"{loop_s / spent_s:.0%}", f"{1e3 * (spent_s - loop_s) / count:.1f}")
+        for name, spent_s in (("plain loop", loop_s), ("1 worker", used_s[1]), ("2 workers", used_s[2]))
+    ]
+    columns = ("", "missions per CPU second of the workers", "of the plain loop", "overhead of a mission [ms]")
+    results.publish("cluster", columns, rows, f"{count} missions of {SETTINGS}", save)
 
 
-def memory(count: int, folder: Path) -> None:
-    """Print the memory of client, scheduler and workers during trivial missions."""
+def memory(count: int, folder: Path, save: bool) -> None:
+    """Memory of client, scheduler and workers during trivial missions."""
     plan = campaign(folder, count)
     with cluster(2) as (address, processes):
         processes["client"] = [psutil.Process()]
@@ -92,12 +89,13 @@ def memory(count: int, folder: Path) -> None:
         start_s, before_s = time.monotonic(), cpu_s(processes["workers"])
         run_campaign(plan, folder / "trivial", trivial, scheduler=address, progress=look)
         taken_s, used_s = time.monotonic() - start_s, cpu_s(processes["workers"]) - before_s
-    print(f"\n{count} trivial missions on 2 workers: {count / taken_s:.0f} a second, "
-          f"{1e3 * used_s / count:.1f} ms of the workers each\n")  # fmt: skip
-    print(f"| memory [MB]  | after {int(WARM * count):6} | after {count:6} |")
-    print("|--------------|--------------|--------------|")
-    for name in seen[0]:
-        print(f"| {name:12} | {seen[0][name]:12.0f} | {seen[1][name]:12.0f} |")
+    columns = ("memory [MB]", f"after {int(WARM * count):,}", f"after {count:,}")
+    rows = [(name, *(f"{megabytes[name]:.0f}" for megabytes in seen)) for name in seen[0]]
+    each_ms = 1e3 * used_s / count
+    settings = (
+        f"{count:,} trivial missions, {count / taken_s:.0f} a second, {each_ms:.1f} ms of the 2 workers each"
+    )
+    results.publish("cluster_memory", columns, rows, settings, save)
 
 
 def campaign(folder: Path, count: int) -> Campaign:

@@ -6,11 +6,11 @@
 A demonstration runs; Chromium (apt-get install chromium) looks on. The link has 1 Mbit/s and a latency of 100 ms.
 
 usage: .venv/bin/python scripts/bench_console.py [--time-factor 1] [--viewers 3] [--seconds 30]
+       [--save]
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import shutil
@@ -25,6 +25,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 import psutil
+import results
 from playwright.sync_api import sync_playwright
 
 FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking")
@@ -79,7 +80,7 @@ def first_map(browser: Any, address: str) -> tuple[float, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = results.parser(__doc__)
     parser.add_argument("--time-factor", type=float, default=1.0)
     parser.add_argument("--viewers", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=30.0)
@@ -90,16 +91,23 @@ def main() -> None:
     with demo(given.time_factor) as (address, node), sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=[*FLAGS])
         taken_s, size = first_map(browser, address)
-        print(f"first map at 1 Mbit/s: {taken_s:.2f} s, {size / 1e3:.0f} kB (frames of the socket uncompressed)")
+        rows = [("time to the first map", f"{taken_s:.1f} s"), ("bytes to the first map", f"{size / 1e3:.0f} kB")]
         pages = []
         for number in range(given.viewers + 1):
             before, began = sum(node.cpu_times()[:2]), time.monotonic()
             time.sleep(given.seconds)
             share = (sum(node.cpu_times()[:2]) - before) / (time.monotonic() - began)
-            print(f"{number} viewers: {100 * share:.1f} % of a core, {node.memory_info().rss / 1e6:.0f} MB")
+            rows.append(
+                (f"{number} viewers", f"{100 * share:.1f} % of a core, {node.memory_info().rss / 1e6:.0f} MB")
+            )
             pages.append(browser.new_context().new_page())
             pages[-1].goto(address)
         browser.close()
+    name = f"console_{given.time_factor:g}"
+    settings = "a link of 1 Mbit/s with a latency of 100 ms to the first map, frames of the socket uncompressed"
+    results.publish(
+        name, ("the operator's page", f"{given.time_factor:g} times real time"), rows, settings, given.save
+    )
 
 
 if __name__ == "__main__":

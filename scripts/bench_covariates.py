@@ -18,7 +18,6 @@ The left-out moistures have errors. Our predictive distributions include them, t
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import tempfile
@@ -27,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import results
 from numpy.typing import NDArray
 from smp_forest import run
 
@@ -242,7 +242,7 @@ def scores(ensemble: Array, truth: Array) -> dict[str, float]:
 
 def main() -> None:
     """Print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = results.parser(__doc__)
     parser.add_argument("--smp", required=True, help="interpreter of an environment with soil-moisture-prediction")
     parser.add_argument("--fine", action="store_true", help=f"the forest on a grid of {FINE_M:g} m, too")
     options = parser.parse_args()
@@ -250,7 +250,7 @@ def main() -> None:
     survey = Survey.read(data / "crn_soil-moisture.csv")
     settings = json.loads((data / "parameters.json").read_text())
     case = make_case(survey, data, settings)
-    print(f"{'folds':8} {'method':52} {'RMSE':>7} {'CRPS':>7} {'95 %':>6}   [g/g], {len(survey.day)} places")
+    table = []
     for kind in ("random", "blocked"):
         fold = folds(kind, survey)
         rows: dict[str, Array] = {}
@@ -269,8 +269,10 @@ def main() -> None:
             rows[f"random forest, {grid}, with errors"] = with_errors(ensemble, survey.error)
         for name, ensemble in rows.items():
             score = scores(ensemble, survey.moisture)
-            line = f"{score['rmse']:7.4f} {score['crps']:7.4f} {100 * score['coverage95']:5.0f} %"
-            print(f"{kind:8} {name:52} {line}", flush=True)
+            figures = f"{score['rmse']:.4f}", f"{score['crps']:.4f}", f"{100 * score['coverage95']:.0f} %"
+            table.append((kind, name, *figures))
+    columns = ("folds", "method", "RMSE", "CRPS", "in 95 %")
+    results.publish("covariates", columns, table, f"moistures in g/g, {len(survey.day)} places", options.save)
 
 
 def make_case(survey: Survey, data: Path, settings: Mapping[str, object]) -> Case:

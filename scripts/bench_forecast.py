@@ -4,7 +4,7 @@
 """How well the forecasts of a mission's standard deviation hold, over many simulated missions.
 
 usage: .venv/bin/python scripts/bench_forecast.py [--seeds 3] [--cell 2] [--strategy gcb] [--preset recommended]
-       [--fields smooth patches FILE.yaml] [--rows FILE.csv]
+       [--fields smooth patches FILE.yaml] [--rows FILE.csv] [--save]
 
 Each mission draws its random field from its seed; every second seed has half of the field's usual time. A row is
 the forecast for the end that was made at a share of the time. ``reached`` is the standard deviation of the map at
@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import results
 
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -118,24 +119,22 @@ def told(result: MissionResult) -> float | None:
     return None
 
 
-def print_table(found: Sequence[Row]) -> None:
-    """Print how well the forecasts held."""
-    print("| made at | forecasts | reached / forecast (10 %, median, 90 %) | band | inside | error / forecast |")
-    print("|---|---|---|---|---|---|")
+def table(found: Sequence[Row]) -> Iterator[tuple[str, ...]]:
+    """How well the forecasts held, by the share of the time at which they were made."""
     for share in sorted({row.share for row in found}):
         some = [row for row in found if row.share == share]
         reached = np.quantile([row.reached for row in some], [0.1, 0.5, 0.9])
         inside = np.mean([row.low <= row.reached * row.forecast <= row.high for row in some])
         factor = np.median([row.high / row.forecast for row in some])
         error = np.sqrt(np.mean([row.error**2 for row in some]))
-        print(
-            f"| {100 * share:.0f} % | {len(some)} | {reached[0]:.2f}, {reached[1]:.2f}, {reached[2]:.2f} "
-            f"| ÷× {factor:.2f} | {100 * inside:.0f} % | {error:.2f} |"
-        )
+        yield (
+            f"{100 * share:.0f} %", str(len(some)), f"{100 * inside:.0f} %", f"×/÷ {factor:.2f}",
+            f"{reached[1]:.2f} ({reached[0]:.2f} to {reached[2]:.2f})", f"{error:.2f}",
+        )  # fmt: skip
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = results.parser(__doc__)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--cell", type=float, default=2.0)
@@ -158,9 +157,19 @@ def main() -> None:
                 with options.rows.open("w", newline="", encoding="utf-8") as file:
                     csv.writer(file).writerows([Row._fields, *found])
     missions = len({(row.field, row.seed) for row in found})
-    print(f"{missions} missions, preset {options.preset}, strategy {options.strategy or 'of the preset'}")
-    print_table(found)
-    print(f"called uniform: {'; '.join(uniform) or 'none'}")
+    columns = (
+        "made at",
+        "forecasts",
+        "inside the band",
+        "band",
+        "reached / forecast (10 to 90 %)",
+        "error / forecast",
+    )
+    settings = (
+        f"{missions} missions, preset {options.preset}, strategy {options.strategy or 'of the preset'}; "
+        f"called uniform at some time: {'; '.join(uniform) or 'none'}"
+    )
+    results.publish("forecasts", columns, table(found), settings, options.save)
 
 
 if __name__ == "__main__":

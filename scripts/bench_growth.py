@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the cost of a map grows with the samples and the cells: time, peak memory, exponents.
 
-    scripts/bench_growth.py [--workers 2] [--scheduler tcp://host:8786] [--most-samples N] [--most-cells N]
+usage: .venv/bin/python scripts/bench_growth.py [--workers 2] [--scheduler tcp://host:8786] [--most-samples N]
+       [--most-cells N] [--save]
 
 Each map is made in a new process. The robot drives lines 6 m apart, with one record of 10 s every 6 m. The model
 is Matern 3/2 with a range of 30 m; maps of up to 2000 samples are exact. Workers are local processes, or those of
@@ -23,6 +24,7 @@ from itertools import pairwise
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+import results
 
 SPACING_M, RANGE_M, RECORD_S = 6.0, 30.0, 10.0
 
@@ -62,30 +64,28 @@ def in_fresh_process(*arguments: object) -> dict[str, float | str]:
     return dict(json.loads(done.stdout))
 
 
-def table(name: str, cases: list[tuple[int, int]], options: argparse.Namespace) -> None:
-    """Print one series; the column that differs grows."""
+def series(name: str, cases: list[tuple[int, int]], options: argparse.Namespace) -> list[list[str]]:
+    """Rows of one series; the column that differs grows. The exponents are printed."""
     grows = [samples if name == "samples" else cells for samples, cells in cases]
-    times, memory = [], []
-    print(f"\n{'samples':>9} {'cells':>9} {'merging [s]':>12} {'kriging [s]':>12} {'peak [MB]':>10}  kriging")
-    for samples, cells in cases:
-        row = in_fresh_process(samples, cells, options.workers, options.scheduler or "-")
-        times.append(float(row["kriging_s"]))
-        memory.append(float(row["memory_mb"]))
-        print(
-            f"{samples:9d} {cells:9d} {row['merging_s']:12.2f} {row['kriging_s']:12.2f} {row['memory_mb']:10.0f}  "
-            f"{row['kriging']}",
-            flush=True,
-        )
-    for what, values in (("time", times), ("memory", memory)):
+    found = [in_fresh_process(*case, options.workers, options.scheduler or "-") for case in cases]
+    for what in ("kriging_s", "memory_mb"):
+        values = [float(row[what]) for row in found]
         slopes = np.diff(np.log(values)) / np.diff(np.log(grows))
         whole = np.polyfit(np.log(grows), np.log(values), 1)[0]
         steps = ", ".join(f"{slope:.2f}" for slope in slopes)
-        print(f"{what} grows with {name} to the power {whole:.2f} (from row to row {steps})")
+        print(f"{what} grows with {name} to the power {whole:.2f} (from row to row {steps})", flush=True)
+    return [
+        [
+            f"{samples:,}", f"{cells:,}", f"{row['merging_s']:.2f}", f"{row['kriging_s']:.2f}",
+            f"{row['memory_mb']:.0f}", str(row["kriging"]),
+        ]
+        for (samples, cells), row in zip(cases, found, strict=True)
+    ]  # fmt: skip
 
 
 def main() -> None:
-    """Print the tables."""
-    parser = argparse.ArgumentParser(description="How the cost of a map grows with the samples and the cells.")
+    """Print the table."""
+    parser = results.parser(__doc__)
     parser.add_argument("--workers", type=int, default=1, help="local processes (default 1)")
     parser.add_argument("--scheduler", help="address of a Dask scheduler")
     parser.add_argument("--most-samples", type=int, default=100_000)
@@ -99,8 +99,11 @@ def main() -> None:
         return
     samples = [10**k for k in range(2, 6) if 10**k <= options.most_samples]
     cells = [10**k for k in range(4, 7) if 10**k <= options.most_cells]
-    table("samples", [(n, 10_000) for n in samples], options)
-    table("cells", [(samples[-1], g) for g in cells], options)
+    rows = series("samples", [(n, 10_000) for n in samples], options)
+    rows += series("cells", [(samples[-1], g) for g in cells], options)
+    clock = "processor time" if options.workers == 1 and not options.scheduler else f"{options.workers} workers"
+    columns = ("samples", "cells", "merging [s]", "kriging [s]", "peak memory [MB]", "kriging")
+    results.publish("growth", columns, rows, f"samples every 6 m, Matérn 3/2, {clock}", options.save)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,8 @@ estimated from the counts. No robot drives; missions are compared by campaigns.
 
 With --speed: time of one update on line with 30 earlier surveys and 3,000 cells, and of the fits in between.
 
-usage: .venv/bin/python scripts/bench_knowledge.py [--seeds 40] [--range-m 30] [--cases one four] [--speed]
+usage: .venv/bin/python scripts/bench_knowledge.py [--seeds 40] [--range-m 30] [--cases one four]
+       [--speed] [--save]
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ import os
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
-import argparse
 import statistics
 import time
 from dataclasses import dataclass
 
 import numpy as np
+import results
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
@@ -150,26 +151,23 @@ def ratio(with_it: Array, without: Array) -> str:
     return f"{quotient:.2f} ± {error:.2f}"
 
 
-def errors(names: list[str], seeds: int, range_m: float) -> None:
-    """Print the table of errors."""
-    print(f"range {range_m:g} m, {seeds} seeds; error / that with nothing known, and share in 95 %")
-    print("| known | " + " | ".join(STAGES) + " |")
-    for name in names:
-        found: dict[str, list[tuple[float, float, float]]] = {stage: [] for stage in STAGES}
-        for seed in range(seeds):
-            truth, knowledge, survey = draw(CASES[name], range_m, seed)
-            for stage, samples in survey.items():
-                alone, _ = score(samples, NOTHING, truth)
-                found[stage].append((alone, *score(samples, knowledge, truth)))
-        cells = []
-        for values in found.values():
-            alone, known, within = np.array(values).T
-            cells.append(f"{ratio(known, alone)}, {100 * within.mean():.0f} %")
-        print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+def errors(name: str, seeds: int, range_m: float) -> list[str]:
+    """Row of the table of errors."""
+    found: dict[str, list[tuple[float, float, float]]] = {stage: [] for stage in STAGES}
+    for seed in range(seeds):
+        truth, knowledge, survey = draw(CASES[name], range_m, seed)
+        for stage, samples in survey.items():
+            alone, _ = score(samples, NOTHING, truth)
+            found[stage].append((alone, *score(samples, knowledge, truth)))
+    cells = []
+    for values in found.values():
+        alone, known, within = np.array(values).T
+        cells.append(f"{ratio(known, alone)}, {100 * within.mean():.0f} %")
+    return [name, *cells]
 
 
-def speed(surveys: int = 30, cell_m: float = 1.0) -> None:
-    """Print times of updates on line."""
+def speed(save: bool, surveys: int = 30, cell_m: float = 1.0) -> None:
+    """Times of updates on line."""
     _, knowledge, survey = draw(Case(surveys), 30.0, 0)
     field_map = FieldMap(FieldGrid.from_polygon(OUTLINE, cell_m), SETTINGS, knowledge)
     samples = survey["2 h"]
@@ -184,23 +182,32 @@ def speed(surveys: int = 30, cell_m: float = 1.0) -> None:
         now = field_map.soil_map
         same = before is not None and now is not None and before.variogram == now.variogram
         (updates if same else refits).append(taken)
-    print(f"{surveys} earlier surveys, {len(field_map.grid.cells)} cells, {len(samples)} samples:")
-    print(f"update on line: median {statistics.median(updates):.0f} ms, slowest {max(updates):.0f} ms")
-    print(f"update with a fit to all surveys ({len(refits)} of them): median {statistics.median(refits):.0f} ms")
-    print(f"first of these, which also finds how fast the pattern changes: {refits[0]:.0f} ms")
+    rows = [
+        ("update on line, median", f"{statistics.median(updates):.0f}"),
+        ("update on line, slowest", f"{max(updates):.0f}"),
+        ("update with a fit to all surveys, median", f"{statistics.median(refits):.0f}"),
+        ("first of these, which also finds how fast the pattern changes", f"{refits[0]:.0f}"),
+    ]
+    settings = f"{surveys} earlier surveys, {len(field_map.grid.cells)} cells, up to {len(samples)} samples"
+    results.publish("knowledge_speed", ("what", "processor time [ms]"), rows, settings, save)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=40, help="number of random fields")
-    parser.add_argument("--range-m", type=float, default=30.0, help="practical range of the fields [m]")
-    parser.add_argument("--cases", nargs="+", choices=list(CASES), default=list(CASES), help="what is known")
-    parser.add_argument("--speed", action="store_true", help="times instead of errors")
-    arguments = parser.parse_args()
-    if arguments.speed:
-        speed()
-    else:
-        errors(arguments.cases, arguments.seeds, arguments.range_m)
+    options = results.parser(__doc__)
+    options.add_argument("--seeds", type=int, default=40, help="number of random fields")
+    options.add_argument("--range-m", type=float, default=30.0, help="practical range of the fields [m]")
+    options.add_argument("--cases", nargs="+", choices=list(CASES), default=list(CASES), help="what is known")
+    options.add_argument("--speed", action="store_true", help="times instead of errors")
+    given = options.parse_args()
+    if given.speed:
+        speed(given.save)
+        return
+    rows = [errors(name, given.seeds, given.range_m) for name in given.cases]
+    settings = (
+        f"practical range {given.range_m:g} m, {given.seeds} seeds; error / that with nothing known, and share of "
+        "the cells in the 95 % interval"
+    )
+    results.publish("knowledge", ("known", *STAGES), rows, settings, given.save)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
 """Strategies against the best lattice that hindsight chooses, with paired seeds.
 
 usage: .venv/bin/python scripts/bench_lattice.py [--fields rough validation FILE.yaml] [--seeds 20] [--cell 2]
-       [--strategies gcb ivr lattice:optimal] [--keep-lattices]
+       [--strategies gcb ivr lattice:optimal] [--keep-lattices] [--save]
 
 Lattices with fixed dwells of 10, 20, 30 and 60 s run on the same fields with the same seeds. The *best lattice* at
 a time is the one with the lowest mean squared error of the rate, averaged over the seeds. Ratios are ratios of
@@ -24,7 +24,6 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
 import argparse
-import csv
 import hashlib
 import json
 import math
@@ -38,6 +37,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import results
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from sgp_waypoints import true_variogram, waypoints
@@ -259,7 +259,7 @@ class _MappedTwice(_Simulation):
     The map decides nothing in such a mission, and the maps take most of the computing time.
     """
 
-    def update_map(self) -> None:
+    def update_map(self, later: bool = False) -> None:
         if all(robot.ended for robot in self.robots):
             super().update_map()
 
@@ -317,7 +317,6 @@ class Line:
     stops: float
     again: float
     ended: float
-    per_s: float
 
 
 def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[Line]:
@@ -340,16 +339,14 @@ def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[Line]:
             stops=float(column(mine, "samples").mean()),
             again=float(np.mean([row["again"] for row in mine])),
             ended=float(np.mean([row["ended_s"] / row["time_s"][-1] for row in mine])),
-            per_s=float(1 / np.mean([row["cpu_s"] for row in mine])),
         )
         for against, mine in zip(against_best_lattice(outcomes), rows.values(), strict=True)
     ]
 
 
 HEAD = (
-    "field", "strategy", "MSE end [1e-3]", "end / best lattice", "quarter / best lattice then", "driven [m]",
-    "driven / best lattice", "in 95 %", "by quarter, flat to rough", "stops", "same stop again", "ended [%]",
-    "missions/s",
+    "field", "strategy", "error at the end", "/ best lattice", "at a quarter / best lattice then", "driven [m]",
+    "driven / best lattice", "in 95 %", "flat to rough", "stops", "same stop again", "ended at",
 )  # fmt: skip
 
 
@@ -360,17 +357,25 @@ def cells(one: Line) -> tuple[str, ...]:
         one.field,
         about.strategy if about.dwell == "optimal" else f"{about.strategy} {about.dwell}",
         f"{1e3 * about.mse:.3g}",
-        f"{about.end_ratio:.2f} +- {about.end_ratio_se:.2f} ({about.end_best})",
-        f"{about.quarter_ratio:.2f} +- {about.quarter_ratio_se:.2f} ({about.quarter_best})",
+        f"{about.end_ratio:.2f} ± {about.end_ratio_se:.2f}",
+        f"{about.quarter_ratio:.2f} ± {about.quarter_ratio_se:.2f}",
         f"{about.distance_m:.0f}",
         f"{about.distance_ratio:.2f}",
-        f"{100 * one.coverage:.1f}",
+        f"{100 * one.coverage:.1f} %",
         " ".join(f"{100 * share:.0f}" for share in one.quarters),
         f"{one.stops:.0f}",
         f"{one.again:.1f}",
-        f"{100 * one.ended:.0f}",
-        f"{one.per_s:.1f}",
+        f"{100 * one.ended:.0f} %",
     )
+
+
+def best_lattice(field: Sequence[Line]) -> tuple[str, ...]:
+    """The lattices of a field that are best at the end and at a quarter of the time."""
+    about = field[0].against
+    best = next(
+        one.against for one in field if one.against.strategy == "lattice" and one.against.dwell == about.end_best
+    )
+    return field[0].field, about.end_best, f"{1e3 * best.mse:.3g}", f"{best.distance_m:.0f}", about.quarter_best
 
 
 def reference_jobs(python: str, lattices: Sequence[Sequence[Job]], found: Mapping[Job, Row]) -> list[Job]:
@@ -399,7 +404,7 @@ def known_fields() -> list[str]:
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = results.parser(__doc__)
     parser.add_argument("--fields", nargs="+", help="names or field files; default: all families")
     parser.add_argument("--strategies", nargs="+", default=["gcb"], help="NAME (dwell optimal) or NAME:DWELL")
     parser.add_argument("--seeds", type=int, default=20, help="seeds 1 to this number")
@@ -414,7 +419,6 @@ def arguments() -> argparse.Namespace:
     )
     parser.add_argument("--sgp", metavar="PYTHON", help="compare with SGP-Tools, run by this interpreter")
     parser.add_argument("--all", action="store_true", help="show the lattices too")
-    parser.add_argument("--csv", type=Path, help="also write the table to this file")
     return parser.parse_args()
 
 
@@ -437,25 +441,21 @@ def main() -> None:
             jobs[field, SGP] = reference_jobs(given.sgp, [jobs[field, name] for name in LATTICES], found)
         found |= all_rows([job for field in fields for job in jobs[field, SGP]], cache, given.processes)
         strategies.append(SGP)
-    shown = []
+    shown, best = [], []
+    names = strategies if given.all else [*given.strategies, SGP]
     for field in fields:
-        found_here = {strategy: [found[job] for job in jobs[field, strategy]] for strategy in strategies}
-        names = strategies if given.all else [*given.strategies, SGP]
-        shown += [one for name, one in zip(strategies, lines(field, found_here), strict=True) if name in names]
-    print(
+        compared = lines(
+            field, {strategy: [found[job] for job in jobs[field, strategy]] for strategy in strategies}
+        )
+        best.append(best_lattice(compared))
+        shown += [one for name, one in zip(strategies, compared, strict=True) if name in names]
+    settings = (
         f"{given.hours:g} h, {given.speed:g} m/s, {given.overhead:g} s per stop, seeds 1 to {given.seeds}, "
-        f"cells of {f'at least {given.cell:g} m' if given.cell else 'the field'}\n"
+        f"cells of {f'at least {given.cell:g} m' if given.cell else 'the field'}"
     )
-    print("| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
-    for one in shown:
-        print("| " + " | ".join(cells(one)) + " |")
-    if given.csv:
-        rows = [asdict(one) for one in shown]
-        rows = [{**row.pop("against"), **row} for row in rows]
-        with given.csv.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
+    columns = ("field", "best lattice at the end", "error at the end", "driven [m]", "best lattice at a quarter")
+    results.publish("lattices", columns, best, settings, given.save)
+    results.publish("strategies", HEAD, map(cells, shown), settings, given.save)
 
 
 if __name__ == "__main__":

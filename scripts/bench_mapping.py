@@ -12,26 +12,22 @@ differs between samples, but the packages differ in what they support:
 
 Times are processor times. The floor is what dtrsm alone needs for one triangular solve per cell, as every dense
 method does; ``floors`` is the time divided by the floor, below 1 for what avoids these solves. The floor, dgemm
-and the memory are measured in the same run. The last rows are the ratios to libKriging, and a map of very many
-samples (``bench_growth.py``, of one process).
+and the memory are measured in the same run. A line for each measurement has all of it, the table the ratios.
 
-Usage: python scripts/bench_mapping.py [--quick] [--repeats N] [--packages NAME ...] [--out DIR]
+usage: .venv/bin/python scripts/bench_mapping.py [--quick] [--repeats N] [--packages NAME ...] [--save]
 """
 
 from __future__ import annotations
 
-import argparse
-import csv
 import importlib.metadata
 import importlib.util
 import multiprocessing
 import os
-import platform
 import resource
 import statistics
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,6 +35,7 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_variable] = "1"  # before numpy is imported
 
 import numpy as np
+import results
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
@@ -349,75 +346,26 @@ def _row(
     return row
 
 
-def summary(rows: list[dict[str, object]]) -> list[str]:
-    """How many times as long libKriging took, one line for each model."""
-    lines = []
-    for model in dict.fromkeys(row["model"] for row in rows):
-        found = [
-            row for row in rows if row["model"] == model and row["package"] == "pylibkriging" and "ratio" in row
+def table(rows: list[dict[str, object]]) -> Iterator[list[object]]:
+    """Own time and memory, and how many times as long the other packages took: one row for each task."""
+    for task in dict.fromkeys((row["model"], row["n"]) for row in rows):
+        of = {row["package"]: row for row in rows if (row["model"], row["n"]) == task}
+        own = of["soilmoist_ros"]
+        yield [
+            *task,
+            own["seconds"],
+            own["memory_mb"],
+            *(of.get(p.distribution, {}).get("ratio", "") for p in PEERS),
         ]
-        if found:
-            sizes, ratios = (" / ".join(str(row[column]) for row in found) for column in ("n", "ratio"))
-            lines.append(f"{model}, n = {sizes}: libKriging takes {ratios} times as long")
-    return lines
-
-
-def growth() -> str:
-    """Time and memory of a map of very many samples."""
-    import bench_growth
-
-    row = bench_growth.in_fresh_process(100_000, 1_000_000, 1, "-")
-    return (
-        f"100,000 samples, 1,000,000 cells: merging {row['merging_s']:.1f} s, kriging {row['kriging_s']:.0f} s, "
-        f"peak {row['memory_mb']:.0f} MB, {row['kriging']}"
-    )
-
-
-def _processor() -> str:
-    try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
-
-
-def write(rows: list[dict[str, object]], folder: Path, cells: int, repeats: int, remarks: list[str]) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    columns = [*COLUMNS, *EXTRA_COLUMNS]
-    with (folder / "mapping.csv").open("w", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, columns)
-        table.writeheader()
-        table.writerows(rows)
-    packages = ["numpy", "scipy", *(peer.distribution for peer in PEERS if importlib.util.find_spec(peer.module))]
-    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in packages)
-    lines = [
-        "# Kriging a raster: time of mean and variance",
-        "",
-        f"{cells} cells, fixed covariance parameters, one BLAS thread, median processor time of up to "
-        f"{repeats} runs; ratio = seconds of the package / seconds of soilmoist_ros; differences are the largest "
-        "over all cells from soilmoist_ros on the same task [counts/s], [(counts/s)^2]; memory is the growth of "
-        "the peak of a fresh process.",
-        "",
-        f"Python {platform.python_version()}, {versions}. Processor: {_processor()}: {roofline()}.",
-        "",
-        "| " + " | ".join(columns) + " |",
-        "|" + "---|" * len(columns),
-        *("| " + " | ".join(str(row.get(column, "")) for column in columns) + " |" for row in rows),
-        *(f"\n{remark}" for remark in remarks),
-    ]
-    (folder / "mapping.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = results.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="a tenth of the cells, up to 300 samples, once each")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each; the median counts (default 3)")
     parser.add_argument("--models", nargs="+", default=["gaussian", "exponential", "spherical", "matern32"])
     parser.add_argument("--sizes", type=int, nargs="+", help="numbers of samples (default 72 300 1000)")
     parser.add_argument("--packages", nargs="+", help="compare with these only (names as in the table)")
-    parser.add_argument("--out", type=Path, default=ROOT / "bench", help="folder for mapping.csv and mapping.md")
     arguments = parser.parse_args()
     cells, sizes, repeats = 70_000, (72, 300, 1000), max(1, arguments.repeats)
     if arguments.quick:
@@ -435,11 +383,16 @@ def main() -> int:
                 print(
                     "  ".join(f"{row.get(column, '')!s:>13}" for column in [*COLUMNS, *EXTRA_COLUMNS]), flush=True
                 )
-            write(rows, arguments.out, cells, repeats, summary(rows))  # an interruption keeps the results so far
-    remarks = summary(rows) if arguments.quick else [*summary(rows), growth()]
-    print("\n".join(remarks))
-    write(rows, arguments.out, cells, repeats, remarks)
-    print(f"wrote {arguments.out / 'mapping.csv'} and {arguments.out / 'mapping.md'}")
+    names = ["numpy", "scipy", *(peer.distribution for peer in PEERS if importlib.util.find_spec(peer.module))]
+    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in names)
+    results.publish(
+        "mapping",
+        ("model", "samples", "time [s]", "memory [MB]", *(f"{peer.distribution} takes" for peer in PEERS)),
+        table(rows),
+        f"{cells:,} cells, fixed covariance parameters, one thread, median processor time of {repeats} runs; "
+        f"the others: times as long; {roofline()}; {versions}",
+        arguments.save,
+    )
     return 0
 
 

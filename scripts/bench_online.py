@@ -7,13 +7,11 @@ the packages in bench_mapping.py, computes each map anew. It is timed for a few 
 interpolation gives its total. Samples and fixed covariance parameters come from bench_mapping.py; nothing is
 fitted. One BLAS thread, CPU time, medians of three runs.
 
-Usage: python scripts/bench_online.py [--quick] [--models NAME ...] [--records N] [--cells N] [--out DIR]
+usage: .venv/bin/python scripts/bench_online.py [--quick] [--models NAME ...] [--records N] [--cells N] [--save]
 """
 
 from __future__ import annotations
 
-import argparse
-import csv
 import importlib.util
 import multiprocessing
 import statistics
@@ -21,11 +19,11 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import bench_mapping  # limits the threads before numpy is imported
 import numpy as np
-from bench_mapping import RANGE_M, ROOT, SILL, Task, make_task
+import results
+from bench_mapping import RANGE_M, SILL, Task, make_task
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
@@ -34,10 +32,19 @@ LIBKRIGING_SHARES = (1 / 30, 1 / 3, 2 / 3, 1.0)
 """Shares of the records after which libKriging is timed."""
 LAST = 20
 """Last new samples of which one update is the median, and records that join the last sample afterwards."""
-COLUMNS = (
-    "model", "records", "total_s", "libkriging_total_s", "ratio", "new_sample_ms", "slowest_ms", "moved_sample_ms",
-    "grown_sample_ms", "anew_ms", "memory_mb", "rate_difference", "variance_difference",
-)  # fmt: skip
+COLUMNS = {
+    "model": "model",
+    "total_s": "all maps [s]",
+    "libkriging_total_s": "libKriging [s]",
+    "ratio": "libKriging takes",
+    "new_sample_ms": "new sample [ms]",
+    "slowest_ms": "slowest [ms]",
+    "moved_sample_ms": "sample moved [ms]",
+    "grown_sample_ms": "sample grown [ms]",
+    "anew_ms": "all anew [ms]",
+    "memory_mb": "memory [MB]",
+}
+"""Columns of the table. The last sample is moved and grown, or only grown."""
 
 
 def first(task: Task, n: int) -> Task:
@@ -142,39 +149,12 @@ def compare(model: str, records: int, cells: int) -> dict[str, object]:
     return row | {"rate_difference": f"{difference[0]:.1e}", "variance_difference": f"{difference[1]:.1e}"}
 
 
-def write(rows: list[dict[str, object]], folder: Path, cells: int) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "online.csv").open("w", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, COLUMNS)
-        table.writeheader()
-        table.writerows(rows)
-    shares = ", ".join(f"{share:.0%}" for share in LIBKRIGING_SHARES)
-    lines = [
-        "# Maps on line: time of mean and variance after each record",
-        "",
-        f"{cells} cells, every record a new sample, fixed covariance parameters, CPU time of one core, medians of "
-        f"three runs. libKriging computes each map anew; it is timed after {shares} of the records and its total "
-        "summed up by linear interpolation. One update with all samples: a new sample (and the slowest of all, "
-        "where a block of rows is filled), the last one moved and grown, only grown, all rows anew. Memory is the "
-        "growth of the peak of a fresh process that makes all maps. Differences are those of the last map from "
-        "PoissonKriging [counts/s], [(counts/s)^2].",
-        "",
-        f"Processor: {bench_mapping._processor()}: {bench_mapping.roofline()}.",
-        "",
-        "| " + " | ".join(COLUMNS) + " |",
-        "|" + "---|" * len(COLUMNS),
-        *("| " + " | ".join(str(row.get(column, "")) for column in COLUMNS) + " |" for row in rows),
-    ]
-    (folder / "online.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = results.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="a tenth of the cells, 100 records")
     parser.add_argument("--models", nargs="+", default=["gaussian", "exponential", "matern32"])
     parser.add_argument("--records", type=int, help="number of records (default 300)")
     parser.add_argument("--cells", type=int, help="number of cells (default 70,000)")
-    parser.add_argument("--out", type=Path, default=ROOT / "bench", help="folder for online.csv and online.md")
     arguments = parser.parse_args()
     records = arguments.records or (100 if arguments.quick else 300)
     cells = arguments.cells or (7_000 if arguments.quick else 70_000)
@@ -182,8 +162,16 @@ def main() -> int:
     for model in arguments.models:
         rows.append(compare(model, records, cells))
         print("  ".join(f"{column} {value}" for column, value in rows[-1].items()), flush=True)
-        write(rows, arguments.out, cells)  # an interruption keeps the results so far
-    print(f"wrote {arguments.out / 'online.csv'} and {arguments.out / 'online.md'}")
+    shares = ", ".join(f"{share:.0%}" for share in LIBKRIGING_SHARES)
+    results.publish(
+        "online",
+        tuple(COLUMNS.values()),
+        [[row.get(column, "") for column in COLUMNS] for row in rows],
+        f"{cells:,} cells, {records} records, each a new sample; fixed covariance parameters, processor time of "
+        f"one core, medians of 3 runs; libKriging computes each map anew, timed after {shares} of the records; "
+        f"{bench_mapping.roofline()}",
+        arguments.save,
+    )
     return 0
 
 

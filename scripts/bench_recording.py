@@ -7,13 +7,12 @@
 * speed of recovery
 * messages lost by a kill, compared with two common writers: rosbags, and mcap with its default settings
 
-``--quick`` uses smaller sizes; ``--json FILE`` writes the results. Needs no ROS.
+usage: .venv/bin/python scripts/bench_recording.py [--quick] [--folder DIR] [--save]      needs no ROS
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import random
 import signal
@@ -26,6 +25,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+import results
 from mcap.writer import Writer as PlainMcapWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
@@ -205,9 +205,8 @@ def loss_by_kill(kind: str, folder: Path, kills: int, rate_hz: float) -> dict[st
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = results.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="smaller sizes")
-    parser.add_argument("--json", type=Path, help="file for the results")
     parser.add_argument("--folder", type=Path, help="disk to measure; a temporary folder by default")
     parser.add_argument("--writer", nargs=3, help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -215,24 +214,31 @@ def main() -> None:
         kind, bag, period = given.writer
         write_until_killed(kind, Path(bag), float(period))
     seconds, fraction, kills = (1.0, 0.05, 2) if given.quick else (8.0, 1.0, 10)
-    results: dict[str, object] = {}
-
-    def report(name: str, result: dict[str, float]) -> None:
-        results[name] = result
-        print(f"{name}: " + ", ".join(f"{key} {value:.6g}" for key, value in result.items()), flush=True)
-
     with tempfile.TemporaryDirectory(dir=given.folder) as temporary:
         folder = Path(temporary)
-        for size in (RECORD_BYTES, 20_000, 1_000_000):
-            report(f"throughput, {size} bytes", throughput(folder / f"bag_{size}", size, seconds))
-        report("mission hour", mission_hour(folder / "hour", fraction))
+        sizes = (RECORD_BYTES, 20_000, 1_000_000)
+        speeds = [throughput(folder / f"bag_{size}", size, seconds) for size in sizes]
+        hour = mission_hour(folder / "hour", fraction)
         small = folder / f"bag_{RECORD_BYTES}" / f"bag_{RECORD_BYTES}_0.mcap"
-        report("recovery, small messages", recovery(small, folder / "recovered_small"))
-        report("recovery, mission hour", recovery(folder / "hour" / "hour_0.mcap", folder / "recovered_hour"))
-        for kind in ("soilmoist_ros", "rosbags", "mcap"):
-            report(f"kill, {kind}", loss_by_kill(kind, folder, kills, 100.0))
-    if given.json:
-        given.json.write_text(json.dumps(results, indent=2) + "\n")
+        recoveries = [
+            {"bag of": "small messages", **recovery(small, folder / "recovered_small")},
+            {"bag of": "a mission", **recovery(folder / "hour" / "hour_0.mcap", folder / "recovered_hour")},
+        ]
+        kinds = ("soilmoist_ros", "rosbags", "mcap")
+        lost = [{"writer": kind, **loss_by_kill(kind, folder, kills, 100.0)} for kind in kinds]
+    about_hour = (
+        f"{hour['messages']:.0f} messages, {hour['raw_megabytes']:.1f} MB, as a bag {hour['megabytes']:.1f} MB"
+    )
+    for name, rows, settings in (
+        (
+            "speed",
+            speeds,
+            f"{seconds:g} s each, as fast as the disk takes them; an hour of a mission: {about_hour}",
+        ),
+        ("recovery", recoveries, "bags that end in the middle of their last chunk"),
+        ("kills", lost, "small messages, writers killed after 1 to 3 s; mcap with its default settings"),
+    ):
+        results.publish(f"recording_{name}", *results.columns_and_rows(rows), settings, given.save)
 
 
 if __name__ == "__main__":

@@ -8,17 +8,15 @@
   per second, strategy gcb, dwell optimal; with simulated time (a clock of 50 Hz) and without
 * time from a request to abort to its answer, while stops are chosen and large maps computed and published
 
-usage: .venv/bin/python scripts/bench_ros.py [--out bench] [--quick]
+usage: .venv/bin/python scripts/bench_ros.py [--only PART] [--quick] [--save]
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import math
 import os
-import platform
 import signal
 import statistics
 import subprocess
@@ -38,6 +36,7 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 
 import numpy as np
 import psutil
+import results
 
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
@@ -446,62 +445,34 @@ def cpu_s(process: psutil.Process) -> float:
     return float(times.user + times.system)
 
 
-# -----------------------------------------------------------------------------------------------------------------
-
-
-def readable(value: object) -> str:
-    """A cell of a table."""
-    if not isinstance(value, float):
-        return str(value)
-    return f"{value:.2f}" if abs(value) < 10 else f"{value:.0f}"
-
-
-def show(title: str, rows: list[Row]) -> None:
-    """Print a table."""
-    print(f"\n{title}")
-    cells = [[readable(value) for value in row.values()] for row in rows]
-    table = [list(rows[0]), *cells]
-    widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
-    for row in table:
-        print("  " + "  ".join(f"{text:>{width}}" for text, width in zip(row, widths, strict=True)))
-    sys.stdout.flush()
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("bench"), help="folder for ros.json")
+    parser = results.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer records and repeats, shorter missions")
     parser.add_argument("--only", choices=("latency", "start-up", "load", "abort"), help="one part")
     given = parser.parse_args()
     records, repeats, seconds = (60, 2, 60.0) if given.quick else (240, 7, 120.0)
-    results: dict[str, object] = {
-        "machine": {
-            "cpus": os.cpu_count(),
-            "processor": platform.processor() or platform.machine(),
-            "python": platform.python_version(),
-            "load_before": os.getloadavg()[0],
-        }
-    }
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         if given.only in (None, "latency"):
             rows = [record_to_map(name, folder / name.split(",")[0], records) for name in FIELDS_M]
-            results["record to map"] = rows
-            show("from a record to the map with it", rows)
+            settings = "from a record to the map with it, fit included"
+            results.publish("ros_latency", *results.columns_and_rows(rows), settings, given.save)
         if given.only in (None, "start-up"):
-            results["start-up"] = rows = start_up_rows(folder, repeats)
-            show("from the start of a process to its node's first answer", rows)
+            settings = f"from the start of a process to its first answer, medians of {repeats}"
+            results.publish(
+                "ros_start", *results.columns_and_rows(start_up_rows(folder, repeats)), settings, given.save
+            )
         if given.only in (None, "load"):
             rows = [row for each in LOADS for row in load(each, folder / each.what.partition(" ")[0], seconds)]
-            results["load"] = rows
-            show("CPU and memory of the robot's nodes on a mission (100 % is one CPU)", rows)
+            settings = (
+                "a record every 10 s, 10 fixes per second, clock of 50 Hz in simulated time, gcb with optimal, "
+                f"over {seconds:g} s; 100 % is one core; rss: resident memory, pss: proportional share of it"
+            )
+            results.publish("ros_load", *results.columns_and_rows(rows), settings, given.save)
         if given.only in (None, "abort"):
-            results["abort"] = rows = aborts(folder / "abort", 10 if given.quick else 40)
-            show("from a request to abort to its answer, 70,000 cells, 60 times as fast as real time", rows)
-    given.out.mkdir(parents=True, exist_ok=True)
-    path = given.out / "ros.json"
-    path.write_text(json.dumps(results, indent=2) + "\n")
-    print(f"\nwrote {path}")
+            rows = aborts(folder / "abort", 10 if given.quick else 40)
+            settings = "from a request to abort to its answer, 70,000 cells, 60 times as fast as real time"
+            results.publish("ros_abort", *results.columns_and_rows(rows), settings, given.save)
 
 
 if __name__ == "__main__":

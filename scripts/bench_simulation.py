@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processor time of simulated missions and of planning decisions, on one thread.
 
-usage: .venv/bin/python scripts/bench_simulation.py [--out bench] [--repeats 5] [--quick]
+usage: .venv/bin/python scripts/bench_simulation.py [--repeats 5] [--quick] [--save]
 """
 
 from __future__ import annotations
@@ -12,9 +12,7 @@ import os
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
-import argparse
 import cProfile
-import csv
 import pstats
 import statistics
 import subprocess
@@ -22,10 +20,10 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import results
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.actions import RequestPlan
@@ -83,18 +81,17 @@ def median_s(work: Callable[[], object], repeats: int, clock: Callable[[], float
     return statistics.median(times)
 
 
-def mission_rows(repeats: int) -> list[dict[str, object]]:
+def mission_rows(repeats: int) -> list[tuple[str, str, str]]:
     """Processor seconds of missions, without imports and without the field."""
     rows = []
     for name, settings in MISSIONS.items():
         simulate_mission(replace(settings, hours=0.2))
         seconds = median_s(lambda settings=settings: simulate_mission(settings), repeats, time.process_time)
-        row = {"what": "2 h mission", "strategy": name, "map": str(settings), "seconds": seconds}
-        rows.append({**row, "missions per second": 1 / seconds, "where the time goes": where(settings)})
+        rows.append((f"{name}, {settings.field}", f"{seconds:.3f}", where(settings)))
     return rows
 
 
-def command_row(repeats: int) -> dict[str, object]:
+def command_row(repeats: int) -> tuple[str, str, str]:
     """Processor seconds of a command and what it starts."""
 
     def used_s() -> float:
@@ -104,10 +101,10 @@ def command_row(repeats: int) -> dict[str, object]:
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "soilmoist_ros.cli.main", *COMMAND, "--overwrite", "--out", folder]
         seconds = median_s(lambda: subprocess.run(command, check=True, capture_output=True), repeats, used_s)
-    return {"what": "command", "strategy": "gcb", "map": "soilmoist " + " ".join(COMMAND), "seconds": seconds}
+    return f"soilmoist {' '.join(COMMAND)} --out DIR", f"{seconds:.3f}", "from the prompt to the files written"
 
 
-def decision_rows(repeats: int, samples: int = 60) -> list[dict[str, object]]:
+def decision_rows(repeats: int, samples: int = 60) -> list[tuple[str, ...]]:
     """Seconds from a new sample to the next stop: refit, map of 70,000 cells, choice among about 500 nodes."""
     polygon = np.array([[0.0, 0.0], [280.0, 0.0], [280.0, 250.0], [0.0, 250.0]])
     field = Field("bench", LocalFrame(53.0, 0.0), polygon)
@@ -131,15 +128,8 @@ def decision_rows(repeats: int, samples: int = 60) -> list[dict[str, object]]:
                     make_strategy("random"), parse_dwell("ami:0.03"), np.random.default_rng(2),
                 )  # fmt: skip
                 plan_s = median_s(lambda explorer=explorer: explorer.plan(request, (5.0, 5.0)), repeats)
-                rows.append(
-                    {
-                        "what": f"decision, {len(grid.cells)} cells, {len(stops)} candidates ({where})",
-                        "strategy": strategy,
-                        "map": label,
-                        "seconds": update_s + plan_s,
-                        "of which planning": plan_s,
-                    }
-                )
+                cells, candidates = f"{len(grid.cells):,}", f"{len(stops):,} ({where})"
+                rows.append((cells, candidates, strategy, label, f"{update_s:.3f}", f"{plan_s:.3f}"))
     return rows
 
 
@@ -155,26 +145,18 @@ def where(settings: MissionSettings) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("bench"), help="folder for simulation.csv")
+    parser = results.parser(__doc__)
     parser.add_argument("--repeats", type=int, default=5, help="number of runs; the median counts")
     parser.add_argument("--quick", action="store_true", help="one repeat")
     arguments = parser.parse_args()
     repeats = 1 if arguments.quick else arguments.repeats
-    rows = [*mission_rows(repeats), command_row(repeats), *decision_rows(repeats)]
-    width = max(len(str(row["what"])) for row in rows)
-    for row in rows:
-        note = f"   (planning {row['of which planning']:.3f})" if "of which planning" in row else ""
-        if "where the time goes" in row:
-            note = f"   {row['missions per second']:5.1f} per second and core; {row['where the time goes']}"
-        print(f"{row['what']:{width}}  {row['strategy']:30} {row['map']:30} {row['seconds']:8.3f} s{note}")
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    with (arguments.out / "simulation.csv").open("w", newline="") as file:
-        extra = ["missions per second", "where the time goes", "of which planning"]
-        writer = csv.DictWriter(file, ["what", "strategy", "map", "seconds", *extra])
-        writer.writeheader()
-        writer.writerows(rows)
-    print(f"wrote {arguments.out / 'simulation.csv'}")
+    missions = [*mission_rows(repeats), command_row(repeats)]
+    columns = ("mission of 2 h", "processor time [s]", "where the time goes")
+    settings = f"cells of 1 m, one thread, medians of {repeats} runs; the parts are those of a profiler"
+    results.publish("missions", columns, missions, settings, arguments.save)
+    columns = ("cells", "stops", "strategy", "variogram", "update of the map [s]", "choice of the stop [s]")
+    settings = f"60 samples, one thread, medians of {repeats} runs"
+    results.publish("decisions", columns, decision_rows(repeats), settings, arguments.save)
 
 
 if __name__ == "__main__":

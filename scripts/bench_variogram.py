@@ -9,6 +9,7 @@
 * the published soft-L1 fit of the binned semivariogram
 
 usage: .venv/bin/python scripts/bench_variogram.py [--sizes 72 300 1000] [--repeats 5] [--model matern32]
+       [--save]
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ import os
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
-import argparse
 import statistics
 import time
 from collections.abc import Callable
 
 import numpy as np
+import results
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.mapping import Variogram
@@ -57,13 +58,13 @@ def median_ms(work: Callable[[], object], repeats: int) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = results.parser(__doc__)
     parser.add_argument("--sizes", type=int, nargs="+", default=[72, 300, 1000], help="numbers of places")
     parser.add_argument("--repeats", type=int, default=5, help="number of runs; the median counts")
     parser.add_argument("--model", default="matern32", choices=[*BUILT_IN])
     arguments = parser.parse_args()
     columns = ("one range", "directions", "footprints", "local", "soft_l1")
-    print(f"{'places':>6} " + " ".join(f"{column:>10}" for column in columns) + "   [ms]")
+    rows = []
     for n in arguments.sizes:
         data = survey(n)
         fits: list[Callable[[], object]] = [
@@ -73,7 +74,9 @@ def main() -> None:
             lambda data=data: estimate_variogram(*data, arguments.model, extent_m=SIDE_M, box=BOX),
             lambda data=data: estimate_variogram(*data, arguments.model, "soft_l1"),
         ]
-        print(f"{n:6} " + " ".join(f"{median_ms(fit, arguments.repeats):10.1f}" for fit in fits), flush=True)
+        rows.append([str(n), *(f"{median_ms(fit, arguments.repeats):.1f}" for fit in fits)])
+    settings = f"{arguments.model}, processor time [ms], medians of {arguments.repeats} runs, one thread"
+    results.publish("variogram", ("places", *columns), rows, settings, arguments.save)
 
 
 if __name__ == "__main__":

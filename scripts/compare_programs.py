@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs crnpy and neptoon on the public record of the station in Kansas, and compares them with this package.
 
-usage: .venv/bin/python scripts/compare_programs.py NEPTOON_PYTHON
+usage: .venv/bin/python scripts/compare_programs.py NEPTOON_PYTHON [--save]
 
 NEPTOON_PYTHON is the Python of an environment with neptoon: ``python3 -m venv nep``, then ``nep/bin/pip install
-neptoon``. Writes docs/data/programs_same.csv (the same settings in all programs), docs/data/programs_own.csv (each
-program its own way, from the record to the moisture) and docs/images/programs.png.
+neptoon``. Prints two tables: the same settings in all programs, and each program its own way, from the
+record to the moisture. With --save the picture of them is drawn, too.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from typing import Any
 import crnpy
 import matplotlib as mpl
 import numpy as np
+import results
 from numpy.typing import NDArray
 
 mpl.use("Agg")
@@ -134,16 +135,7 @@ def difference(ours: Array, theirs: Array, relative: bool) -> str:
     return f"{largest:.1e}" + (" relative" if relative else "")
 
 
-def write(name: str, rows: list[list[str]]) -> None:
-    """Write a table, and print it."""
-    path = ROOT / "docs" / "data" / name
-    path.parent.mkdir(exist_ok=True)
-    with path.open("w", encoding="utf-8", newline="") as stream:
-        csv.writer(stream, lineterminator="\n").writerows(rows)
-    print(name, *(" | ".join(row) for row in rows), sep="\n", end="\n\n")
-
-
-def compare(neptoon_python: str) -> None:
+def compare(neptoon_python: str, save: bool) -> None:
     """Make both tables and the picture."""
     record, stamps = read_record()
     start, end = (datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp() for text in (FROM, TO))
@@ -213,7 +205,8 @@ def compare(neptoon_python: str) -> None:
     ):
         mine_whole = np.where(whole, mine[key], np.nan)
         rows.append([label, *(difference(mine_whole, np.array(of[key]), relative) for of in (theirs, neptoon))])
-    write("programs_same.csv", rows)
+    settings = "largest differences from soilmoist_ros of all hours, settings of config/sites/station_kansas.yaml"
+    results.publish("programs_same", rows[0], rows[1:], settings, save)
 
     reference_hpa, beta = float(record["pressure_hpa"].mean()), 1 / 130
     own = crnpy_rates(record, beta, reference_hpa)
@@ -267,9 +260,11 @@ def compare(neptoon_python: str) -> None:
                 f"{np.min(six):.3f}", f"{np.max(six):.3f}", f"{np.max(np.abs(six - base)):.3f}",
             ]
         )  # fmt: skip
-    write("programs_own.csv", rows)
+    settings = "moistures are means of six hours; the same cores and the same day"
+    results.publish("programs_own", rows[0], rows[1:], settings, save)
     print(f"cutoff rigidity {rigidity_gv:.2f} GV (crnpy); hours with a masked tube: {int(np.sum(~whole[1:]))}")
-    draw(stamps, {label: values[-1] for label, values in series.items()})
+    if save:
+        draw(stamps, {label: values[-1] for label, values in series.items()})
 
 
 def draw(stamps: Array, series: dict[str, Array]) -> None:
@@ -289,6 +284,7 @@ def draw(stamps: Array, series: dict[str, Array]) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    compare(sys.argv[1])
+    parser = results.parser(__doc__)
+    parser.add_argument("neptoon_python", help="interpreter of an environment with neptoon")
+    given = parser.parse_args()
+    compare(given.neptoon_python, given.save)

@@ -10,11 +10,11 @@ Both tables depend on nothing but their seeds.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
+import results
 
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.sensing.checks.checks import RecordChecks
@@ -167,34 +167,42 @@ def map_error(log: VirtualLog, checked: bool = True) -> tuple[float, int]:
 
 def main() -> None:
     """Print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", choices=["alarms", "faults"])
-    parser.add_argument("--days", type=float, default=10.0)
-    parser.add_argument("--seeds", type=int, default=5)
-    chosen = parser.parse_args()
+    options = results.parser(__doc__)
+    options.add_argument("table", choices=["alarms", "faults"])
+    options.add_argument("--days", type=float, default=10.0)
+    options.add_argument("--seeds", type=int, default=5)
+    chosen = options.parse_args()
     if chosen.table == "alarms":
-        print(f"{'good records':30} {'':9} {'days':>7} {'alarms a day':>13} {'tube records lost':>18}  kinds")
-        for sensor in SENSORS:
-            for driving in (False, True):
-                days = chosen.days * sensor.days
-                found, lost = alarms(sensor, days, driving, seed=1)
-                share = lost / (days * DAY_S / sensor.period_s * sensor.tubes)
-                where = "driving" if driving else "standing"
-                rate = found.total() / days
-                print(
-                    f"{sensor.name:30} {where:9} {days:7.0f} {rate:13.3f} {share:18.1e}  {dict(found)}", flush=True
-                )
+        rows = [alarm_row(sensor, driving, chosen.days) for sensor in SENSORS for driving in (False, True)]
+        columns = ("good records", "robot or rover", "days", "alarms a day", "tube records lost", "kinds")
+        results.publish("false_alarms", columns, rows, "counts of Poisson statistics, seed 1", chosen.save)
         return
-    clean = np.array([map_error(simulated(SensorFaults(), seed))[0] for seed in range(chosen.seeds)])
-    print(f"clean: error {clean.mean():.4f} counts/s over {chosen.seeds} seeds")
-    print(f"{'fault':30} {'with checks':>12} {'without':>9}  quarantined")
-    for name, content in FAULTS.items():
-        faults = SensorFaults.model_validate(content)
-        logs = [simulated(faults, seed) for seed in range(chosen.seeds)]
-        errors = [map_error(log) for log in logs]
-        blind = [map_error(log, checked=False)[0] for log in logs]
-        ratio, without = np.mean([error for error, _ in errors]) / clean.mean(), np.mean(blind) / clean.mean()
-        print(f"{name:30} {ratio:12.3f} {without:9.3f}  {sum(bad for _, bad in errors)}", flush=True)
+    clean = np.array([map_error(simulated(SensorFaults(), seed))[0] for seed in range(chosen.seeds)]).mean()
+    rows = [fault_row(name, chosen.seeds, clean) for name in FAULTS]
+    settings = f"error by that of the map of clean data, {clean:.4f} counts/s over {chosen.seeds} seeds"
+    results.publish(
+        "faults", ("fault", "error", "without the tests", "records left out"), rows, settings, chosen.save
+    )
+
+
+def alarm_row(sensor: Sensor, driving: bool, asked_days: float) -> tuple[str, ...]:
+    """False alarms of one sensor."""
+    days = asked_days * sensor.days
+    found, lost = alarms(sensor, days, driving, seed=1)
+    share = lost / (days * DAY_S / sensor.period_s * sensor.tubes)
+    kinds = ", ".join(f"{kind}: {count}" for kind, count in found.items())
+    where = "driving" if driving else "standing"
+    return sensor.name, where, f"{days:.0f}", f"{found.total() / days:.3f}", f"{share:.1e}", kinds
+
+
+def fault_row(name: str, seeds: int, clean: float) -> tuple[str, ...]:
+    """Errors of maps with one fault, with the tests and without."""
+    faults = SensorFaults.model_validate(FAULTS[name])
+    logs = [simulated(faults, seed) for seed in range(seeds)]
+    errors = [map_error(log) for log in logs]
+    blind = [map_error(log, checked=False)[0] for log in logs]
+    checked = np.mean([error for error, _ in errors])
+    return name, f"{checked / clean:.2f}", f"{np.mean(blind) / clean:.2f}", f"{sum(bad for _, bad in errors)}"
 
 
 if __name__ == "__main__":

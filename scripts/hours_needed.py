@@ -2,25 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulates how good a map becomes in an hour, by the size of the field and by how fast the soil changes.
 
-usage: .venv/bin/python scripts/hours_needed.py [SEEDS]
+usage: .venv/bin/python scripts/hours_needed.py [--seeds 4] [--save]
 
-Writes docs/data/hours.csv: root mean squared error of the moisture [% by volume] at the end of missions of the
-recommended strategy on random square fields, means over the seeds (default 4). The moisture is 22 ± 4 % by volume;
+Root mean squared error of the moisture [% by volume] at the end of missions of the
+recommended strategy on random square fields, means over the seeds. The moisture is 22 ± 4 % by volume;
 the sensor counts 4 neutrons a second, the robot drives 0.6 m/s and loses 12 s at a stop.
 """
 
 from __future__ import annotations
 
-import csv
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
+import results
 
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
-ROOT = Path(__file__).resolve().parent.parent
 HECTARES, RANGES_M, HOURS = (0.25, 1.0, 4.0), (20, 60), (1.0, 2.0, 4.0)
 """Areas, distances at which moistures are hardly alike any more (95 % of the variance), and mission times."""
 FIELD = """
@@ -45,9 +43,12 @@ def error(field: Path, hours: float, cell_m: float, seed: int) -> float:
     return 100 * simulate_mission(settings).series[-1].vwc_rmse
 
 
-def main(seeds: int) -> None:
-    """Simulate all missions, and write the table."""
-    rows = [["field [ha]", "alike within [m]", *(f"{hours:g} h" for hours in HOURS)]]
+def main() -> None:
+    """Simulate all missions."""
+    options = results.parser(__doc__)
+    options.add_argument("--seeds", type=int, default=4)
+    given = options.parse_args()
+    rows = []
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "field.yaml"
         for hectares in HECTARES:
@@ -58,13 +59,15 @@ def main(seeds: int) -> None:
                 )
                 row = [f"{hectares:g}", f"{range_m}"]
                 for hours in HOURS:
-                    found = [error(path, hours, side / 40, seed) for seed in range(1, seeds + 1)]
+                    found = [error(path, hours, side / 40, seed) for seed in range(1, given.seeds + 1)]
                     row.append(f"±{np.mean(found):.1f} %")
                 rows.append(row)
-                print(*row, flush=True)
-    with (ROOT / "docs" / "data" / "hours.csv").open("w", encoding="utf-8", newline="") as stream:
-        csv.writer(stream, lineterminator="\n").writerows(rows)
+    columns = ("field [ha]", "alike within [m]", *(f"{hours:g} h" for hours in HOURS))
+    settings = (
+        f"recommended strategy, 22 ± 4 % by volume, 4 counts/s, 0.6 m/s, 12 s at a stop, {given.seeds} seeds"
+    )
+    results.publish("hours", columns, rows, settings, given.save)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 4)
+    main()

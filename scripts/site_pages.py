@@ -3,7 +3,7 @@
 """Makes pages of the site that are no files in docs/: called by mkdocs (hooks in mkdocs.yml) in scripts/docs.
 
 * Links of a page to a file outside docs/ lead to a page made of this file, such as CONTRIBUTING.md.
-* A paragraph that is only a link to a CSV file becomes the table.
+* A paragraph that is only a link to a CSV file becomes the table, and how it was made (scripts/results.py).
 * ``<!-- help of every command -->`` becomes the help of the command line.
 * Each folder of the package has a page of its public names, made of their docstrings;
   ``<!-- folders of the package -->`` becomes the list of these pages.
@@ -15,7 +15,6 @@
 from __future__ import annotations
 
 import base64
-import csv
 import html
 import importlib
 import json
@@ -27,6 +26,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import click
+import results
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -166,18 +166,6 @@ def folders() -> str:
     return "\n".join(lines)
 
 
-def table(path: Path) -> str:
-    """A CSV file as a table; numbers stand right."""
-    with path.open(encoding="utf-8", newline="") as stream:
-        head, *rows = list(csv.reader(stream))
-    numeric = [
-        all(re.fullmatch(r"[-−+]?[\d.,]+( ?±.*| ?%)?|", row[column]) for row in rows)
-        for column in range(len(head))
-    ]
-    lines = [head, ["--:" if right else "---" for right in numeric], *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
-
-
 def help_of_all() -> str:
     """Help of every command, by heading."""
     from soilmoist_ros.cli.main import COMMANDS, main
@@ -259,8 +247,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
     def change(text: str) -> str:
         def put(match: re.Match[str]) -> str:
-            path = (ROOT / here).parent / match[1]
-            return table(path)
+            table = results.read((ROOT / here).parent / match[1])
+            return results.markdown(table) + ("\n{: .made }" if table.facts else "")
 
         text = re.sub(r"^\[[^\]]+\]\(([\w./-]+\.csv)\)$", put, text, flags=re.MULTILINE)
         return LINK.sub(link, text)

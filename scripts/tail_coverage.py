@@ -4,6 +4,7 @@
 """Measures how often the true moisture lies below ``vwc_p05`` and above ``vwc_p95``: 5 % each would be exact.
 
 usage: .venv/bin/python scripts/tail_coverage.py [--seeds 20] [--fields rough patches] [--samples 40]
+       [--save]
 
 Each survey has samples at random places of one surrogate field, drawn anew for each seed, all of one dwell. The
 low rates are a tenth of the field's: a sensor of one tube.
@@ -11,12 +12,12 @@ low rates are a tenth of the field's: a sensor of one tube.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import results
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Samples
@@ -116,21 +117,28 @@ def rows(names: list[str], seeds: int, samples: int) -> Iterator[tuple[str, floa
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--fields", nargs="+", default=list(FIELDS))
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--samples", type=int, default=40)
-    arguments = parser.parse_args()
-    print("| field | rate | dwell [s] | below p05 / above p95 [%] | below / above vwc -+ 1.645 sd [%] |", end="")
-    print(" error of the mean [% vol.] | mean covered [%] |\n|---|---|---|---|---|---|---|")
-    for name, share, dwell_s, one in rows(arguments.fields, arguments.seeds, arguments.samples):
-        below, above, symmetric_below, symmetric_above, *_ = (100 * value for value in one)
-        print(
-            f"| {name} | x {share:g} | {dwell_s:g} | {below:.1f} / {above:.1f} | {symmetric_below:.1f} / "
-            f"{symmetric_above:.1f} | {100 * one.mean_error:+.2f} | "
-            f"{100 * one.mean_covered:.0f} |",
-            flush=True,
+    options = results.parser(__doc__)
+    options.add_argument("--fields", nargs="+", default=list(FIELDS))
+    options.add_argument("--seeds", type=int, default=20)
+    options.add_argument("--samples", type=int, default=40)
+    given = options.parse_args()
+    table = [
+        (
+            name, f"{share:g}", f"{dwell_s:g}", *(f"{100 * value:.1f} %" for value in one[:4]),
+            f"{100 * one.mean_error:+.2f}", f"{100 * one.mean_covered:.0f} %",
         )
+        for name, share, dwell_s, one in rows(given.fields, given.seeds, given.samples)
+    ]  # fmt: skip
+    results.publish(
+        "tails",
+        (
+            "field", "rate", "dwell [s]", "below vwc_p05", "above vwc_p95", "below vwc - 1.645 vwc_sd",
+            "above vwc + 1.645 vwc_sd", "error of the field's mean [% vol.]", "its 90 % interval covers",
+        ),
+        table,
+        f"{given.samples} samples at random places, {given.seeds} seeds; rate: share of the field's rate",
+        given.save,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -18,7 +18,9 @@ SEEDS = 12
 def script():
     spec = importlib.util.spec_from_file_location("tail_coverage", SCRIPT)
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(SCRIPT.parent))
+        spec.loader.exec_module(module)
     return module
 
 

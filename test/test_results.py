@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The scripts that measure: tables in docs/data/, and what the pages show of them."""
+
+import importlib
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from soilmoist_ros.simulation import simulate_mission
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = ROOT / "docs" / "data"
+FILES = sorted(DATA.glob("*"))
+
+
+@pytest.fixture(scope="module")
+def script():
+    """Import of a script by its name."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "scripts"))
+        yield importlib.import_module
+
+
+@pytest.fixture(scope="module")
+def results(script):
+    return script("results")
+
+
+def test_a_table_is_read_as_it_was_written(results, tmp_path):
+    facts = {"settings": "2 h: with a colon, and a comma", "command": "scripts/x --seeds 2", "date": "2026-11-23"}
+    table = results.Table(["name", "error"], [["a|b", "1.02 ± 0.1"], ["# c", "-3"]], facts)
+    results.write(table, tmp_path / "x.csv")
+    assert results.read(tmp_path / "x.csv") == table
+    assert results.markdown(table).splitlines() == [
+        "| name |      error |",
+        "| ---- | ---------: |",
+        "| a\\|b | 1.02 ± 0.1 |",
+        "| # c  |         -3 |",
+        "",
+        "2 h: with a colon, and a comma. `scripts/x --seeds 2`. 2026-11-23.",
+    ]
+
+
+def test_a_script_prints_what_it_saves(results, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
+    monkeypatch.setattr(sys, "argv", ["scripts/bench_x.py", "--save", "--seeds", "2"])
+    results.publish("x", ("what", "s"), [("a", 1)], "one thread", save=True)
+    table = results.read(tmp_path / "x.csv")
+    assert table.facts["command"] == ".venv/bin/python scripts/bench_x.py --seeds 2"
+    assert capsys.readouterr().out.strip() == results.markdown(table)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_file_says_how_it_was_made_and_stands_on_a_page(path, results):
+    table = results.read(path)
+    assert {"command", "date"} <= set(table.facts) <= set(results.FACTS)
+    assert all(len(row) == len(table.columns) for row in table.rows)
+    made_by = re.search(r"scripts/\w+\.py", table.facts["command"])
+    if made_by and "note" not in table.facts:  # its name is in the script
+        source = (ROOT / made_by[0]).read_text()
+        assert re.search(rf'publish\(\s*f?"{re.sub("_?[0-9a-z]+$", "", path.stem)}', source) or path.stem in source
+    pages = "".join(page.read_text() for page in (ROOT / "docs").glob("*.md"))
+    assert f"\n[{path.name}](data/{path.name})\n" in pages
+
+
+def test_the_comparison_is_with_the_pinned_program(results):
+    crnpy = results.read(DATA / "programs_same.csv").columns[1]
+    pinned = (ROOT / "requirements-test.txt").read_text()
+    assert crnpy.replace(" ", "==") in pinned.splitlines(), "run scripts/compare_programs.py again"
+
+
+@pytest.mark.slow
+def test_a_lattice_of_the_benchmark_ends_as_any_mission(script):
+    """Its maps are left out, apart from two: they decide nothing."""
+    benchmark = script("bench_lattice")
+    job = benchmark.Job("rough", "lattice:fmi:60", 1, hours=0.5, cell_m=5.0)
+    last = benchmark.run(job)
+    whole = benchmark.outcome(simulate_mission(job.settings), 0.0)
+    for name in ("mse", "distance_m", "coverage95", "samples"):
+        assert last[name][-1] == whole[name][-1]
