@@ -67,6 +67,7 @@ from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
+from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
 from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
@@ -412,7 +413,8 @@ class MissionControl:
         if not self.under_way and (known is None or math.dist(place, known) > radius_m):
             self._use_part_of_robot()
         self._watching.moved(place)
-        self.navigator.moved(place, now_s)
+        if self._feed.place_age_s <= MAX_AGE_S:  # where the robot was is no arrival, and no place to stop at
+            self.navigator.moved(place, now_s)
 
     def battery(self, charge: float, voltage_v: float) -> None:
         """The state of the robot's battery: charge [0..1] and voltage [V], NaN if unknown."""

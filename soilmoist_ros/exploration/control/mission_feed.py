@@ -8,11 +8,21 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from threading import RLock
 
+from soilmoist_ros.exploration.guard.place_ages import PlaceAges
 from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.mission.actions import Action, Answer, Publish
-from soilmoist_ros.exploration.mission.events import Command, Event, GoalFailed, GoalReached, Moved, RecordArrived
+from soilmoist_ros.exploration.mission.events import (
+    ClockStepped,
+    Command,
+    Event,
+    GoalFailed,
+    GoalReached,
+    Moved,
+    RecordArrived,
+)
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.sensing.records import CountRecord
@@ -52,9 +62,12 @@ class MissionFeed:
         self.mission = mission
         self.place: tuple[float, float] | None = None
         self.place_s = -math.inf
+        self.place_age_s = math.inf
+        """Age of the last place when it came [s]."""
         self.records_without_place = 0
         self.record_s = -math.inf
         self._fix_s = -math.inf
+        self._fix_ages, self._record_ages = PlaceAges(), PlaceAges()
         self._carry_out = carry_out
         self._note = note
         self._locate = locate
@@ -90,11 +103,9 @@ class MissionFeed:
 
     def fix(self, fix: PlaceFix) -> bool:
         """The robot may be here; whether that is its place now."""
-        place = self._locate(fix)
-        if place is None:
+        if not self._moved(fix, self._fix_ages):
             return False
         self._fix_s = fix.now_s
-        self._moved(fix.now_s, place)
         return True
 
     def records(self, now_s: float, records: Sequence[CountRecord], more: bool = False) -> None:
@@ -124,9 +135,7 @@ class MissionFeed:
             return
         if now_s - self._fix_s > FIX_SILENCE_S:
             middle_s = record.stamp_s - record.exposure_s / 2
-            place = self._locate(PlaceFix(now_s, record.x_m, record.y_m, stamp_s=middle_s))
-            if place is not None:
-                self._moved(now_s, place)
+            self._moved(PlaceFix(now_s, record.x_m, record.y_m, stamp_s=middle_s), self._record_ages)
         self.give(RecordArrived(now_s, record))
 
     def ended(self, now_s: float, ended: Ended) -> None:
@@ -136,11 +145,19 @@ class MissionFeed:
         else:
             self.give(GoalFailed(now_s, ended.goal_id, ended.reason))
 
-    def _moved(self, now_s: float, place: tuple[float, float]) -> None:
-        self.place, self.place_s = place, now_s
-        self.give(Moved(now_s, *place))
+    def _moved(self, fix: PlaceFix, ages: PlaceAges) -> bool:
+        age_s = ages.age_s(fix.now_s, fix.stamp_s)
+        place = self._locate(replace(fix, age_s=age_s))
+        if place is None:
+            return False
+        self.place, self.place_s, self.place_age_s = place, fix.now_s, age_s
+        self.give(Moved(fix.now_s, *place))
+        return True
 
     def _take(self, event: Event) -> None:
+        if isinstance(event, ClockStepped):
+            self._fix_ages.clear()
+            self._record_ages.clear()
         if self._note is not None:
             self._note(event)
         actions = self.mission.step(event)

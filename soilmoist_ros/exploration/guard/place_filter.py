@@ -85,6 +85,7 @@ class PlaceFix:
     :param y_m: north of the field's datum [m]
     :param sd_m: standard deviation of each coordinate [m], NaN if unknown
     :param stamp_s: time of the measurement on any clock that runs evenly [s], NaN if unknown
+    :param age_s: time from the measurement until it came [s]
     """
 
     now_s: float
@@ -92,6 +93,7 @@ class PlaceFix:
     y_m: float
     sd_m: float = math.nan
     stamp_s: float = math.nan
+    age_s: float = 0.0
 
     @property
     def xy(self) -> tuple[float, float]:

@@ -175,7 +175,7 @@ class Watch:
     def fix(self, fix: PlaceFix) -> tuple[float, float] | None:
         """A measured place has come, from the receiver or with a record.
 
-        :returns: the robot's place [m]; ``None`` if this one is not plausible
+        :returns: the robot's place [m]; ``None`` if this one is not plausible, or too old when it comes
         """
         places, verdict = self.places, self.places.take(fix)
         if verdict is Verdict.JUMP:
@@ -185,10 +185,12 @@ class Watch:
                 self.report(Cause.JUMP, f"{places.rejected} fixes in a row are implausible, {away}")
         if verdict is not Verdict.PLAUSIBLE:
             return None
-        self._hear("fix", fix.now_s)
         self.report(Cause.JUMP, "")
         if places.relocated_m > 0:
             self.note(Cause.RELOCATED, f"the fixes agree on a place {places.relocated_m:.0f} m from the last one")
+        if fix.age_s > self.limits.fix_old_s:
+            return None
+        self._hear("fix", fix.now_s)
         if self._frozen is None or math.dist(self._frozen[0], fix.xy) > FROZEN_M:
             self._frozen = fix.xy, fix.now_s
         fast = places.speed_mps > self.limits.place.max_speed_mps

@@ -10,7 +10,7 @@ import pytest
 from soilmoist_ros.exploration.control.mission_feed import FIX_SILENCE_S, MissionFeed
 from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.mission.actions import GoTo, Publish, RequestPlan, VisitDone
-from soilmoist_ros.exploration.mission.events import Command, Moved, Planned, RecordArrived
+from soilmoist_ros.exploration.mission.events import ClockStepped, Command, Moved, Planned, RecordArrived
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
@@ -56,6 +56,23 @@ def test_an_event_from_within_an_action_waits_for_the_others():
     answer = watched.feed.command(Command(2.0, Verb.START))
     assert answer.accepted
     assert watched.shown[-1] is Phase.TRAVELLING, "the status shown last is the newest"
+
+
+def test_the_age_of_a_place_is_that_of_its_own_source():
+    """Records have the place of the middle of their interval."""
+    feed = Watched().feed
+    for second in range(30):
+        feed.fix(PlaceFix(float(second), 0.0, 0.0, stamp_s=float(second)))
+    assert feed.place_age_s == 0.0
+    feed.fix(PlaceFix(60.0, 0.0, 0.0, stamp_s=45.0))
+    assert feed.place_age_s == 15.0
+    feed.give(ClockStepped(61.0, -3600.0))
+    for second in (61, 62):
+        feed.fix(PlaceFix(float(second), 0.0, 0.0, stamp_s=second - 3600.0))
+    assert feed.place_age_s == 0.0
+    for second in (70, 80):
+        feed.records(float(second), [CountRecord(float(second), 0.0, 0.0, 0.0, 50, 10.0, 10.0)])
+    assert feed.place_age_s == 0.0
 
 
 def test_a_broken_action_does_not_stop_the_others(caplog):

@@ -187,6 +187,16 @@ def test_a_place_that_cannot_be_used_makes_the_last_one_old():
     assert observed.alarms == ["fix_old"]
 
 
+def test_places_that_come_too_late_make_the_last_one_old():
+    observed = Observed().run(5)
+    observed.fixes = False
+    for _ in range(12):
+        observed.run(1)
+        late = PlaceFix(observed.now_s, 0.0, 0.0, age_s=LIMITS.fix_old_s + 1.0)
+        assert observed.watch.fix(late) is None
+    assert observed.alarms == ["fix_old"]
+
+
 def test_silence_needs_checks_and_not_only_time():
     """A process that stood still for a minute reads its messages before it complains."""
     observed = Observed().run(5)

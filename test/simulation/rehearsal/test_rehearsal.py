@@ -75,6 +75,17 @@ def test_a_killed_planner_comes_back_with_its_mission(rehearsed):
     assert outcome.ended.startswith("finished")
 
 
+@pytest.mark.slow
+def test_where_the_robot_was_is_no_place_to_stop_at(rehearsed):
+    """After a stall of the connection the places of 20 s of driving come at once."""
+    case = quiet(152, strategy="random", navigator="goal_pose")
+    for at_s in (120.0, 390.0):
+        stall = Faults([Span(Fault.LINK_STALL, at_s, 20.0, 0.0)])
+        outcome = rehearsed(replace(case, faults=stall))
+        assert outcome.violations == ()
+        assert outcome.visits >= 3
+
+
 FIX_JUMPS = Faults([Span(Fault.FIX_JUMP, 60.0, 200.0, 0.3), Span(Fault.FIX_RUNS, 300.0, 100.0, 0.5)])
 
 
