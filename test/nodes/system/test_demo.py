@@ -46,8 +46,13 @@ def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(t
         "60",
         "--strategy",
         "ivr",
+        "--foxglove",
     )
     assert said.startswith("console    http://127.0.0.1:")
+    assert "\nfoxglove   Open connection, Foxglove WebSocket: ws://127.0.0.1:" in said
+    assert f"\nfoxglove   Import layout: {out / 'viewers' / 'foxglove.json'}\n" in said
+    assert "/rough/soil_map" in (out / "viewers" / "foxglove.json").read_text()
+    assert "live view for Foxglove: ws://" in (out / "log" / "console.log").read_text()
     assert said.count("map        equals the robot's last one, bit for bit") == 2
 
     with BagReader(out / "bag") as bag:
