@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.lazy import install
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
@@ -213,7 +214,7 @@ def open_source(run: OpenedRun) -> RunSource:
     """
     about = run.summary
     if not run.properties or not about.get("datum"):
-        raise InputError("the run has no map, so there is nothing to export", "give another run", run.folder)
+        raise InputError(*_no_map(run), run.folder)
     frame = LocalFrame(about["datum"]["latitude_deg"], about["datum"]["longitude_deg"])
     notes: list[str] = []
     boundary, no_go, tracks = _shapes(run, frame, notes)
@@ -227,6 +228,19 @@ def open_source(run: OpenedRun) -> RunSource:
         label = labels.get(name) or name or next(iter(labels.values()), "")
         maps.append(PropertyMap(name, label, *run.raster(name), frame, run.samples(name), records))
     return RunSource(run, maps, frame, boundary, no_go, tracks, notes)
+
+
+def _no_map(run: OpenedRun) -> tuple[str, str]:
+    """Why there is no map to export, and what to do."""
+    about = run.summary
+    if not about.get("map"):
+        return "the run has no map, so there is nothing to export", "report.html of the run says why"
+    if "map.tif" in about.get("outputs", ("map.tif",)):
+        return "map.tif is missing: it was there when the run was made", "copy it back, or make the run again"
+    return (
+        "the run was made without the extra reports, which writes map.tif",
+        f"{install('reports')}, then repeat the command of the run with --overwrite",
+    )
 
 
 def _shapes(

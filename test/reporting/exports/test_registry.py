@@ -117,6 +117,26 @@ def test_a_run_without_a_map_has_nothing_to_export(tmp_path):
         export_run(tmp_path, [])
 
 
+@pytest.mark.parametrize(
+    ("summary", "message"),
+    [
+        ({"map": {}, "outputs": ["summary.json"]}, "has no map, so there is nothing to export -> report.html"),
+        (
+            {"map": {"rate": {}}, "outputs": ["summary.json", "samples.geojson"]},
+            r"made without the extra .*, which writes map\.tif -> pip install 'soilmoist_ros\[reports\]', then",
+        ),
+        (
+            {"map": {"rate": {}}, "outputs": ["map.tif"]},
+            r"map\.tif is missing: it was there when the run was made",
+        ),
+    ],
+)
+def test_the_reason_for_a_missing_map_is_named(summary, message, tmp_path):
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    with pytest.raises(InputError, match=message):
+        export_run(tmp_path, ["kmz"])
+
+
 def test_another_package_adds_an_export(exported, tmp_path, monkeypatch):
     def write(source, folder, settings):
         path = folder / "points.txt"
