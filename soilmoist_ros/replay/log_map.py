@@ -19,7 +19,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_text
 from soilmoist_ros.mapping import FieldGrid
-from soilmoist_ros.mapping.covariates.reading import read_covariates
+from soilmoist_ros.mapping.covariates.reading import read_covariates, require_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
@@ -39,6 +39,7 @@ from soilmoist_ros.reporting.earlier.earlier_runs import (
     require_other,
     same_survey,
 )
+from soilmoist_ros.reporting.earlier.run_records import find_runs
 from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import REFERENCE, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
@@ -149,6 +150,10 @@ def map_logs(
     site = load_site(settings.site) if settings.site else Site()
     field = load_field(settings.field) if settings.field else None
     require_crs(settings.crs, field.frame if field else None)
+    sources = (*(field.covariates if field else ()), *settings.covariates)
+    require_covariates(sources)  # before the logs, which may take long to read
+    for path in settings.earlier:
+        find_runs(path.expanduser())
     logs = read_logs(paths, settings.logger, site, progress, settings.logger_topic)
     track, track_problems = read_track(settings.nmea, [] if settings.nmea else paths, settings.fix_topic)
     placement, places = None, log_positions(logs, track, site)
@@ -178,7 +183,6 @@ def map_logs(
         target = Target(survey.frame, grid, map_settings, simulated=simulated)
         earlier = read_earlier_runs(settings.earlier, target)
         require_other(earlier, survey.records)
-    sources = (*(field.covariates if field else ()), *settings.covariates)
     covariates = read_covariates(sources, survey.frame, grid)
     records = survey.records
     reference = error = None

@@ -525,6 +525,21 @@ def test_a_wrong_reference_system_is_found_before_the_work(roving_record, tmp_pa
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("command", ["map", "simulate", "replay"])
+def test_knowledge_that_cannot_be_read_is_found_before_the_work(command, tmp_path):
+    (tmp_path / "relief.tif").write_text("no raster")
+    (tmp_path / "soils.geojson").write_text("no polygons")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "no.log").write_text("no log and no bag\n")
+    given = [] if command == "simulate" else [tmp_path / "no.log"]
+    knowledge = ["--covariate", tmp_path / "relief.tif", "--covariate", tmp_path / "soils.geojson"]
+    result = run(command, *given, *knowledge, "--earlier", tmp_path / "empty", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    for message in ("cannot be read as a raster", "cannot be read as polygons", "is neither a run"):
+        assert message in result.output
+    assert result.output.count("error:") == 3, "and nothing of the log, which was not read"
+
+
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("arguments", "messages"),
@@ -538,6 +553,11 @@ def test_a_wrong_reference_system_is_found_before_the_work(roving_record, tmp_pa
             ["map", "a.log", "--earlier", "nothing"],
             ["nothing: there is no such file -> give the folder that --out"],
         ),
+        (
+            ["simulate", "--covariate", "no.tif:slope", "--earlier", "none", "--covariate", "no.gpkg"],
+            ["no.tif: there is no such file of covariates -> check its path", "no.gpkg: there is"],
+        ),
+        (["replay", "a.log", "--covariate", "no.tif"], ["no.tif: there is no such file of covariates"]),
         (
             ["map", "a.log", "--out", "a.log/out"],
             ["a.log: is a file, not a folder -> choose another output folder"],

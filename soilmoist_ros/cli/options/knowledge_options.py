@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import click
 
@@ -12,7 +13,42 @@ from soilmoist_ros.cli.options.names import InputFile
 
 Command = Callable[..., None]
 _RUN = "give the folder that --out of a run named, a recording, or a folder of such"
-_EARLIER = InputFile(_RUN, ("none",))
+
+
+class _Runs(InputFile):
+    """A run or a folder of runs, checked before the command begins."""
+
+    def require(self, value: Path) -> None:
+        """Check that there is a run.
+
+        :raises InputError: if there is none
+        """
+        super().require(value)
+        if str(value) not in self.words:
+            from soilmoist_ros.reporting.earlier.run_records import find_runs
+
+            find_runs(value.expanduser())
+
+
+class _Covariate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A file with covariates, checked before the command begins."""
+
+    name = "FILE[:BAND]"
+
+    def require(self, value: str) -> None:
+        """Check that the file can be read and has the band.
+
+        :raises InputError: if not, or if an extra is not installed
+        """
+        if value == "none":
+            return
+        from soilmoist_ros.mapping.covariates.source import CovariateSource
+
+        source = CovariateSource.parse(value)
+        source.require_file()
+        from soilmoist_ros.mapping.covariates.reading import require_covariates
+
+        require_covariates([source])
 
 
 def earlier_option(more: str = "") -> Callable[[Command], Command]:
@@ -24,7 +60,9 @@ def earlier_option(more: str = "") -> Callable[[Command], Command]:
         "Earlier run of the same field, whose counts inform this map: an output folder, a recording, or a folder "
         f"of runs. Repeatable.{more}"
     )
-    return click.option("--earlier", "earlier", type=_EARLIER, multiple=True, metavar="RUN", help=text)
+    return click.option(
+        "--earlier", "earlier", type=_Runs(_RUN, ("none",)), multiple=True, metavar="RUN", help=text
+    )
 
 
 def covariate_option(more: str = "") -> Callable[[Command], Command]:
@@ -37,7 +75,9 @@ def covariate_option(more: str = "") -> Callable[[Command], Command]:
         "what is derived from elevations: elevation, slope, aspect, curvature, wetness. Or polygons of a soil "
         f"map, whose attribute is BAND. Repeatable.{more}"
     )
-    return click.option("--covariate", "covariates", multiple=True, metavar="FILE[:BAND]", help=text)
+    return click.option(
+        "--covariate", "covariates", type=_Covariate(), multiple=True, metavar="FILE[:BAND]", help=text
+    )
 
 
 def reference_option(command: Command) -> Command:

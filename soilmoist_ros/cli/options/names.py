@@ -132,14 +132,14 @@ class InputFile(click.Path):
 
     def __init__(self, remedy: str = "check the path", words: tuple[str, ...] = ()) -> None:
         super().__init__(path_type=Path)
-        self._remedy, self._words = remedy, words
+        self._remedy, self.words = remedy, words
 
     def require(self, value: Path) -> None:
         """Check a given path.
 
         :raises InputError: if there is nothing
         """
-        if str(value) in self._words or value.exists():
+        if str(value) in self.words or value.exists():
             return
         from soilmoist_ros.foundation.errors import InputError
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,17 +51,36 @@ def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> N
     return found
 
 
+def require_polygons(path: Path, attribute: str) -> None:
+    """Check a vector file before long work: that it can be opened, and has a reference system and the attribute.
+
+    :raises InputError: as :func:`read_polygons`
+    """
+    about = _opened(path, lambda file: (optional_module("pyogrio").read_info(file),))[0]
+    _attribute(path, about["fields"].tolist(), attribute)
+
+
+def _opened(path: Path, read: Callable[[Path], Sequence[Any]]) -> Sequence[Any]:
+    """What pyogrio reads of a file; the first part says what the file has.
+
+    :raises InputError: if it cannot be read, or has no reference system
+    """
+    pyogrio = optional_module("pyogrio")
+    try:
+        found = read(path)
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
+        raise InputError(f"cannot be read as polygons: {error}", "give GeoJSON or GeoPackage", path) from None
+    if found[0]["crs"] is None:
+        raise InputError("has no coordinate reference system (CRS)", "export it again, with its CRS", path)
+    return found
+
+
 def _read(path: Path, attribute: str, frame: LocalFrame) -> tuple[list[BaseGeometry], NDArray[Any]]:
     import shapely
     from pyproj import CRS, Transformer
 
     pyogrio = optional_module("pyogrio")
-    try:
-        about, _, geometries, columns = pyogrio.raw.read(path)
-    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
-        raise InputError(f"cannot be read as polygons: {error}", "give GeoJSON or GeoPackage", path) from None
-    if about["crs"] is None:
-        raise InputError("has no coordinate reference system (CRS)", "export it again, with its CRS", path)
+    about, _, geometries, columns = _opened(path, pyogrio.raw.read)
     values = _column(path, dict(zip(about["fields"].tolist(), columns, strict=True)), attribute)
     there = Transformer.from_crs(CRS.from_user_input(about["crs"]), frame.crs, always_xy=True)
 
@@ -75,16 +94,24 @@ def _read(path: Path, attribute: str, frame: LocalFrame) -> tuple[list[BaseGeome
     return [shapely.make_valid(shapely.transform(one, moved)) for one in shapes[area]], values[area]
 
 
+def _attribute(path: Path, names: Sequence[str], attribute: str) -> str:
+    """The attribute that is meant.
+
+    :raises InputError: if there is none of this name, or none is given and there are several
+    """
+    if not attribute and len(names) != 1:
+        known = listing(names) or "none"
+        remedy = "name one as band: FILE:ATTRIBUTE" if names else "give each polygon its class"
+        raise InputError(f"does not say which attribute is meant: it has {known}", remedy, path)
+    if attribute and attribute not in names:
+        remedy = f"use one of: {listing(names)}{did_you_mean(attribute, names)}"
+        raise InputError(f"has no attribute {attribute!r}", remedy, path)
+    return attribute or names[0]
+
+
 def _column(path: Path, columns: Mapping[str, NDArray[Any]], attribute: str) -> NDArray[Any]:
     """Values of an attribute; whole numbers as texts."""
-    if not attribute and len(columns) != 1:
-        known = listing(columns) or "none"
-        remedy = "name one as band: FILE:ATTRIBUTE" if columns else "give each polygon its class"
-        raise InputError(f"does not say which attribute is meant: it has {known}", remedy, path)
-    if attribute and attribute not in columns:
-        remedy = f"use one of: {listing(columns)}{did_you_mean(attribute, columns)}"
-        raise InputError(f"has no attribute {attribute!r}", remedy, path)
-    values = columns[attribute or next(iter(columns))]
+    values = columns[_attribute(path, list(columns), attribute)]
     if values.dtype.kind == "f":
         return values.astype(float)
     return np.array([None if one is None else str(one) for one in values.tolist()], object)

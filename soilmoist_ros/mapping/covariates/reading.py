@@ -6,16 +6,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.covariates.polygons import indicators, read_polygons
+from soilmoist_ros.mapping.covariates.polygons import indicators, read_polygons, require_polygons
 from soilmoist_ros.mapping.covariates.rasters import RasterBands, opened_raster
-from soilmoist_ros.mapping.covariates.source import DERIVED, CovariateSource
+from soilmoist_ros.mapping.covariates.source import DERIVED, CovariateSource, Derived
 from soilmoist_ros.mapping.covariates.terrain import derivatives
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.covariates import Covariates
@@ -30,6 +30,25 @@ TERRAIN_MARGIN = 1.0
 """Width of the surroundings whose water may run into the field, as a share of its extent."""
 MIN_SPREAD = 1e-9
 """Standard deviation of a covariate, as a share of its largest value, below which it is the same everywhere."""
+
+
+def require_covariates(sources: Iterable[CovariateSource]) -> None:
+    """Check files of covariates before long work: that they can be opened, and have their bands or attributes.
+
+    :raises InputError: with every file that cannot be read
+    """
+    mistakes = list[Mistake]()
+    for source in sources:
+        try:
+            if _has_polygons(source):
+                require_polygons(source.path, source.band)
+            else:
+                with opened_raster(source.path) as bands:
+                    _derived(source, bands)
+        except InputError as error:
+            mistakes += error.mistakes
+    if mistakes:
+        raise InputError(mistakes)
 
 
 def read_covariates(sources: Sequence[CovariateSource], frame: LocalFrame, grid: FieldGrid) -> Covariates | None:
@@ -68,10 +87,7 @@ def coverage(covariates: Covariates, grid: FieldGrid) -> dict[str, float]:
 
 def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapping[str, Array]:
     """The checked rasters of a source by their names, shape (ny, nx) each."""
-    if not source.path.is_file():
-        raise InputError("there is no such file of covariates", "check its path", source.path)
-    of_polygons = source.path.suffix.lower() in POLYGON_FILES
-    layers = _of_polygons(source, frame, grid) if of_polygons else _of_raster(source, frame, grid)
+    layers = (_of_polygons if _has_polygons(source) else _of_raster)(source, frame, grid)
     for name, values in layers.items():
         inside = values[grid.mask & np.isfinite(values)]
         if not len(inside):
@@ -89,9 +105,30 @@ def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapp
     return layers
 
 
-def _of_polygons(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:
-    if source.derive:
+def _has_polygons(source: CovariateSource) -> bool:
+    """Whether an existing file has polygons, by its ending.
+
+    :raises InputError: if there is no such file, or something would be derived from polygons
+    """
+    source.require_file()
+    found = source.path.suffix.lower() in POLYGON_FILES
+    if found and source.derive:
         raise InputError("has polygons: nothing is derived from them", "remove 'derive'", source.path)
+    return found
+
+
+def _derived(source: CovariateSource, bands: RasterBands) -> tuple[tuple[Derived, ...], int]:
+    """What is made of the elevations in a raster, and the number of its band.
+
+    :raises InputError: if there is no such band
+    """
+    derive, band = source.derive, source.band
+    if not derive and band in DERIVED and band not in bands.names:
+        derive, band = (band,), ""
+    return derive, bands.number(band)
+
+
+def _of_polygons(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:
     east, north = np.meshgrid(grid.x_m, grid.y_m)
     values = read_polygons(source.path, source.band, frame, np.column_stack([east.ravel(), north.ravel()]))
     if values.dtype.kind == "f":
@@ -109,16 +146,13 @@ def _of_polygons(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) ->
 
 def _of_raster(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:
     with opened_raster(source.path) as bands:
-        derive, band = source.derive, source.band
-        if not derive and band in DERIVED and band not in bands.names:
-            derive, band = (band,), ""
-        number = bands.number(band)
+        derive, number = _derived(source, bands)
         if derive:
             wanted = dict.fromkeys(name for one in derive for name in _parts(one))
             found = _terrain(bands, number, frame, grid)
             label = source.label.removesuffix(" elevation").removesuffix("elevation").strip()
             return {f"{label} {name}".strip(): found[name] for name in wanted}
-        label = source.label if source.name or not band else f"{source.label} {band}"
+        label = source.label if source.name or not source.band else f"{source.label} {source.band}"
         return {label: bands.on(number, frame, grid.x_m, grid.y_m)}
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from soilmoist_ros.foundation.configuration import Section
+from soilmoist_ros.foundation.errors import InputError
 
 Derived = Literal["elevation", "slope", "aspect", "northness", "eastness", "curvature", "wetness"]
 DERIVED: tuple[Derived, ...] = get_args(Derived)
@@ -44,6 +45,14 @@ class CovariateSource:
         if not file or (folder / text).exists() or "/" in band or "\\" in band:
             file, band = text, ""
         return cls(folder / Path(file).expanduser(), band)
+
+    def require_file(self) -> None:
+        """Check that the file is there.
+
+        :raises InputError: if it is not
+        """
+        if not self.path.is_file():
+            raise InputError("there is no such file of covariates", "check its path", self.path)
 
     @property
     def label(self) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from soilmoist_ros.foundation.errors import InputError, SoilmoistError
 from soilmoist_ros.foundation.workers import cores
+from soilmoist_ros.mapping.covariates.reading import require_covariates
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, load_campaign, mission_key, missions
 from soilmoist_ros.simulation.campaign.cluster import on_cluster
 from soilmoist_ros.simulation.campaign.computing import Failure, Flow, Simulate, WorkersLostError
@@ -17,6 +18,7 @@ from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError,
 from soilmoist_ros.simulation.campaign.progress import CampaignProgress, Pace, Progress
 from soilmoist_ros.simulation.campaign.table import MissionRow, mission_row, require_pandas, write_tables
 from soilmoist_ros.simulation.campaign.workers import in_processes, in_this_process
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 __all__ = [
     "Campaign",
@@ -102,6 +104,8 @@ def run_campaign(
         raise InputError(f"the number of processes cannot be {workers}", "give 0 or more")
     require_pandas()
     wanted = missions(campaign)
+    fields = map(surrogate_field, dict.fromkeys(mission.settings.field_name for mission in wanted))
+    require_covariates(source for field in fields for source in field.field.covariates)
     store = MissionStore(out / RUNS)
     with store.alone():
         rows, remarks = _already_done(wanted, store, campaign.table_every_s)

@@ -15,7 +15,7 @@ from rasterio.transform import Affine
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.covariates.polygons import OTHER, indicators
-from soilmoist_ros.mapping.covariates.reading import coverage, read_covariates
+from soilmoist_ros.mapping.covariates.reading import coverage, read_covariates, require_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.grid import FieldGrid
 
@@ -248,6 +248,20 @@ def test_files_that_cannot_be_used(tmp_path, message):
     with pytest.raises(InputError, match=message) as caught:
         read(BAD[message](tmp_path))
     assert all(mistake.remedy and mistake.path for mistake in caught.value.mistakes)
+
+
+OF_THE_FIELD = ("has no value of 'a' in the field", "same value of 'a' everywhere", "single class")
+
+
+@pytest.mark.parametrize("message", [message for message in BAD if message not in OF_THE_FIELD])
+def test_what_needs_no_field_is_found_before_the_work(tmp_path, message):
+    with pytest.raises(InputError, match=message):
+        require_covariates([CovariateSource.parse(str(BAD[message](tmp_path)))])
+
+
+def test_files_that_can_be_read_are_passed(tmp_path):
+    relief, soils = write_raster(tmp_path / "relief.tif"), soil_map(tmp_path / "a.geojson", ["sand", "clay"])
+    require_covariates([CovariateSource.parse(f"{relief}:slope"), CovariateSource.parse(str(soils))])
 
 
 def test_all_mistakes_are_named_and_so_are_double_names(tmp_path):

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from soilmoist_ros.foundation.configuration import resource_names
+from soilmoist_ros.foundation.configuration import resource, resource_names
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.campaign import mission_store
 from soilmoist_ros.simulation.campaign.campaign import (
@@ -232,6 +232,16 @@ def test_a_mission_survives_its_file(fake):
     team = unpack(pack(replace(result, tracks=tracks, visits=visits), "k"))
     assert [track.tolist() for track in team.tracks] == [track.tolist() for track in tracks]
     assert [visit.robot for visit in team.visits] == [1, 2]
+
+
+def test_a_covariate_that_cannot_be_read_is_found_before_the_first_mission(tmp_path, fake):
+    ridge = resource("fields", "ridge").read_text(encoding="utf-8")
+    (tmp_path / "field.yaml").write_text(f"{ridge}\ncovariates: [{{file: relief.tif}}]\n", encoding="utf-8")
+    plan = written(tmp_path / "small.yaml", SMALL.replace("[synthetic-high, synthetic-low]", "field.yaml"))
+    counted = Counted(fake)
+    with pytest.raises(InputError, match=r"relief\.tif: there is no such file of covariates"):
+        run_campaign(plan, tmp_path / "out", counted, workers=0)
+    assert counted.calls == []
 
 
 @pytest.mark.slow
