@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 import ast
+import sys
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
-from importlib.util import find_spec
+from importlib.util import LazyLoader, find_spec, module_from_spec
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,23 @@ def load_on_use(package: str, file: str) -> Callable[[str], Any]:
         return getattr(import_module(homes()[name]), name)
 
     return load
+
+
+def load_when_used(name: str) -> None:
+    """Put a submodule into its package that is loaded when something of it is used.
+
+    Nothing happens if it is loaded or missing.
+
+    :param name: full name of the submodule
+    """
+    package, _, child = name.rpartition(".")
+    parent, spec = import_module(package), find_spec(name)
+    if name in sys.modules or spec is None or spec.loader is None:
+        return
+    spec.loader = LazyLoader(spec.loader)
+    module = sys.modules[name] = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    setattr(parent, child, module)
 
 
 def optional_module(name: str, extra: str = "") -> Any:

@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from soilmoist_ros.foundation.errors import SoilmoistError
+from soilmoist_ros.foundation.lazy import load_when_used
 
 _SWITCH_S: Final = 5e-4
 """Longest wait of a callback for Python's lock while another thread computes [s]; each takes it several times, and
@@ -49,6 +50,17 @@ def _name_callers() -> None:
             inspect.modulesbyfile.setdefault(str(module.__file__), name)
 
 
+def _load_less() -> None:
+    """Spare the process modules that libraries import and no node uses.
+
+    The messages of ROS load the generator of messages with its parser; they do without if it is missing. SciPy
+    copies the names of NumPy, and so loads its compiler of Fortran and its test tools.
+    """
+    sys.modules.setdefault("rosidl_generator_py.generate_py_impl", None)  # type: ignore[arg-type]
+    for name in ("numpy.f2py", "numpy.testing"):
+        load_when_used(name)
+
+
 def run(make_node: Callable[[], Node]) -> None:
     """Run a node until it is interrupted; every ``main`` calls this function.
 
@@ -71,6 +83,7 @@ def run(make_node: Callable[[], Node]) -> None:
     :param make_node: makes the node
     """
     sys.setswitchinterval(_SWITCH_S)
+    _load_less()
     _name_callers()
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)

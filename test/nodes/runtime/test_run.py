@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import inspect
 import signal
+import subprocess
 import sys
 
 import pytest
@@ -219,3 +220,19 @@ def test_the_first_message_searches_no_modules(monkeypatch):
     get_logger("test").info("a message")
     assert looked_at
     assert not any(map(is_module, looked_at))
+
+
+@pytest.mark.process
+def test_libraries_load_less_in_a_node():
+    code = """
+import sys
+from soilmoist_ros.nodes.runtime.run import _load_less
+_load_less()
+import scipy.linalg
+from std_msgs.msg import String
+String.__class__.__import_type_support__()
+assert String.__class__._TYPE_SUPPORT is not None
+print([name for name in ("lark", "em", "numpy.f2py.f2py2e", "unittest") if name in sys.modules])
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert result.stdout == "[]\n", result.stderr
