@@ -53,6 +53,8 @@ _PILOT_TILES = 4
 _BLOCK_PLACES = 300
 """Places of a block, and minimum number of places before it, in the estimate of the mean."""
 _TILE_ELEMENTS = 400_000
+_AT_ONCE = 65_536
+"""Targets whose coordinates are computed at a time."""
 _MAX_HALVINGS = 80
 _MAX_PARTS = 4
 """Maximum number of parts of a side at once."""
@@ -81,12 +83,17 @@ class Accuracy:
         )
 
 
+Indices = NDArray[np.integer[Any]]
+Places = Callable[[Indices, int], Array]
+"""Coordinates of targets along an axis [m], from their numbers."""
+
+
 class _Box(NamedTuple):
-    """A rectangle of the map and the targets in it."""
+    """A rectangle of the map and the numbers of the targets in it."""
 
     low: Array
     sides: Array
-    target: NDArray[np.intp]
+    target: Indices
 
     @property
     def high(self) -> Array:
@@ -105,7 +112,7 @@ class _Model:
     mean: float = 0.0
     mean_variance: float = 0.0
 
-    def leaves(self, xy: Array, box: _Box, most: int = 0, depth: int = 0) -> Iterator[tuple[_Box, bool]]:
+    def leaves(self, places: Places, box: _Box, most: int = 0, depth: int = 0) -> Iterator[tuple[_Box, bool]]:
         """Tiles with targets, or larger boxes with at most ``most`` targets; and whether each is a tile."""
         margin_m = self.tree.margin_m(box.low, box.high, self.nearest)
         half_diagonal = np.hypot(*box.sides) / 2
@@ -116,16 +123,19 @@ class _Model:
             return
         parts = _parts(box.sides, most_m)
         sides = box.sides / parts
-        column, row = (
-            np.clip((xy[box.target, axis] - box.low[axis]) // sides[axis], 0, parts[axis] - 1).astype(np.int8)
-            for axis in (0, 1)
-        )
-        place = column + row * int(parts[0])
+        part = np.empty(len(box.target), np.int8)
+        for start in range(0, len(part), _AT_ONCE):  # coordinates take more memory than numbers
+            some = slice(start, start + _AT_ONCE)
+            column, row = (
+                np.clip((places(box.target[some], axis) - box.low[axis]) // sides[axis], 0, parts[axis] - 1)
+                for axis in (0, 1)
+            )
+            part[some] = column + row * parts[0]
         for number in range(parts.prod()):
-            target = box.target[place == number]
+            target = box.target[part == number]
             if len(target):
                 low = box.low + sides * [number % parts[0], number // parts[0]]
-                yield from self.leaves(xy, _Box(low, sides, target), most, depth + 1)
+                yield from self.leaves(places, _Box(low, sides, target), most, depth + 1)
 
     def neighbourhood(self, box: _Box) -> Neighbourhood:
         margin_m = max(self.tree.margin_m(box.low, box.high, self.nearest), 0.0)
@@ -282,24 +292,24 @@ class TiledKriging:
         :raises RuntimeError: before :meth:`fit`
         """
         self._fitted()
-        return self._predict(check_xy(xy), progress)
-
-    def _predict(self, targets: Array, progress: Progress | None) -> tuple[Array, Array]:
-        model = self._fitted()
-        everything = _Box(model.tree.low_m, np.full(2, model.tree.side_m), np.arange(len(targets)))
-        tasks, same = tee(_tasks(model, targets, everything) if len(targets) else [])
+        targets = check_xy(xy)
         result = np.empty((2, len(targets)))
-        done = 0
-        for (boxes, _), found in zip(same, self._compute(partial(_krige, model), tasks), strict=False):
-            target = np.concatenate([box.target for box, _ in boxes])
-            result[:, target] = found
-            done += len(target)
-            if progress is not None:
-                progress(done / len(targets))
-        negative = result[1] < 0
-        self.clipped_variances = int(np.count_nonzero(negative))
-        result[1, negative] = 0.0
+        self._predict(_of_points(targets), np.arange(len(targets)), result, progress)
         return result[0], result[1]
+
+    def _predict(self, places: Places, target: Indices, result: Array, progress: Progress | None) -> None:
+        """Fill in the columns of these numbers of a result of shape (2, g)."""
+        model = self._fitted()
+        self.clipped_variances = done = 0
+        everything = _Box(model.tree.low_m, np.full(2, model.tree.side_m), target)
+        tasks, same = tee(_tasks(model, places, everything) if len(target) else [])
+        for (boxes, _), found in zip(same, self._compute(partial(_krige, model), tasks), strict=False):
+            self.clipped_variances += int(np.count_nonzero(found[1] < 0))
+            numbers = np.concatenate([box.target for box, _ in boxes])
+            result[0, numbers], result[1, numbers] = found[0], np.maximum(found[1], 0.0)
+            done += len(numbers)
+            if progress is not None:
+                progress(done / len(target))
 
     def predict_grid(
         self,
@@ -319,14 +329,13 @@ class TiledKriging:
         :raises RuntimeError: before :meth:`fit`
         """
         x, y, wanted = check_raster(x_m, y_m, mask)
-        xy = np.empty((np.count_nonzero(wanted), 2))
-        for number, axis in enumerate((x, y[:, None])):
-            xy[:, number] = np.broadcast_to(axis, wanted.shape)[wanted]
-        predicted = self._predict(xy, progress)
-        del xy
         rasters = np.full((2, len(y), len(x)), np.nan)
-        for raster, values in zip(rasters, predicted, strict=True):
-            np.place(raster, wanted, values)  # which takes less memory than an index
+        cells = np.flatnonzero(wanted).astype(np.min_scalar_type(wanted.size))
+
+        def places(numbers: Indices, axis: int) -> Array:
+            return y[numbers // len(x)] if axis else x[numbers % len(x)]
+
+        self._predict(places, cells, rasters.reshape(2, -1), progress)
         return rasters[0], rasters[1]
 
     def _fitted(self) -> _Model:
@@ -378,7 +387,7 @@ def _chosen(model: _Model, places: Samples) -> tuple[_Model, Accuracy | None]:
     centres = places.xy[np.lexsort(places.xy.T)[pilot]]
     everything = _Box(model.tree.low_m, np.full(2, model.tree.side_m), np.arange(1))
     coarsest = replace(model, nearest=NEAREST[-1])
-    tiles = [next(coarsest.leaves(centre[None], everything))[0] for centre in centres]
+    tiles = [next(coarsest.leaves(_of_points(centre[None]), everything))[0] for centre in centres]
     steps = (np.arange(6) + 0.5) / 6
     lattice = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
     points = [tile.low + tile.sides * lattice for tile in tiles]
@@ -401,7 +410,8 @@ def _chosen(model: _Model, places: Samples) -> tuple[_Model, Accuracy | None]:
 
 def _krige_all(model: _Model, xy: Array) -> Array:
     result = np.empty((2, len(xy)))
-    for tile, _ in model.leaves(xy, _Box(model.tree.low_m, np.full(2, model.tree.side_m), np.arange(len(xy)))):
+    everything = _Box(model.tree.low_m, np.full(2, model.tree.side_m), np.arange(len(xy)))
+    for tile, _ in model.leaves(_of_points(xy), everything):
         result[:, tile.target] = model.krige_tile(tile, xy[tile.target])
     return result
 
@@ -409,28 +419,39 @@ def _krige_all(model: _Model, xy: Array) -> Array:
 _Task = tuple[list[tuple[_Box, bool]], Array]
 
 
-def _tasks(model: _Model, xy: Array, everything: _Box) -> Iterator[_Task]:
-    """The boxes of the map in parcels of about equal numbers of targets, and these targets."""
-    most = int(np.clip(len(xy) / 64, 64, 8192))
+def _tasks(model: _Model, places: Places, everything: _Box) -> Iterator[_Task]:
+    """The boxes of the map in parcels of about equal numbers of targets, and the places of these targets."""
+    most = int(np.clip(len(everything.target) / 64, 64, 8192))
     boxes: list[tuple[_Box, bool]] = []
     size = 0
-    for box, is_tile in model.leaves(xy, everything, most):
+
+    def parcel() -> _Task:
+        target = np.concatenate([box.target for box, _ in boxes])
+        return boxes, np.column_stack([places(target, axis) for axis in (0, 1)])
+
+    for box, is_tile in model.leaves(places, everything, most):
         boxes.append((box, is_tile))
         size += len(box.target)
         if size >= most:
-            yield boxes, np.concatenate([xy[s.target] for s, _ in boxes])
+            yield parcel()
             boxes, size = [], 0
     if boxes:
-        yield boxes, np.concatenate([xy[s.target] for s, _ in boxes])
+        yield parcel()
+
+
+def _of_points(xy: Array) -> Places:
+    """Places of targets of shape (g, 2) [m]."""
+    return lambda target, axis: np.asarray(xy[target, axis])
 
 
 def _krige(model: _Model, task: _Task) -> Array:
     """Rate and variance of the targets of a task, in the order of the task, shape (2, g)."""
     boxes, xy = task
+    places = _of_points(xy)
     result, start = np.empty((2, len(xy))), 0
     for box, is_tile in boxes:
         here = box._replace(target=np.arange(start, start + len(box.target)))
         start += len(box.target)
-        for tile, _ in [(here, True)] if is_tile else model.leaves(xy, here):
+        for tile, _ in [(here, True)] if is_tile else model.leaves(places, here):
             result[:, tile.target] = model.krige_tile(tile, xy[tile.target])
     return result
