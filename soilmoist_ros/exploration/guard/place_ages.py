@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How old measured places are when they come.
 
-A connection that stalls delivers all at once what it held back. The last of these places is where the robot is; the
-others are where it was.
+A connection that stalls delivers all at once what it held back. The last of these places is where the robot is,
+the others are where it was.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Final
 COMPARED: Final = 30
 """Number of seconds with places, of which the least delay passes for none."""
 APART_S: Final = 1.0
-"""Places that come within this time count as one delay [s]: a hundred that come at once must not become the rule."""
+"""Places that come within this time count as one delay [s], so that many that come at once are not the rule."""
 
 
 class PlaceAges:

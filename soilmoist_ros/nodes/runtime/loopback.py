@@ -5,36 +5,35 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
-import tempfile
+import socket
 from collections.abc import Iterator
-from pathlib import Path
 
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
 
-DOMAINS = range(1, 101)
-"""Domains whose ports are below the ephemeral ports of Linux."""
+DOMAINS = range(100, 0, -1)
+"""Domains whose ports are below the ephemeral ports of Linux; people choose low ones."""
+PORTS_EACH = 250
+"""Number of ports of a domain."""
+LAST_PORT = 7400 + PORTS_EACH - 1
+"""The last port of domain 0."""
 
 
 @contextlib.contextmanager
 def free_domain() -> Iterator[int]:
     """Reserve a domain on this machine among the callers of this function until the context ends.
 
-    :raises InputError: if all domains are in use, or no lock can be made
+    The reservation is a TCP port of the domain, which DDS does not use. It also holds against containers that
+    share the network, but no files.
+
+    :raises InputError: if all domains are in use
     """
     for domain in DOMAINS:
-        path = Path(tempfile.gettempdir()) / f"soilmoist_domain_{domain}.lock"
-        with contextlib.ExitStack() as stack:
+        with socket.socket() as reservation:
             try:
-                lock = stack.enter_context(path.open("w"))
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except (BlockingIOError, PermissionError):  # locked, or made by another user
+                reservation.bind(("127.0.0.1", LAST_PORT + PORTS_EACH * domain))
+            except OSError:
                 continue
-            except OSError as error:
-                raise InputError(
-                    f"no lock can be made: {error.strerror}", "free the disk, or set TMPDIR to a folder", path
-                ) from None
             yield domain
             return
     raise InputError("all ROS domains of this machine are in use", "end other simulations first")
