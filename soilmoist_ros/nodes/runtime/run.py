@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.foundation.lazy import load_when_used
+from soilmoist_ros.nodes.runtime.memory import return_memory
 
 _SWITCH_S: Final = 5e-4
 """Longest wait of a callback for Python's lock while another thread computes [s]; each takes it several times, and
@@ -84,6 +85,7 @@ def run(make_node: Callable[[], Node]) -> None:
     """
     sys.setswitchinterval(_SWITCH_S)
     _load_less()
+    return_memory()
     _name_callers()
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
