@@ -31,7 +31,7 @@ from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.recording.bag.recorder import BagRecorder, check_name, free_bytes, next_bag
 from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
-from soilmoist_ros.recording.bag.retention import Limits, delete_bags, excess_bags
+from soilmoist_ros.recording.bag.retention import Excess, Limits, delete_bags, excess_text, find_excess
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
 from soilmoist_ros.recording.mcap.definitions import find_definition
 from soilmoist_ros.recording.mcap.metadata import Qos, Request, Topic, request_for
@@ -75,7 +75,9 @@ class Recorder(Node):
             notes=lambda: {f"messages of {name} lost on the way": str(n) for name, n in self._lost().items()},
         )
         self._limits = Limits(number("keep_gb") * 1e9 or math.inf, number("keep_days") * 86_400 or math.inf)
-        self._beyond = ""
+        self._deletes = self._settings.flag("delete_oldest")
+        self._splits = bool(number("file_mb") or number("file_min"))
+        self._excess = Excess()
         self._topics: dict[str, tuple[Topic, Request, Subscription]] = {}
         self._publisher_counts: dict[str, int] = {}
         self._gaps = SequenceGaps()
@@ -151,7 +153,9 @@ class Recorder(Node):
         low_bytes = self._settings.number("low_disk_mb") * 1e6
         state, free = self._recorder.state, free_bytes(self._out)
         soon_s = self._settings.number("full_soon_h") * 3600
-        health = recorder_health(state, free, low_bytes, len(self._skipped), soon_s, self._beyond, self._lost())
+        drops = self._deletes and self._splits
+        limits, left = excess_text(self._excess, drops), math.inf if drops else self._excess.left_bytes
+        health = recorder_health(state, free, low_bytes, len(self._skipped), soon_s, limits, self._lost(), left)
         now_s = self.get_clock().now().nanoseconds * 1e-9
         self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
 
@@ -159,16 +163,18 @@ class Recorder(Node):
         return dict(self._gaps.lost)
 
     def _keep_limits(self) -> None:
-        """Warn of bags beyond the limits, or delete them."""
+        """Find what is beyond the limits, and delete it if that is wanted."""
         try:
-            bags = excess_bags(self._out, self._limits, time.time())
+            excess = find_excess(self._out, self._limits, time.time())
+            if excess.bags and self._deletes:
+                for bag in delete_bags(excess.bags):
+                    self.get_logger().warning(f"{bag} is deleted: it was beyond keep_days or keep_gb")
+                excess = find_excess(self._out, self._limits, time.time())
         except OSError:
             return
-        if bags and self._settings.flag("delete_oldest"):
-            for bag in delete_bags(bags):
-                self.get_logger().warning(f"{bag} is deleted: it was beyond keep_days or keep_gb")
-            bags = [bag for bag in bags if bag.exists()]
-        self._beyond = f"{len(bags)} bags are beyond keep_days or keep_gb, the oldest is {bags[0]}" if bags else ""
+        if excess.left_bytes < 0 and self._deletes:
+            self._recorder.drop_oldest(-excess.left_bytes)
+        self._excess = excess
 
     def _take_parameters(self, node: str, values: Mapping[str, Any]) -> None:
         self._configuration.take(node, values)

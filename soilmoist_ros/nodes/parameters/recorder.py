@@ -50,7 +50,8 @@ PARAMETERS: Final = (
     Parameter(
         name="full_soon_h",
         default=1.0,
-        description="time to a full disk, at the rate of the last minutes, below which the recorder warns",
+        description="time to a full disk or to keep_gb, at the rate of the last minutes, below which the recorder "
+        "warns",
         unit="h",
         low=0.0,
     ),
@@ -85,6 +86,7 @@ PARAMETERS: Final = (
     Parameter(
         name="delete_oldest",
         default=False,
-        description="whether closed bags beyond keep_days and keep_gb are deleted, the oldest first",
+        description="whether closed bags beyond keep_days and keep_gb are deleted, the oldest first, and finished "
+        "files of the running bag beyond keep_gb",
     ),
 )

@@ -40,6 +40,7 @@ class RecorderState:
     :param waiting_bytes: size of messages that wait for the writer [bytes]
     :param size_bytes: size of the bag [bytes]
     :param rate_bps: bytes written in a second, over the last minutes [B/s]; 0 if unknown
+    :param deleted: files of the bag that were deleted for space
     :param gone: bags that were deleted or moved while they were recorded, in words
     :param topics: topics with messages in the bag
     :param problem: what prevents writing now; empty without a problem
@@ -52,6 +53,7 @@ class RecorderState:
     waiting_bytes: int = 0
     size_bytes: int = 0
     rate_bps: float = 0.0
+    deleted: int = 0
     gone: str = ""
     topics: int = 0
     problem: str = ""
@@ -106,6 +108,7 @@ class BagRecorder:
         self._thread: threading.Thread | None = None
         self._stopping = False
         self._unsafe = 0
+        self._to_drop = 0.0
 
     @property
     def state(self) -> RecorderState:
@@ -158,6 +161,14 @@ class BagRecorder:
             self._changed.wait_for(lambda: self._state.bag is not None or bool(self._state.problem), timeout_s)
             return self._state.bag is not None
 
+    def drop_oldest(self, size_bytes: float) -> None:
+        """Delete finished files of the bag soon, the oldest first, to make space.
+
+        :param size_bytes: how much [bytes]
+        """
+        with self._changed:
+            self._to_drop = size_bytes
+
     def stop(self) -> RecorderState:
         """Write what waits, close the bag and stop; returns the final state. Does nothing while stopped."""
         with self._changed:
@@ -186,6 +197,7 @@ class BagRecorder:
                     state = self.state
                     told = f"{state.dropped}{f' ({state.gone})' if state.gone else ''}"
                     noted = {"messages lost in writing": told} if state.dropped else {}
+                    noted |= {"first files deleted for space": str(state.deleted)} if state.deleted else {}
                     bag.close({**self._notes(), **noted})
             except OSError as error:
                 problem = f"{bag.folder} could not be closed: {error.strerror}; {_RECOVER}"
@@ -204,7 +216,7 @@ class BagRecorder:
                 bag = self._new_bag()
                 self._in_bag = 0
                 self._sizes.clear()
-                self._report(bag=bag.folder, problem="")
+                self._report(bag=bag.folder, problem="", deleted=0)
                 _LOG.info("recording to %s", bag.folder)
             if self.state.problem:
                 bag.flush()  # first what the disk refused
@@ -212,6 +224,7 @@ class BagRecorder:
             bag.flush()
             if bag.file_bytes >= self._file_bytes or bag.file_age_s >= self._file_s:
                 bag.split()
+            self._drop(bag)
         except InputError as error:
             self._report(problem=str(error))
             return None
@@ -221,6 +234,15 @@ class BagRecorder:
         rate_bps = self._rate_bps(bag.size_bytes)
         self._report(problem="", size_bytes=bag.size_bytes, topics=len(bag.counts), rate_bps=rate_bps)
         return bag
+
+    def _drop(self, bag: BagWriter) -> None:
+        with self._changed:
+            size_bytes, self._to_drop = self._to_drop, 0.0
+        names = bag.drop_oldest(size_bytes)
+        if names:
+            self._sizes.clear()  # a bag that has shrunk has no rate
+            self._report(deleted=self.state.deleted + len(names))
+            _LOG.warning("%s: %s deleted for space", bag.folder, ", ".join(names))
 
     def _rate_bps(self, size: int) -> float:
         now_s = time.monotonic()

@@ -20,6 +20,7 @@ def recorder_health(
     full_soon_s: float = 0.0,
     limits: str = "",
     lost: Mapping[str, int] = MappingProxyType({}),
+    left_bytes: float = math.inf,
 ) -> Health:
     """Health of the recorder.
 
@@ -30,7 +31,9 @@ def recorder_health(
     :param full_soon_s: time to a full disk below which the recorder warns [s]
     :param limits: what exceeds the limits of the recordings, in words
     :param lost: messages that did not reach the recorder, by topic
+    :param left_bytes: space that bags may still take [bytes], infinite without a limit
     """
+    limit_s = max(left_bytes, 0.0) / state.rate_bps if state.rate_bps > 0 else math.inf
     full_s = free_bytes / state.rate_bps if free_bytes is not None and state.rate_bps > 0 else math.inf
     if state.problem or state.gone:
         level, message = Level.ERROR, state.problem or state.gone
@@ -42,6 +45,8 @@ def recorder_health(
         level, message = Level.WARN, f"the disk will be full in {full_s / 60:.0f} min"
     elif limits:
         level, message = Level.WARN, limits
+    elif limit_s < full_soon_s:
+        level, message = Level.WARN, f"the recordings will reach keep_gb in {limit_s / 60:.0f} min"
     elif state.dropped:
         level, message = Level.WARN, f"{state.dropped} messages lost: the disk is too slow"
     elif lost:
@@ -60,6 +65,8 @@ def recorder_health(
         "waiting [MB]": f"{state.waiting_bytes / 1e6:.3f}",
         "written [kB/s]": f"{state.rate_bps / 1e3:.3g}",
         "disk full in [h]": f"{full_s / 3600:.1f}" if math.isfinite(full_s) else "unknown",
+        "keep_gb reached in [h]": f"{limit_s / 3600:.1f}" if math.isfinite(limit_s) else "unknown",
+        "files deleted": str(state.deleted),
         "disk free [MB]": "unknown" if free_bytes is None else f"{free_bytes / 1e6:.0f}",
     }
     return Health("bag", level, message, values)

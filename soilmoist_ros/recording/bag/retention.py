@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,10 +30,22 @@ class Limits:
         return math.isfinite(self.size_bytes) or math.isfinite(self.age_s)
 
 
-def excess_bags(out: Path, limits: Limits, now_s: float) -> list[Path]:
-    """Bags beyond the limits, the oldest first.
+@dataclass(frozen=True)
+class Excess:
+    """What is beyond the limits.
 
-    A bag that was not closed counts, but is never among them: it may hold what nobody has recovered yet.
+    :param bags: bags that would have to go, the oldest first
+    :param left_bytes: space that bags may still take [bytes]; negative if all together exceed their limit
+    """
+
+    bags: tuple[Path, ...] = ()
+    left_bytes: float = math.inf
+
+
+def find_excess(out: Path, limits: Limits, now_s: float) -> Excess:
+    """What is beyond the limits in a folder of bags.
+
+    A bag that was not closed counts, but is never among those to go: it may hold what nobody has recovered yet.
 
     :param out: folder of the bags
     :param limits: the limits
@@ -50,15 +63,28 @@ def excess_bags(out: Path, limits: Limits, now_s: float) -> list[Path]:
         metadata = folder / "metadata.yaml"
         if metadata.is_file() and not any(map(is_being_written, files)):
             closed.append((metadata.stat().st_mtime, folder, size))
-    found = []
+    found, left_bytes = [], limits.size_bytes - total
     for ended_s, folder, size in sorted(closed):
         if now_s - ended_s > limits.age_s or total > limits.size_bytes:
             found.append(folder)
             total -= size
-    return found
+    return Excess(tuple(found), left_bytes)
 
 
-def delete_bags(bags: list[Path]) -> list[Path]:
+def excess_text(excess: Excess, drops: bool) -> str:
+    """What is beyond the limits, in words, with what to do; empty if nothing is.
+
+    :param drops: whether the oldest files of a bag are deleted while it is recorded
+    """
+    if excess.bags:
+        return f"{len(excess.bags)} bags are beyond keep_days or keep_gb, the oldest is {excess.bags[0]}"
+    if excess.left_bytes < 0 and not drops:
+        remedy = "move some, or let file_mb and delete_oldest delete the oldest files of the running one"
+        return f"the recordings take {-excess.left_bytes / 1e6:.0f} MB more than keep_gb: {remedy}"
+    return ""
+
+
+def delete_bags(bags: Sequence[Path]) -> list[Path]:
     """Delete bags; returns those that are gone."""
     for bag in bags:
         shutil.rmtree(bag, ignore_errors=True)

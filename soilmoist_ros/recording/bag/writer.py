@@ -10,6 +10,7 @@ import hashlib
 import os
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import IO, Any, Final, Self, cast
@@ -34,6 +35,15 @@ class BagGoneError(OSError):
     """The file of a bag is no longer where it was made."""
 
 
+@dataclass(frozen=True)
+class _Part:
+    """A finished file, its messages by topic, and its size [bytes]."""
+
+    file: BagFile
+    counts: Mapping[Topic, int]
+    size: int
+
+
 class BagWriter:
     """A bag: the folder ``NAME`` with ``NAME_0.mcap``; after it was closed with ``metadata.yaml`` and checksums.
 
@@ -48,7 +58,8 @@ class BagWriter:
     def __init__(self, folder: Path, distribution: str = "jazzy") -> None:
         self.folder = folder
         self._distribution = distribution
-        self._done: list[BagFile] = []
+        self._done: list[_Part] = []
+        self._number = 0
         self._sums: dict[str, str] = {}
         self._counts: dict[Topic, int] = {}
         self._done_bytes = 0
@@ -73,7 +84,7 @@ class BagWriter:
     @property
     def extent(self) -> Extent:
         """All messages."""
-        return joined([file.extent for file in self._done] + [self._extent])
+        return joined([part.file.extent for part in self._done] + [self._extent])
 
     @property
     def file_age_s(self) -> float:
@@ -128,10 +139,12 @@ class BagWriter:
             self._describe_again()
         self._file.sync()
         if self._finished:  # the rest of a split
+            self._sums[self.path.name] = self._file.checksum
             self._write_sums()
-            path = self.folder / f"{self.folder.name}_{len(self._done) + 1}.mcap"
+            path = self.folder / f"{self.folder.name}_{self._number + 1}.mcap"
             descriptor = _create(path)
             self._file_done()
+            self._number += 1
             self.path = path
             self._begin(descriptor)
 
@@ -143,6 +156,26 @@ class BagWriter:
         self._finish({})
         self.flush()
 
+    def drop_oldest(self, size_bytes: float) -> list[str]:
+        """Delete finished files, the oldest first, until their sizes reach ``size_bytes``; returns their names.
+
+        :param size_bytes: how much space is needed [bytes]; the file that is being written always stays
+        :raises OSError: if the disk refuses it
+        """
+        names = []
+        while size_bytes > 0 and self._done:
+            part = self._done[0]
+            (self.folder / part.file.name).unlink(missing_ok=True)
+            del self._done[0], self._sums[part.file.name]
+            for topic, count in part.counts.items():
+                self._counts[topic] -= count
+            self._done_bytes -= part.size
+            size_bytes -= part.size
+            names.append(part.file.name)
+        if names:
+            self._write_sums()
+        return names
+
     def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
         """Finish the file and write ``metadata.yaml`` and the checksums.
 
@@ -153,8 +186,10 @@ class BagWriter:
             self._finish(notes)
             self._file.sync()
             self._file_done()
-            metadata = bag_metadata(self._done, self._counts, self._distribution, notes)
+            files = [part.file for part in self._done]
+            metadata = bag_metadata(files, self._counts, self._distribution, notes)
             text = to_yaml({"rosbag2_bagfile_information": metadata}).encode()
+            self._sums[self.path.name] = self._file.checksum
             self._sums["metadata.yaml"] = hashlib.sha256(text).hexdigest()
             self._write_sums()
             write_whole(self.folder / "metadata.yaml", text)
@@ -171,13 +206,13 @@ class BagWriter:
         self._unflushed, self._finished = False, True
 
     def _file_done(self) -> None:
-        self._done.append(BagFile(self.path.name, self._extent))
-        self._done_bytes += self._file.tell()
+        size = self._file.tell()
+        self._done.append(_Part(BagFile(self.path.name, self._extent), self._in_file, size))
+        self._done_bytes += size
         self._extent = Extent()
         self._file.close()
 
     def _write_sums(self) -> None:
-        self._sums[self.path.name] = self._file.checksum
         lines = [f"{checksum}  {name}\n" for name, checksum in self._sums.items()]
         write_whole(self.folder / CHECKSUMS, "".join(lines).encode())
 

@@ -25,6 +25,7 @@ from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_h
 from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
 from soilmoist_ros.recording.bag.verify import verify_bag
+from soilmoist_ros.recording.bag.writer import BagWriter
 from soilmoist_ros.recording.mcap.metadata import Extent
 from soilmoist_ros.recording.mcap.scan import McapScan
 
@@ -441,6 +442,65 @@ def test_a_split_that_the_disk_refuses_loses_nothing(make, tmp_path, monkeypatch
     assert (state.messages, state.dropped, state.problem, state.gone) == (300, 0, "", "")
     assert sorted(stamps(tmp_path / "run")) == list(range(START_NS, START_NS + 300))
     assert verify_bag(tmp_path / "run").problems == ()
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_the_oldest_files_of_a_running_bag_go_and_the_rest_is_a_whole_bag(tmp_path, closed):
+    writer = BagWriter(tmp_path / "run")
+    for number in range(90):
+        topic = NOTES if number < 10 else [NOTES, PRESSURE][number % 2]
+        writer.write(topic, START_NS + number, START_NS, [DATA, number_message(number)][topic is PRESSURE])
+        if number % 10 == 9:
+            writer.split()
+            sizes = [path.stat().st_size for path in (tmp_path / "run").glob("*.mcap") if path != writer.path]
+            if sum(sizes) > 12_000:
+                writer.drop_oldest(sum(sizes) - 12_000)
+    writer.flush()
+    rest = [path.name for path in (tmp_path / "run").glob("*.mcap")]
+    assert sum((tmp_path / "run" / name).stat().st_size for name in rest) < 16_000
+    assert writer.drop_oldest(0.0) == []
+    assert "run_0.mcap" not in rest
+    assert writer.path.name in rest
+    assert writer.size_bytes == sum((tmp_path / "run" / name).stat().st_size for name in rest)
+    if closed:
+        writer.close({"first files deleted for space": "4"})
+        bag = tmp_path / "run"
+        assert verify_bag(bag).problems == ()
+    else:
+        writer.abandon()
+        bag = recover_bag(tmp_path / "run", tmp_path / "recovered").folder
+    found = stamps(bag)
+    assert found == list(range(found[0], START_NS + 90))
+    assert START_NS < found[0] < START_NS + 80
+    info = bag_info(bag)
+    assert info.extent == Extent(len(found), found[0], found[-1])
+
+
+def test_a_recorder_makes_space_in_its_bag_and_goes_on(make, tmp_path):
+    recorder = make(file_bytes=2000.0)
+    recorder.start()
+    sent = 0
+    while recorder.state.deleted < 3:
+        recorder.put(NOTES, START_NS + sent, START_NS, text_message(str(sent) * 40))
+        sent += 1
+        recorder.drop_oldest(recorder.state.size_bytes - 5000)
+        time.sleep(0.002)
+    state = recorder.stop()
+    assert (state.messages, state.dropped, state.problem) == (sent, 0, "")
+    assert not (tmp_path / "run/run_0.mcap").exists()
+    found = stamps(tmp_path / "run")
+    assert found == list(range(found[0], START_NS + sent))
+    assert verify_bag(tmp_path / "run").problems == ()
+    assert bag_info(tmp_path / "run").notes == {"first files deleted for space": str(state.deleted)}
+
+
+def test_the_time_to_the_limit_of_the_recordings_is_a_warning():
+    state = RecorderState(recording=True, rate_bps=1e6)
+    health = recorder_health(state, 10**12, 5e8, full_soon_s=3600, left_bytes=1.8e9)
+    assert (health.level, health.message) == (Level.WARN, "the recordings will reach keep_gb in 30 min")
+    assert health.values["keep_gb reached in [h]"] == "0.5"
+    assert recorder_health(state, 10**12, 5e8, full_soon_s=3600, left_bytes=10**10).level is Level.OK
+    assert recorder_health(state, 10**12, 5e8, full_soon_s=3600).values["keep_gb reached in [h]"] == "unknown"
 
 
 def test_the_time_to_a_full_disk_is_a_warning():

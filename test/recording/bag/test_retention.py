@@ -8,7 +8,7 @@ import os
 import pytest
 from bags import NOTES, START_NS, text_message
 
-from soilmoist_ros.recording.bag.retention import Limits, delete_bags, excess_bags
+from soilmoist_ros.recording.bag.retention import Excess, Limits, delete_bags, excess_text, find_excess
 from soilmoist_ros.recording.bag.writer import BagWriter
 
 NOW_S = 1_780_000_000.0
@@ -37,18 +37,26 @@ def size(folder):
 
 
 def test_old_bags_are_found(bags, tmp_path):
-    assert excess_bags(tmp_path, Limits(age_s=2.5 * 86_400), NOW_S) == bags[:2]
-    assert excess_bags(tmp_path, Limits(), NOW_S) == []
+    assert find_excess(tmp_path, Limits(age_s=2.5 * 86_400), NOW_S) == Excess(tuple(bags[:2]))
+    assert find_excess(tmp_path, Limits(), NOW_S) == Excess()
     assert not Limits().exist
     assert Limits(age_s=1.0).exist
 
 
 def test_the_oldest_bags_go_until_the_others_have_space(bags, tmp_path):
     total = sum(size(folder) for folder in tmp_path.iterdir() if not folder.is_symlink())
-    assert excess_bags(tmp_path, Limits(size_bytes=total), NOW_S) == []
-    assert excess_bags(tmp_path, Limits(size_bytes=total - 1), NOW_S) == bags[:1]
-    assert excess_bags(tmp_path, Limits(size_bytes=total - 1 - size(bags[0])), NOW_S) == bags[:2]
-    found = excess_bags(tmp_path, Limits(size_bytes=0, age_s=math.inf), NOW_S)
-    assert found == bags
-    assert delete_bags(found) == bags
+    assert find_excess(tmp_path, Limits(size_bytes=total + 7), NOW_S) == Excess((), 7)
+    assert find_excess(tmp_path, Limits(size_bytes=total - 1), NOW_S) == Excess(tuple(bags[:1]), -1)
+    assert find_excess(tmp_path, Limits(size_bytes=total - 1 - size(bags[0])), NOW_S).bags == tuple(bags[:2])
+    found = find_excess(tmp_path, Limits(size_bytes=0, age_s=math.inf), NOW_S)
+    assert found == Excess(tuple(bags), -total)
+    assert delete_bags(found.bags) == bags
     assert sorted(path.name for path in tmp_path.iterdir()) == ["killed", "link", "notes", "recorded"]
+
+
+def test_what_is_beyond_the_limits_is_said_in_words(tmp_path):
+    assert excess_text(Excess(), drops=False) == ""
+    assert "1 bags are beyond keep_days or keep_gb" in excess_text(Excess((tmp_path,), -1), drops=True)
+    text = excess_text(Excess((), -2e6), drops=False)
+    assert text.startswith("the recordings take 2 MB more than keep_gb: move some")
+    assert excess_text(Excess((), -2e6), drops=True) == ""
