@@ -345,8 +345,8 @@ def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[Line]:
 
 
 HEAD = (
-    "field", "strategy", "error at the end", "/ best lattice", "at a quarter / best lattice then", "driven [m]",
-    "driven / best lattice", "in 95 %", "flat to rough", "stops", "same stop again", "ended at",
+    "field", "strategy", "error at the end", "÷ best lattice", "at a quarter ÷ best lattice then", "driven [m]",
+    "driven ÷ best lattice", "in 95 %", "flat to rough", "stops", "same stop again", "ended at",
 )  # fmt: skip
 
 

@@ -137,7 +137,7 @@ def exhibit(entry: Exhibit, runs: Path, made: Path) -> dict[str, object]:
     shutil.copyfile(out / "report.html", folder / "report.html")
     picture = folder / "picture.png"
     if entry.picture:
-        subprocess.run([sys.executable, ROOT / "scripts" / "picture", out, picture], check=True)
+        subprocess.run([sys.executable, ROOT / "scripts" / "picture", out, picture, "--map"], check=True)
         drawn = True
     else:
         drawn = photograph(folder / "report.html", picture)

@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "docs" / "data"
 FACTS = ("settings", "command", "date", "machine", "note")
 LOAD = os.getloadavg()[0]  # before the script measures
-NUMBER = re.compile(r"[-−+]?[\d.,]+(e[-+]?\d+)?( ?±.*| ?%)?|")
+NUMBER = re.compile(r"[-−+±]?[\d.,]+(e[-+]?\d+)?( ?±.*| ?%| \d[\d ]*)?|")
 
 
 @dataclass(frozen=True)
@@ -124,5 +124,5 @@ def markdown(table: Table) -> str:
     facts = {name: value for name, value in table.facts.items() if value}
     if "command" in facts and facts["command"].startswith(("scripts/", ".venv/", "soilmoist ")):
         facts["command"] = f"`{facts['command']}`"
-    about = [facts[name].rstrip(".") for name in FACTS if name in facts]
-    return text + (f"\n\n{'. '.join(about)}." if about else "")
+    about = ". ".join(facts[name].rstrip(".") for name in FACTS if name in facts)
+    return text + (f"\n\n{about[0].upper()}{about[1:]}." if about else "")

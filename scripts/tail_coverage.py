@@ -132,8 +132,8 @@ def main() -> None:
     results.publish(
         "tails",
         (
-            "field", "rate", "dwell [s]", "below vwc_p05", "above vwc_p95", "below vwc - 1.645 vwc_sd",
-            "above vwc + 1.645 vwc_sd", "error of the field's mean [% vol.]", "its 90 % interval covers",
+            "field", "rate", "dwell [s]", "below p05", "above p95", "below -1.645 sd",
+            "above +1.645 sd", "error of the mean [% vol.]", "interval of the mean covers",
         ),
         table,
         f"{given.samples} samples at random places, {given.seeds} seeds; rate: share of the field's rate",
