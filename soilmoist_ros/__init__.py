@@ -15,8 +15,9 @@ runs, ``reporting`` writes the results.
 
 import os
 
-# Read when numpy is imported. Matrices are small: with more BLAS threads a map takes longer, and its last digits
-# differ from one run to the next, so that it could not be computed again bit for bit.
+# Read when numpy is imported; a program that imports numpy first sets them itself. Matrices are small: with more
+# BLAS threads a map takes longer, and its last digits differ from one run to the next, so that it could not be
+# computed again bit for bit.
 for _variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 

@@ -89,7 +89,6 @@ def command(
     Writes summary.json, map.tif, samples.geojson, soilmoist.qgs and report.html to the folder --out.
     """
     prepare_output(out, overwrite)
-    from soilmoist_ros.foundation.configuration import resource
     from soilmoist_ros.foundation.workers import shared_work
     from soilmoist_ros.mapping.covariates.source import CovariateSource
     from soilmoist_ros.replay.log_map import MapSettings, map_logs
@@ -98,8 +97,8 @@ def command(
     from soilmoist_ros.reporting.figures.style import write_figures
 
     settings = MapSettings(
-        site=resource("sites", site) if site else None,
-        field=resource("fields", field) if field else None,
+        site=site,
+        field=field,
         keep_nugget=nugget != "filter",
         model=model or PRESETS[preset]["model"],
         crs=crs,

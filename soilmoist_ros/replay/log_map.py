@@ -15,6 +15,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_text
@@ -80,8 +81,8 @@ class MapSettings:
     """Choices of a mapping run; ``None`` derives the value from the data.
 
     :param logger: logger format, a shipped name or a file
-    :param site: site file
-    :param field: field file; ``None`` maps the hull of the track
+    :param site: site file, or the name of a shipped one
+    :param field: field file, or the name of a shipped one; ``None`` maps the hull of the track
     :param nmea: GNSS logs, for loggers without positions
     :param model: variogram model
     :param fit: ``reml`` or ``soft_l1``
@@ -102,8 +103,8 @@ class MapSettings:
     """
 
     logger: str | None = None
-    site: Path | None = None
-    field: Path | None = None
+    site: Path | str | None = None
+    field: Path | str | None = None
     nmea: tuple[Path, ...] = ()
     model: ModelName = "matern32"
     fit: FitMethod = "reml"
@@ -147,8 +148,11 @@ def map_logs(
     >>> run.soil_map.vwc.shape == run.soil_map.rate.shape == run.soil_map.grid.shape
     True
     """
-    site = load_site(settings.site) if settings.site else Site()
-    field = load_field(settings.field) if settings.field else None
+    site_file = resource("sites", str(settings.site)) if settings.site else None
+    field_file = resource("fields", str(settings.field)) if settings.field else None
+    settings = replace(settings, site=site_file, field=field_file)
+    site = load_site(site_file) if site_file else Site()
+    field = load_field(field_file) if field_file else None
     require_crs(settings.crs, field.frame if field else None)
     sources = (*(field.covariates if field else ()), *settings.covariates)
     require_covariates(sources)  # before the logs, which may take long to read
@@ -157,7 +161,7 @@ def map_logs(
     logs = read_logs(paths, settings.logger, site, progress, settings.logger_topic)
     track, track_problems = read_track(settings.nmea, [] if settings.nmea else paths, settings.fix_topic)
     placement, places = None, log_positions(logs, track, site)
-    source = position_source(logs, settings.nmea, site, settings.field)
+    source = position_source(logs, settings.nmea, site, field_file)
     if field is not None:
         reach_m = max(field.extent_m, site.footprint_radius_m)  # no variogram yet
         placement = require_near(field, places, reach_m, source)
@@ -200,7 +204,7 @@ def map_logs(
         range_m := soil_map.variogram.practical_range_m, radius_m
     ):
         message = f"{placement.words()}, beyond the correlation range of {range_m:.0f} m: the map would be a guess"
-        raise InputError(message, "give the field file of the place that was surveyed", settings.field)
+        raise InputError(message, "give the field file of the place that was surveyed", field_file)
     run = make_run(
         soil_map,
         sorted([*field_map.track, *survey.quarantined], key=attrgetter("stamp_s")),
@@ -413,8 +417,8 @@ def _inputs(
     logs: Sequence[LogFile], settings: MapSettings, covariates: Sequence[CovariateSource]
 ) -> list[InputFile]:
     others = [("GNSS log", path) for path in settings.nmea]
-    others += [("site", settings.site)] if settings.site else []
-    others += [("field", settings.field)] if settings.field else []
+    others += [("site", Path(settings.site))] if settings.site else []
+    others += [("field", Path(settings.field))] if settings.field else []
     others += [("reference sensor", settings.reference)] if settings.reference else []
     others += [("covariate", path) for path in dict.fromkeys(one.path for one in covariates)]
     return [

@@ -4,7 +4,11 @@
 
 >>> from soilmoist_ros.sensing import load_site, process_logs, read_log
 >>> site = load_site("gypsum_transect")
->>> log = read_log("examples/rover_gypsum_transect_2018-05-01.KSU", longitude=site.longitude)
+>>> log = read_log(
+...     "examples/rover_gypsum_transect_2018-05-01.KSU",
+...     longitude=site.longitude,
+...     utc_offset_hours=site.logger_utc_offset_hours,
+... )
 >>> log
 LogFile('rover_gypsum_transect_2018-05-01.KSU', 201 records, 0 lost)
 >>> survey = process_logs([log], site)

@@ -145,6 +145,16 @@ def test_without_a_field_the_surroundings_of_the_track_are_mapped(survey):
     assert np.isfinite(run.soil_map.rate).any()
 
 
+def test_files_may_be_named_as_on_the_command_line(roving_record):
+    for site in ("gypsum_transect", Path("gypsum_transect")):
+        run = map_logs([roving_record], MapSettings(site=site, cell_m=200.0, fit="soft_l1"))
+        assert run.calibration is not None
+    with pytest.raises(InputError, match=r"no shipped site of the name 'gypsum'"):
+        map_logs([roving_record], MapSettings(site="gypsum"))
+    with pytest.raises(InputError, match="no shipped field of the name 'frm' .*did you mean 'farm'"):
+        map_logs([roving_record], MapSettings(field="frm"))
+
+
 def test_a_file_of_positions_without_a_fix_is_refused(survey, tmp_path):
     (tmp_path / "none.nmea").write_text("$GPGGA,120000.00,,,,,0,00,,,M,,M,,*4B\r\n" * 3)
     with pytest.raises(InputError, match="holds no position"):

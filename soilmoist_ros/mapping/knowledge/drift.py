@@ -50,6 +50,8 @@ KNOT_S = 300.0
 """Time between the knots of u, which is linear between them; jumps last as long, as rain does."""
 MAX_KNOTS = 49
 """Greatest number of knots; they are farther apart in long surveys."""
+QUANTILE_95_SD = 1.96
+"""Standard deviations from the mean to the ends of a 95 % interval."""
 MIN_JUMP = 3.5
 """Least size of a jump that is reported, in standard errors. In 48 simulated missions of two hours without rain,
 the largest fall by chance had 3.3 standard errors."""
@@ -169,6 +171,11 @@ class Drift:
         """Standard deviation of the change."""
         return float(np.linalg.norm([one[0] for one in self.components])) * (1 + self.change) ** 2
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether the 95 % interval of the change excludes zero. The rate may have changed and returned."""
+        return abs(self.change) > QUANTILE_95_SD * self.change_sd
+
     def factor(self, time_s: Array) -> Array:
         """What the exposures of samples of some times are to be multiplied by, shape (n,)."""
         return self._factor(np.interp(time_s, self.times_s, self.shares))
@@ -214,14 +221,26 @@ class Change:
         return "" if self.jump is None else self.jump.rain(now_s)
 
     @property
+    def is_seen(self) -> bool:
+        """Whether a change from begin to end can be told from chance."""
+        return self._is_jump or (self.drift is not None and self.drift.is_seen)
+
+    @property
+    def _is_jump(self) -> bool:
+        """Whether the change was at once: a certain jump, and no trend that explains the counts better."""
+        is_trend = self.drift is not None and not self.drift.is_jump
+        return self.jump is not None and self.jump.is_certain and not is_trend
+
+    @property
     def text(self) -> str:
         """How the mean rate changed, in words; empty if it did not."""
-        is_trend = self.drift is not None and not self.drift.is_jump
-        if self.jump is not None and self.jump.is_certain and not is_trend:
+        if self.jump is not None and self._is_jump:
             return self.jump.text
         if self.drift is None:
             return ""
         change, sd = self.drift.change, self.drift.change_sd
+        if not self.is_seen:
+            return f"no change of the rate from begin to end can be seen: ({100 * change:+.0f} ± {100 * sd:.0f}) %"
         verb = "rose" if change > 0 else "fell"
         return f"the rate {verb} by ({100 * abs(change):.0f} ± {100 * sd:.0f}) % during the survey"
 

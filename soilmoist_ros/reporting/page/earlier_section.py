@@ -100,7 +100,12 @@ def change_text(found: RunChange) -> str:
     """What has changed since the latest earlier survey, in sentences."""
     drier, wetter = found.change.shares
     kind = "rate" if found.change.mean_vwc is None else "moisture"
-    amount = f"the mean {kind} has changed by {change_amount(found)}"
+    mean = found.change.mean_vwc or found.change.mean_rate
+    low, high = mean.interval95
+    seen = (
+        f"the mean {kind} has changed by" if low > 0 or high < 0 else f"no change of the mean {kind} can be seen:"
+    )
+    amount = f"{seen} {change_amount(found)}"
     since = change_since(found)
     return (
         f"{since[:1].upper()}{since[1:]}, {amount}. {numbers.percent(wetter)} of the field has become wetter "

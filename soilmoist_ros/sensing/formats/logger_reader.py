@@ -67,6 +67,7 @@ class LogFile:
     :param n_lines: number of lines in the file
     :param unsigned_longitude: whether the site file gave the longitudes their sign
     :param clock: logger's clock against GNSS time
+    :param utc_offset_hours: logger's clock minus UTC, as it was read [h]
     """
 
     path: Path
@@ -80,6 +81,7 @@ class LogFile:
     n_lines: int
     unsigned_longitude: bool = False
     clock: ClockDrift = field(default_factory=ClockDrift, compare=False)
+    utc_offset_hours: float = 0.0
 
     def __repr__(self) -> str:
         return f"LogFile({self.path.name!r}, {len(self.records)} records, {self.records_lost} lost)"
@@ -310,7 +312,8 @@ def read_log(
 
     :param logger: format: a model, its name, or the path of a YAML file; detected from the header if ``None``
     :param longitude: ``signed``, ``east`` or ``west``; see :class:`RecordParser`
-    :param utc_offset_hours: logger's clock minus UTC [h]; that of the format if ``None``
+    :param utc_offset_hours: logger's clock minus UTC [h], ``logger_utc_offset_hours`` of the site; that of the
+        format if ``None``
     :raises InputError: if the file cannot be read, or has another format; the message names the formats that fit
     """
     path = Path(path)
@@ -354,6 +357,7 @@ def parse_log(
         n_lines=len(lines),
         unsigned_longitude=parser.format.position is not None and not parser.format.position.longitude_signed,
         clock=parser.clock,
+        utc_offset_hours=parser.format.time.utc_offset_hours,
     )
 
 

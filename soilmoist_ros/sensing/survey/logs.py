@@ -90,8 +90,10 @@ def process_logs(
     :param frame: plane of the coordinates; centred on the mean position if ``None``
     :param track: positions of a separate GNSS receiver; if ``None``, the positions in the logs are used
     :param arms: where antenna and sensor sit on the robot
-    :raises InputError: if the logs are of different probes, or no record can be placed and corrected
+    :raises InputError: if the logs are of different probes, or were read with another clock than that of the site,
+        or no record can be placed and corrected
     """
+    _require_clock(logs, site.logger_utc_offset_hours)
     entries = _in_order_of_time(logs)
     problems = [problem for log in logs for problem in log.problems]
     remedy = "set the clock before each survey; places are found with the drift taken off"
@@ -114,6 +116,27 @@ def process_logs(
     if not records or survey.frame is None or survey.tube_share is None:
         raise InputError(_all_lost(logs, problems))
     return SurveyRecords(records, survey.frame, tuple(problems), survey.tube_share, quarantined)
+
+
+def _require_clock(logs: Sequence[LogFile], offset_hours: float | None) -> None:
+    """Check that logs were read with the site's clock: otherwise all times are wrong by hours.
+
+    :raises InputError: if one was not
+    """
+    if offset_hours is None:
+        return
+    remedy = "read_log(path, utc_offset_hours=site.logger_utc_offset_hours)"
+    mistakes = [
+        Mistake(
+            f"was read with a clock of UTC{log.utc_offset_hours:+g} h, and the site has UTC{offset_hours:+g} h",
+            remedy,
+            log.path,
+        )
+        for log in logs
+        if log.utc_offset_hours != offset_hours
+    ]
+    if mistakes:
+        raise InputError(mistakes)
 
 
 @dataclass(frozen=True)

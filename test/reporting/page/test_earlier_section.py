@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from soilmoist_ros.mapping.knowledge.change import Estimate
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.earlier.run_change import MAX_SAMPLES, RunChange, run_change
 from soilmoist_ros.reporting.files.summary import summary
 from soilmoist_ros.reporting.outputs import write_outputs
-from soilmoist_ros.reporting.page.earlier_section import earlier_part
+from soilmoist_ros.reporting.page.earlier_section import change_text, earlier_part
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
@@ -74,6 +75,19 @@ def test_the_report_names_surveys_and_change(changed):
     assert "A remark." in page
     layer = next(one for one in viewer_data(changed, irrigation(changed))["layers"] if one["key"] == "change")
     assert (layer["title"], layer["unit"]) == ("Change", "% by volume")
+
+
+def test_a_change_within_its_uncertainty_is_not_called_one(changed):
+    part = earlier_part(changed)
+    assert "has changed by -" in part.change or "has changed by +" in part.change
+    unsure = replace(
+        changed.change.change,
+        mean_vwc=None if changed.change.change.mean_vwc is None else Estimate(0.01, 0.03),
+        mean_rate=Estimate(0.01, 0.03),
+    )
+    text = change_text(replace(changed.change, change=unsure))
+    assert "no change of the mean" in text
+    assert "can be seen: +" in text
 
 
 def test_a_run_without_earlier_surveys_has_no_such_part(make_run):

@@ -49,6 +49,13 @@ def test_a_change_during_the_survey_is_noted(make_run, uncalibrated):
     )
     assert note.code is NoteCode.RATE_CHANGED
     assert "the rate rose by (10 ± 2) %" in note.message
+    (note,) = said(Change(Drift(0.8, False, (0.0, 1.0), (-0.01, 0.0), ((0.03, 0.0),)), rain))
+    assert "the rate fell by (10 ± 2) % within minutes" in note.message, "rain has the size of the jump"
+    (note,) = said(Change(Drift(0.8, False, (0.0, 1.0), (-0.01, 0.0), ((0.03, 0.0),))))
+    assert note.message.startswith(
+        "The field may have changed in between: no change of the rate from begin to end"
+    )
+    assert "can be seen: (+1 ± 3) %" in note.message
 
 
 def test_few_samples_are_noted_once(make_run, map_of):

@@ -44,6 +44,17 @@ def track(*corners):
     return Track.from_positions((T0 + stamp, Position(latitude, 10.0)) for stamp, latitude in points)
 
 
+def test_a_log_that_was_read_with_another_clock_than_the_site_s_is_refused(roving_record):
+    site = Site(longitude="west", logger_utc_offset_hours=-6)
+    with pytest.raises(InputError, match=r"clock of UTC\+0 h, and the site has UTC-6 h -> read_log"):
+        process_logs([read_log(roving_record, "hydroinnova_rover", "west")], site)
+    log = read_log(roving_record, "hydroinnova_rover", "west", site.logger_utc_offset_hours)
+    of_utc = read_log(roving_record, "hydroinnova_rover", "west")
+    assert (
+        process_logs([log], site).records[0].stamp_s - process_logs([of_utc], Site()).records[0].stamp_s == 21600
+    )
+
+
 def test_real_roving_record_agrees_with_crnpy(roving_record):
     log = read_log(roving_record, "hydroinnova_rover", "west")
     site = Site(
