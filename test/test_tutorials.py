@@ -43,7 +43,7 @@ def test_a_notebook_runs(name, shown, tmp_path):
     outputs = [output for cell in cells(tmp_path / "made" / "tutorials" / path.name) for output in cell["outputs"]]
     assert shown in "".join("".join(output.get("text", ())) for output in outputs)
     assert sum("image/png" in output.get("data", {}) for output in outputs) >= (1 if name.startswith("3") else 2)
-    assert not any(output.get("name") == "stderr" for output in outputs)
+    assert [output["text"] for output in outputs if output.get("name") == "stderr"] == []
 
 
 def test_every_notebook_is_run():
