@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a viewer who comes late wants to see of a robot: its way, and how the count at this stop has grown."""
+"""What a viewer who comes late wants to see: the visits, the way of a robot, and how its count has grown."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.views import PLACE_DIGITS
@@ -15,6 +16,8 @@ STEP_M = 0.5
 MAX_TRAIL = 4000
 """Places of a way at most; then every second one is left out."""
 MAX_COUNTS = 200
+MAX_VISITS = 1000
+"""Latest visits that are kept; then the oldest quarter is left out."""
 
 
 class RobotHistory:
@@ -57,3 +60,21 @@ class RobotHistory:
                     self._counts = self._counts[::2]
                 self._counts = (*self._counts, one)
         self._board.put(f"count/{self._robot}", self._counts)
+
+
+class VisitHistory:
+    """Writes the section ``visits``: the latest ones of all robots.
+
+    :param board: where
+    """
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._visits: tuple[dict[str, Any], ...] = ()
+
+    def add(self, view: dict[str, Any]) -> None:
+        """Add a visit, see :func:`visit_view`."""
+        if len(self._visits) >= MAX_VISITS:
+            self._visits = self._visits[MAX_VISITS // 4 :]
+        self._visits = (*self._visits, view)
+        self._board.put("visits", self._visits)

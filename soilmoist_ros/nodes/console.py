@@ -30,7 +30,7 @@ from soilmoist_ros.console.invitation import LOOPBACK, invitation, reachable
 from soilmoist_ros.console.maps.map_layers import MapLayers
 from soilmoist_ros.console.plan.survey_files import SurveyFiles
 from soilmoist_ros.console.plan.walk import Walk
-from soilmoist_ros.console.robot_history import RobotHistory
+from soilmoist_ros.console.robot_history import RobotHistory, VisitHistory
 from soilmoist_ros.console.server import ConsoleServer
 from soilmoist_ros.console.views import (
     battery_view,
@@ -74,7 +74,7 @@ class Console(Node):
         self._picture: MapLayers | None = None
         self._cells: dict[str, NDArray[Any]] = {}
         self._health: dict[str, tuple[Health, float]] = {}
-        self._visits: list[dict[str, Any]] = []
+        self._visits = VisitHistory(self._board)
         self._faults: dict[str, str] = {}
         robots = [name.strip("/") for name in values.texts("robots")] or [""]
         self._history = {robot: RobotHistory(self._board, robot) for robot in robots}
@@ -197,11 +197,9 @@ class Console(Node):
         from msg_adapters.soilmoist.visits import visit_from_message
 
         try:
-            self._visits.append(visit_view(visit_from_message(message), robot))
+            self._visits.add(visit_view(visit_from_message(message), robot))
         except ValueError as error:
             self._ignore(f"{robot} visits", error)
-            return
-        self._board.put("visits", tuple(self._visits))
 
     def _on_map(self, message: PointCloud2) -> None:
         try:

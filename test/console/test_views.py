@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import pytest
 
-from soilmoist_ros.console.board import Board
-from soilmoist_ros.console.robot_history import MAX_TRAIL, RobotHistory
+from soilmoist_ros.console.board import Board, changes
+from soilmoist_ros.console.robot_history import MAX_TRAIL, MAX_VISITS, RobotHistory, VisitHistory
 from soilmoist_ros.console.views import field_view, headline, health_view, mission_view, sample_views
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -82,3 +82,17 @@ def test_the_count_of_a_stop_grows_and_begins_again_at_the_next():
     assert board.get("count/") == ((0, 0),)
     history.count(replace(STATUS, phase=Phase.TRAVELLING))
     assert board.get("count/") == ()
+
+
+def test_the_latest_visits_are_kept_and_viewers_follow():
+    board = Board()
+    history = VisitHistory(board)
+    seen, page = board.snapshot(), []
+    for number in range(3 * MAX_VISITS):
+        history.add({"stop": str(number)})
+        new = board.snapshot()
+        kept, following = changes(seen, new)["extend"]["visits"] if number else (0, [{"stop": "0"}])
+        page, seen = [*page[:kept], *following], new
+    assert page[-1] == {"stop": str(3 * MAX_VISITS - 1)}
+    assert page == list(board.get("visits"))
+    assert MAX_VISITS // 2 < len(page) <= MAX_VISITS

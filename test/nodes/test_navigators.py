@@ -26,7 +26,7 @@ from soilmoist_ros.exploration.navigation.track import Track
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.navigation.action_navigator import action_class
+from soilmoist_ros.nodes.navigation.action_navigator import KEPT_GOALS, action_class
 from soilmoist_ros.nodes.navigation.goal_pose import GoalPoseNavigator
 from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator
 from soilmoist_ros.nodes.navigation.navigate_to_pose import NavigateToPoseNavigator
@@ -109,6 +109,15 @@ def test_arrival_and_what_is_said_on_the_way(ros, world, navigation, drive):
     # the plain topic is best effort here, so it arrives only if the subscription adapts
     driver.navigator.go(2, OTHER, WAY)
     ros.wait_for(lambda: driver.navigator.on_the_way == OTHER.name, message="feedback of the plain topic")
+
+
+def test_identities_of_old_goals_are_forgotten(navigation, drive):
+    navigation.rejects = True
+    driver = drive()
+    for goal_id in range(KEPT_GOALS + 3):
+        driver.navigator.go(goal_id, FAR, WAY)
+        driver.end_of(goal_id)
+    assert list(driver.navigator._ids) == list(range(3, KEPT_GOALS + 3))
 
 
 @pytest.mark.parametrize(

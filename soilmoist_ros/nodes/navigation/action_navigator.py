@@ -29,6 +29,9 @@ from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
 
+KEPT_GOALS = 10
+"""Latest goals that can be cancelled: one follows the other, and an earlier one may still run."""
+
 
 class ActionNavigator(ABC):
     """A :class:`Navigator` that is the client of an action; what its messages contain is up to the subclass.
@@ -147,7 +150,11 @@ class ActionNavigator(ABC):
 
     def _send(self, request: SendGoal) -> None:
         self._heard = None
-        identity = self._ids[request.goal_id] = UUID(uuid=list(uuid.uuid4().bytes))
+        identity = UUID(uuid=list(uuid.uuid4().bytes))
+        self._ids.pop(request.goal_id, None)  # a goal that is sent again becomes the latest
+        self._ids[request.goal_id] = identity
+        if len(self._ids) > KEPT_GOALS:
+            del self._ids[next(iter(self._ids))]
         future = self._actions.send_goal_async(self.goal_message(request.point), self._on_feedback, identity)
         future.add_done_callback(partial(self._answered, request.goal_id))
 
