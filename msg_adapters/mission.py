@@ -88,14 +88,14 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
             counting_s=float(values["counting_s"]),
             raw_counts=int(values["raw_counts"]),
             failures=int(values["failures"]),
-            blacklisted=tuple(read_json(values["ruled_out"])),
+            blacklisted=_names(values["ruled_out"]),
             estimated_end_s=None if math.isnan(end_s) else end_s,
             needs_operator=values.get("needs_operator") == "True",  # missing in messages of earlier versions
             silent=values.get("silent") == "True",
             ended=MissionEnd(values["ended"]) if values.get("ended") else None,
             emergency=values.get("emergency") == "True",
             stop_requests=int(values.get("stop_requests", 0)),
-            queue=tuple(read_json(values.get("queue", "[]"))),
+            queue=_names(values.get("queue", "[]")),
             forecast=forecast_from_text(values.get("forecast_data", "")),
         )
     except KeyError as error:
@@ -108,6 +108,17 @@ def status_level(status: MissionStatus) -> Level:
         return Level.ERROR
     doubtful = status.phase is Phase.PAUSED or status.failures or status.silent or status.alarms
     return Level.WARN if doubtful else Level.OK
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Names of stops in a value.
+
+    :raises ValueError: if it is no list of texts
+    """
+    found = read_json(text)
+    if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
+        raise ValueError(f"{text[:40]!r} is no list of names")
+    return tuple(found)
 
 
 def _text(value: float) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import base64
 import io
 import random
+import re
 import shutil
 import signal
 import tempfile
@@ -359,6 +360,7 @@ TARGETS = {
     "samples": output("samples.geojson"),
     "series": output("series.csv"),
     "visits": output("visits.csv"),
+    "map": output("map.tif"),
     "stored_mission": Target(unpack, lambda: [run_files()["mission.npz"]], refusals=(DamagedMissionError,)),
     "records": Target(read_records, records, "records.csv"),
     "cores": Target(read_soil_cores, shipped("examples/*cores.csv"), "cores.csv"),
@@ -393,8 +395,30 @@ _TOKENS = (
 )  # fmt: skip
 
 
+_VALUE = re.compile(rb'"[^"\n]*"|-?\d+(\.\d+)?([eE][-+]?\d+)?|null|true|false')
+_HOSTILE = (
+    b"NaN", b"nan", b"inf", b"1e308", b"-1e308", b"1e-320", b"-1", b"0", b"-0.0", b"1e400", b"9" * 400, b"90",
+    b"-180", b"null", b"true", b"[]", b"{}", b'""', b'"a"', b"[[]]", b"[null]", b'{"a": 1}',
+    b"0001-01-01T00:00:00Z", b"9999-12-31T23:59:59Z", b"253402300800", b"4294967296", b"-9223372036854775809",
+)  # fmt: skip
+
+
+def other_value(data: bytes, rng: random.Random) -> bytes:
+    """A text with one of its numbers or words replaced by another value: mostly a text of the same form."""
+    found = list(_VALUE.finditer(data))
+    if not found:
+        return data
+    one = rng.choice(found)
+    value = rng.choice(_HOSTILE) if rng.random() < 0.7 else rng.choice(found).group()
+    return data[: one.start()] + value + data[one.end() :]
+
+
 def mutated(data: bytes, rng: random.Random) -> bytes:
-    """An input with one to four changes: bits, pieces that are dropped, repeated, moved or replaced, and cuts."""
+    """An input with one to four changes: other values, or pieces that are dropped, repeated, moved or replaced."""
+    if rng.random() < 0.4:
+        for _ in range(rng.randint(1, 4)):
+            data = other_value(data, rng)
+        return data
     out = bytearray(data)
     for _ in range(rng.randint(1, 4)):
         if not out:

@@ -168,9 +168,11 @@ def _whole(value: float) -> int | None:
 def _settings(text: str) -> dict[str, Any]:
     """Settings of a planner, with names of files instead of paths."""
     try:
-        found = read_json(text)
-    except ValueError:
+        found = dict(read_json(text))
+        named = {
+            name: [Path(one).name for one in found[name]] for name in ("earlier", "covariates") if name in found
+        }
+        field = {"field": Path(found["field"]).name} if "field" in found else {}
+    except (TypeError, ValueError):
         return {}
-    named = {name: [Path(one).name for one in found[name]] for name in ("earlier", "covariates") if name in found}
-    field = {"field": Path(found["field"]).name} if "field" in found else {}
     return {**found, **named, **field}

@@ -188,6 +188,8 @@ def _require_valid(ring: NDArray[np.float64], name: str, path: Path) -> None:
     from shapely import Polygon
     from shapely.validation import explain_validity
 
+    if len(ring) < 3:
+        raise InputError(f"{name} has {len(ring)} corners", "give at least three corners not on one line", path)
     polygon = Polygon(ring)
     if not polygon.is_valid:
         raise InputError(
@@ -248,7 +250,7 @@ def _read_geojson(path: Path) -> tuple[NDArray[np.float64], list[NDArray[np.floa
     try:
         rings = [_open_ring(vertex[:2] for vertex in ring) for ring in polygons[0]]
         inside = all(ring.ndim == 2 and np.all(np.abs(ring) <= (180, 90)) for ring in rings)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, KeyError, OverflowError):
         rings, inside = [], False
     if not (rings and inside):
         raise InputError(
@@ -267,5 +269,6 @@ def _polygons(node: Any) -> Iterable[list[Any]]:
             yield from _polygons(node.get("geometry"))
         else:
             for key in ("features", "geometries"):
-                for child in node.get(key) or []:
+                children = node.get(key)
+                for child in children if isinstance(children, list) else []:
                     yield from _polygons(child)

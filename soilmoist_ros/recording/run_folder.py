@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.recording.whole_file import write_whole
 
 BAG = "bag"
@@ -31,17 +30,6 @@ SUMMARY = "summary.json"
 """All figures of a run that was mapped, for programs."""
 CONFIGURATION = "configuration"
 _PARAMETERS = "ros__parameters"
-
-
-def read_result(path: Path) -> Any:
-    """Content of a JSON file of a run.
-
-    :raises InputError: if the file is missing or damaged
-    """
-    try:
-        return read_json(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read: {error}", "make the run again", path) from None
 
 
 def write_parameters(run: Path, node: str, values: Mapping[str, object]) -> Path:

@@ -18,8 +18,10 @@ from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.lazy import optional_module
 from soilmoist_ros.foundation.plain_values import text_of_csv
+from soilmoist_ros.mapping.covariates.rasters import opened_raster
 from soilmoist_ros.recording.record_table import COLUMNS, read_records
-from soilmoist_ros.recording.run_folder import SUMMARY, read_result
+from soilmoist_ros.recording.run_folder import SUMMARY
+from soilmoist_ros.reporting.earlier.results import REMEDY, read_features, read_summary
 
 if TYPE_CHECKING:
     import geopandas
@@ -46,7 +48,7 @@ class OpenedRun:
 
         :raises InputError: if it is damaged
         """
-        return dict(read_result(self.folder / SUMMARY))
+        return read_summary(self.folder)
 
     @property
     def properties(self) -> list[str]:
@@ -62,11 +64,19 @@ class OpenedRun:
         :raises InputError: if there is no such property, or its file is damaged
         """
         found = [feature for feature in self.features(name) if feature["properties"].get("kind") == "sample"]
-        places = np.array([feature["geometry"]["coordinates"][:2] for feature in found], float).reshape(-1, 2)
-        columns: Columns = {"longitude_deg": places[:, 0], "latitude_deg": places[:, 1]}
-        for key in found[0]["properties"] if found else ():
-            if key != "kind":
-                columns[key] = np.array([feature["properties"][key] for feature in found], float)
+        try:
+            places = np.array([feature["geometry"]["coordinates"][:2] for feature in found], float).reshape(-1, 2)
+            columns: Columns = {"longitude_deg": places[:, 0], "latitude_deg": places[:, 1]}
+            for key in found[0]["properties"] if found else ():
+                if key != "kind":
+                    columns[key] = np.array([feature["properties"][key] for feature in found], float)
+                    columns[key].shape = (len(found),)
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise InputError(
+                f"has a damaged sample: {error!s:.200}",
+                REMEDY,
+                self._file("samples", name, "geojson"),
+            ) from None
         return columns
 
     def features(self, name: str = "") -> list[dict[str, Any]]:
@@ -74,7 +84,7 @@ class OpenedRun:
 
         :raises InputError: if there is no such property, or its file is damaged
         """
-        return list(read_result(self._file("samples", name, "geojson")).get("features", ()))
+        return read_features(self._file("samples", name, "geojson"))
 
     def records(self, name: str = "") -> Columns:
         """Columns of ``records.csv`` of a property, the fields of :class:`CountRecord`; empty in older folders.
@@ -166,18 +176,13 @@ class OpenedRun:
 
         :raises InputError: if there is no such map
         """
-        import rasterio
         from pyproj import CRS
 
-        path = self._file("map", name, "tif")
-        try:
-            with rasterio.open(path) as raster:
-                values = raster.read(masked=True).filled(np.nan)
-                names = [text or f"band_{n}" for n, text in enumerate(raster.descriptions, start=1)]
-                bands, crs = dict(zip(names, values, strict=True)), CRS.from_user_input(raster.crs)
-                return bands, raster.transform, crs, dict(raster.tags())
-        except rasterio.errors.RasterioIOError as error:
-            raise InputError(f"cannot be read: {error}", "make the run again", path) from None
+        with opened_raster(self._file("map", name, "tif"), REMEDY) as raster:
+            values = raster.read(masked=True).filled(np.nan)
+            names = [text or f"band_{n}" for n, text in enumerate(raster.descriptions, start=1)]
+            bands, crs = dict(zip(names, values, strict=True)), CRS.from_user_input(raster.crs)
+            return bands, raster.transform, crs, dict(raster.tags())
 
 
 def open_run(folder: Path | str) -> OpenedRun:
@@ -213,8 +218,7 @@ def _rows(path: Path, read: Callable[[dict[str, str]], Row]) -> list[Row]:
         try:
             found.extend(map(read, table))
         except (ValueError, TypeError, csv.Error) as error:  # TypeError: more or fewer cells than columns
-            remedy = "restore the file, or make the run again"
-            mistake = Mistake(f"cannot be read: {error!s:.200}", remedy, path, table.line_num)
+            mistake = Mistake(f"cannot be read: {error!s:.200}", REMEDY, path, table.line_num)
             raise InputError([mistake]) from None
     return found
 

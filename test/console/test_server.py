@@ -282,7 +282,7 @@ def test_a_background_that_cannot_be_made_is_said(tmp_path):
     (tmp_path / "photo.tif").write_text("no picture")
     served = Served(Access(), tmp_path, str(tmp_path / "photo.tif"))
     try:
-        assert "is no picture that can be read" in background_of(served)["error"]
+        assert "cannot be read as a raster" in background_of(served)["error"]
         assert served.get("/background.jpg")[0] == 404
     finally:
         served.server.close()

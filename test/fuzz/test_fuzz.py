@@ -29,7 +29,7 @@ ROS = ("model", "status")
 NAMES = (
     "log", "live", "nmea", "field", "geojson", "site", "scenario", "campaign", "truth", "truth_points",
     "truth_grid", "truth_raster", "logger_format", "bag", "plain_bag", "ros1_bag", "metadata", "replay",
-    "journal", "snapshot", "summary", "samples", "series", "visits", "stored_mission", "records", "cores",
+    "journal", "snapshot", "summary", "samples", "series", "visits", "map", "stored_mission", "records", "cores",
     "monitor", "raster", "vectors",
     "topological_map", "mission", "mission_events", "request", "drawn_geojson", "drawn_kml", "drawn_kmz",
     "drawn_zip", "drawn_shapefile", "drawn_field", "drawn_map", "drawn_walk", *ROS,
@@ -40,6 +40,8 @@ def test_every_target_is_tried(fuzz):
     assert tuple(fuzz.TARGETS) == NAMES
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # by which GDAL says what it repairs
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("path", sorted(FOUND.rglob("*.bin")), ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_what_broke_a_reader_is_refused_now(fuzz, path):
     fuzz.TARGETS[path.parent.name](path.read_bytes())

@@ -81,10 +81,11 @@ def wrote(paths: Iterable[Path], out: Path | None = None) -> None:
             say(f"open       {(out / 'report.html').absolute().as_uri()}")
         answer.values["out"] = str(out)
         if answer.as_json:
-            from soilmoist_ros.recording.run_folder import SUMMARY, read_result
+            from soilmoist_ros.recording.run_folder import SUMMARY
+            from soilmoist_ros.reporting.earlier.results import read_summary
 
             if (out / SUMMARY).is_file():
-                answer.values["summary"] = read_result(out / SUMMARY)
+                answer.values["summary"] = read_summary(out)
 
 
 def tables() -> Console:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.covariates.rasters import RasterBands
+from soilmoist_ros.mapping.covariates.rasters import RasterBands, opened_raster
 
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader
@@ -42,6 +42,7 @@ MAX_BYTES: Final = 400_000
 MAX_MEMORY: Final = 4 << 30
 MAX_TILES: Final = 64
 QUALITIES: Final = (80, 65, 50, 35, 20)
+REMEDY: Final = "give a GeoTIFF, PNG or JPEG"
 GROUND: Final = (217, 223, 210)
 """Colour where the source has no picture."""
 TILE: Final = 256
@@ -74,23 +75,12 @@ def make_background(source: Path, frame: LocalFrame, boundary: Array) -> Backgro
     (west, south), (east, north) = boundary.min(axis=0), boundary.max(axis=0)
     margin_m = MARGIN * max(east - west, north - south)
     extent = (west - margin_m, east + margin_m, south - margin_m, north + margin_m)
-    with _opened_tiles(source, frame, extent) if source.is_dir() else _opened(source) as raster:
+    with _opened_tiles(source, frame, extent) if source.is_dir() else opened_raster(source, REMEDY) as raster:
         rgb, seen = _warped(raster, source, frame, extent)
     if not seen.any():
         raise InputError("does not show the field", "check its place, and that of the field's datum", source)
     rgb[~seen] = GROUND
     return Background(_jpeg(rgb), extent)
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[DatasetReader]:
-    import rasterio
-
-    try:
-        with _without_place(), rasterio.open(path) as raster:
-            yield raster
-    except rasterio.errors.RasterioError as error:
-        raise InputError(f"is no picture that can be read: {error}", "give a GeoTIFF, PNG or JPEG", path) from None
 
 
 @contextmanager
@@ -168,7 +158,7 @@ def _read_tile(path: Path) -> Pixels:
     """Pixels of a tile with opacity, shape (256, 256, 4)."""
     from rasterio.enums import ColorInterp
 
-    with _opened(path) as tile:
+    with opened_raster(path, REMEDY) as tile:
         bands = tile.read(out_shape=(tile.count, TILE, TILE))
         if tile.colorinterp[0] == ColorInterp.palette:
             return np.asarray(_colour_table(tile.colormap(1))[bands[0]], np.uint8)

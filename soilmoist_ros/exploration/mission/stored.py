@@ -58,7 +58,7 @@ def event_from_dict(content: dict[str, Any]) -> Event:
     :raises InputError: if it is not one
     """
     name = content.get("event")
-    if name not in _EVENTS:
+    if not isinstance(name, str) or name not in _EVENTS:
         raise InputError(f"{name!r} is not a mission event", f"known are {', '.join(_EVENTS)}")
     values = {key: value for key, value in content.items() if key != "event"}
     event: Event = _read(name, values, f"a mission event {name!r}")

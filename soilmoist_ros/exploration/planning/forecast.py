@@ -111,8 +111,12 @@ def forecast_from_text(text: str) -> Forecast | None:
     try:
         values = read_json(text)
         lists = {name: tuple(float(value) for value in values[name]) for name in ("times_s", "sds", "factors")}
-        return Forecast(**{**values, **lists})
-    except (TypeError, KeyError, ValueError) as error:
+        numbers = {name: float(values[name]) for name in ("sd", "sd_soon", "mean_rate_cps")}
+        if len(set(map(len, lists.values()))) > 1:
+            raise ValueError("its lists differ in length")
+        hidden = values.get("hidden")
+        return Forecast(**{**values, **lists, **numbers, "hidden": None if hidden is None else float(hidden)})
+    except (TypeError, KeyError, ValueError, OverflowError) as error:
         raise ValueError(f"{text[:40]!r} is not a forecast: {error}") from None
 
 

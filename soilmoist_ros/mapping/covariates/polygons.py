@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +41,8 @@ def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> N
     """
     import shapely
 
-    shapes, values = _read(path, attribute, frame)
+    with _readable(path):
+        shapes, values = _read(path, attribute, frame)
     place, polygon = shapely.STRtree(shapes).query(shapely.points(xy), predicate="intersects")
     # Where polygons overlap, the first one of the file counts; the tree returns them in any order.
     order = np.lexsort((polygon, place))
@@ -56,31 +58,38 @@ def require_polygons(path: Path, attribute: str) -> None:
 
     :raises InputError: as :func:`read_polygons`
     """
-    about = _opened(path, lambda file: (optional_module("pyogrio").read_info(file),))[0]
+    with _readable(path):
+        about = optional_module("pyogrio").read_info(path)
+    _require_crs(path, about)
     _attribute(path, about["fields"].tolist(), attribute)
 
 
-def _opened(path: Path, read: Callable[[Path], Sequence[Any]]) -> Sequence[Any]:
-    """What pyogrio reads of a file; the first part says what the file has.
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """A file that a library refuses is an error of the input."""
+    import shapely
+    from pyproj.exceptions import ProjError
 
-    :raises InputError: if it cannot be read, or has no reference system
-    """
-    pyogrio = optional_module("pyogrio")
+    failed = optional_module("pyogrio").errors
+    errors = (failed.DataSourceError, failed.DataLayerError, shapely.errors.ShapelyError, ProjError)
     try:
-        found = read(path)
-    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
-        raise InputError(f"cannot be read as polygons: {error}", "give GeoJSON or GeoPackage", path) from None
-    if found[0]["crs"] is None:
+        yield
+    except (*errors, UnicodeDecodeError) as error:
+        reason = f"cannot be read as polygons: {error!s:.200}"
+        raise InputError(reason, "give GeoJSON or GeoPackage", path) from None
+
+
+def _require_crs(path: Path, about: Mapping[str, Any]) -> None:
+    if about["crs"] is None:
         raise InputError("has no coordinate reference system (CRS)", "export it again, with its CRS", path)
-    return found
 
 
 def _read(path: Path, attribute: str, frame: LocalFrame) -> tuple[list[BaseGeometry], NDArray[Any]]:
     import shapely
     from pyproj import CRS, Transformer
 
-    pyogrio = optional_module("pyogrio")
-    about, _, geometries, columns = _opened(path, pyogrio.raw.read)
+    about, _, geometries, columns = optional_module("pyogrio").raw.read(path)
+    _require_crs(path, about)
     values = _column(path, dict(zip(about["fields"].tolist(), columns, strict=True)), attribute)
     there = Transformer.from_crs(CRS.from_user_input(about["crs"]), frame.crs, always_xy=True)
 

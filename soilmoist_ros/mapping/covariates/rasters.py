@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,18 +130,23 @@ class RasterBands:
 
 
 @contextmanager
-def opened_raster(path: Path) -> Iterator[RasterBands]:
-    """Open a raster file.
+def opened_raster(path: Path, remedy: str = "give a GeoTIFF") -> Iterator[DatasetReader]:
+    """Open a raster file, with or without a place.
 
-    :raises InputError: if it cannot be read, or has no reference system
+    :param path: the file
+    :param remedy: what to do about a file that cannot be read
+    :raises InputError: if GDAL, PROJ or rasterio refuse the file, now or while it is open
     """
     import rasterio
+    from pyproj.exceptions import ProjError
 
+    errors = rasterio.errors
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            source: Any = rasterio.open(path)
-    except rasterio.errors.RasterioError as error:
-        raise InputError(f"cannot be read as a raster: {error}", "give a GeoTIFF", path) from None
-    with source:
-        yield RasterBands(path, source)
+            warnings.simplefilter("ignore", errors.NotGeoreferencedWarning)
+            with rasterio.open(path) as source:
+                if source.transform.is_degenerate:
+                    raise InputError("has pixels without an area", remedy, path)
+                yield source
+    except (errors.RasterioError, errors.CRSError, ProjError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read as a raster: {error!s:.200}", remedy, path) from None

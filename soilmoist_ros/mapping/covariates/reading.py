@@ -43,8 +43,8 @@ def require_covariates(sources: Iterable[CovariateSource]) -> None:
             if _has_polygons(source):
                 require_polygons(source.path, source.band)
             else:
-                with opened_raster(source.path) as bands:
-                    _derived(source, bands)
+                with opened_raster(source.path) as raster:
+                    _derived(source, RasterBands(source.path, raster))
         except InputError as error:
             mistakes += error.mistakes
     if mistakes:
@@ -145,7 +145,8 @@ def _of_polygons(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) ->
 
 
 def _of_raster(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:
-    with opened_raster(source.path) as bands:
+    with opened_raster(source.path) as raster:
+        bands = RasterBands(source.path, raster)
         derive, number = _derived(source, bands)
         if derive:
             wanted = dict.fromkeys(name for one in derive for name in _parts(one))

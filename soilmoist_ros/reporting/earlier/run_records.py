@@ -12,11 +12,11 @@ from typing import Any
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.recording.earlier_records import read_earlier
 from soilmoist_ros.recording.record_table import RECORDS, read_records
 from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of, read_parameters
+from soilmoist_ros.reporting.earlier.results import read_summary
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -84,15 +84,14 @@ def read_run(path: Path, name: str = "", first: bool = True) -> RunRecords | Non
 
 def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
     """Records of an output folder."""
-    try:
-        about = read_json((path / SUMMARY).read_text(encoding="utf-8"))
-        datum = about["datum"]
-        frame = LocalFrame(float(datum["latitude_deg"]), float(datum["longitude_deg"]))
-        names = [str(one["name"]) for one in about.get("properties") or ()]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    about = read_summary(path)
+    datum = about.get("datum")
+    if datum is None:
         raise InputError(
-            f"is not the summary of a mapped run: {_why(error)}", "make the run again", path / SUMMARY
-        ) from None
+            "is not the summary of a mapped run: datum is missing", "make the run again", path / SUMMARY
+        )
+    frame = LocalFrame(datum["latitude_deg"], datum["longitude_deg"])
+    names = [one.get("name", "") for one in about.get("properties") or ()]
     first = names[0] if names else ""
     if name in names[1:]:
         table, found = path / f"records_{name}.csv", name
@@ -116,10 +115,6 @@ def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
         float(calibration["n0_cps"]) if calibration and calibration.get("n0_cps") else None,
         {row["name"]: row.get("parameters") or {} for row in rows} if rows else None,
     )
-
-
-def _why(error: Exception) -> str:
-    return f"{error} is missing" if isinstance(error, KeyError) else str(error)
 
 
 def _of_bag(path: Path, name: str) -> RunRecords | None:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.lazy import install
+from soilmoist_ros.reporting.earlier.results import shape_of
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
@@ -248,13 +249,13 @@ def _shapes(
 ) -> tuple[BaseGeometry, list[BaseGeometry], list[BaseGeometry]]:
     """Field, no-go areas and tracks in the plane of the field."""
     from shapely import transform, union_all
-    from shapely.geometry import Polygon, shape
+    from shapely.geometry import Polygon
 
     found: dict[str, list[BaseGeometry]] = {"field": [], "no_go": [], "track": []}
     for feature in run.features():
         kind = feature["properties"].get("kind")
         if kind in found:
-            there = shape(feature["geometry"])
+            there = shape_of(feature, run.folder / "samples.geojson")
             found[kind].append(transform(there, lambda lon_lat: frame.to_local(lon_lat[:, 1], lon_lat[:, 0])))
     if not found["field"]:
         raise InputError("samples.geojson has no field", "make the run again", run.folder)

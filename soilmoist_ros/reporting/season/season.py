@@ -33,9 +33,10 @@ from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of, read_parameters, read_result
+from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of, read_parameters
 from soilmoist_ros.reporting.earlier.doubts import doubts, mean_rate
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, date_text, read_earlier_runs
+from soilmoist_ros.reporting.earlier.results import read_features, read_summary, shape_of
 from soilmoist_ros.reporting.earlier.run_records import find_runs
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.sensing.moisture.site import load_site
@@ -212,8 +213,7 @@ def _notes(runs: Sequence[EarlierRun], now: datetime) -> Iterator[str]:
 
 
 def _has_covariates(path: Path) -> bool:
-    summary = path / SUMMARY
-    return summary.is_file() and bool(read_result(summary).get("covariates"))
+    return (path / SUMMARY).is_file() and bool(read_summary(path).get("covariates"))
 
 
 def _mapped(
@@ -275,7 +275,7 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
     folders = [path for path in runs if (path / SUMMARY).is_file()]
     about: dict[str, Any] = {}
     if folders:
-        summaries = [(path, read_result(path / SUMMARY)) for path in folders]
+        summaries = [(path, read_summary(path)) for path in folders]
         home, about = max(summaries, key=lambda one: one[1].get("last_stamp_s") or 0.0)
     field = load_field(settings.field) if settings.field else None
     curve = load_site(settings.site).curve if settings.site else _curve(about)
@@ -311,29 +311,37 @@ def _curve(about: dict[str, Any]) -> MoistureCurve | None:
     if calibration.get("curve") != "desilets":
         return None
     names = CalibrationCurve.__dataclass_fields__
-    return CalibrationCurve(**{name: calibration[name] or 0.0 for name in names if name in calibration})
+    try:
+        return CalibrationCurve(**{name: calibration[name] or 0.0 for name in names if name in calibration})
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"the calibration of the last run is damaged: {error}", "give a site file with --site"
+        ) from None
 
 
 def _frame(about: dict[str, Any], path: Path) -> LocalFrame:
-    try:
-        return LocalFrame(float(about["datum"]["latitude_deg"]), float(about["datum"]["longitude_deg"]))
-    except (KeyError, TypeError, ValueError):
-        raise InputError("does not say where its datum lies", "give the field file with --field", path) from None
+    datum = about.get("datum")
+    if datum is None:
+        raise InputError("does not say where its datum lies", "give the field file with --field", path)
+    return LocalFrame(datum["latitude_deg"], datum["longitude_deg"])
 
 
 def _rings(path: Path, frame: LocalFrame) -> tuple[list[Array], list[Array]]:
     """Outlines and holes of the field of a run, in its plane [m]."""
-    features = read_result(path / "samples.geojson").get("features", ())
-    shape = next((one["geometry"] for one in features if one["properties"].get("kind") == "field"), None)
-    if shape is None:
+    import shapely
+
+    file = path / "samples.geojson"
+    fields = [one for one in read_features(file) if one["properties"].get("kind") == "field"]
+    polygons = [part for one in fields[:1] for part in shapely.get_parts(shape_of(one, file)).tolist()]
+    polygons = [part for part in polygons if part.geom_type == "Polygon" and not part.is_empty]
+    if not polygons:
         raise InputError("has no boundary of the field", "give the field file with --field", path)
-    polygons = shape["coordinates"] if shape["type"] == "MultiPolygon" else [shape["coordinates"]]
 
     def local(ring: Any) -> Array:
-        places = np.array(ring, float)[:-1]
+        places = np.array(ring.coords)[:-1]
         return frame.to_local(places[:, 1], places[:, 0])
 
-    return [local(rings[0]) for rings in polygons], [local(hole) for rings in polygons for hole in rings[1:]]
+    return [local(one.exterior) for one in polygons], [local(hole) for one in polygons for hole in one.interiors]
 
 
 def _field_of_bag(path: Path) -> Field:

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import csv
 import math
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.covariates.rasters import opened_raster
 from soilmoist_ros.simulation.fields.formula_base import MAX_VWC, Quantity
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid, filled
 
@@ -112,19 +112,13 @@ def read_geotiff(path: Path, band: str | None, frame: LocalFrame, extent: Extent
     :param cells: cell centres inside the field, shape (g, 2) [m]
     :raises InputError: if the file cannot be read, lacks its CRS or the band, or has a value that is not positive
     """
-    import rasterio
     from pyproj import CRS, Transformer
     from scipy.ndimage import map_coordinates
 
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            with rasterio.open(path) as source:
-                pixels, quantity = _read_band(path, source, band)
-                to_pixel, crs = ~source.transform, CRS.from_wkt(source.crs.to_wkt())
-    except rasterio.errors.RasterioError as error:
-        raise InputError(f"cannot be read as a GeoTIFF: {error}", "check 'grid' in the field file", path) from None
-    transformer = Transformer.from_crs(frame.crs, crs, always_xy=True)
+    with opened_raster(path, "check 'grid' in the field file") as source:
+        pixels, quantity = _read_band(path, source, band)
+        to_pixel, crs = ~source.transform, CRS.from_wkt(source.crs.to_wkt())
+        transformer = Transformer.from_crs(frame.crs, crs, always_xy=True)
     coverage = _coverage(pixels, _pixel_places(transformer, to_pixel, cells))
     metre = np.diff(_pixel_places(transformer, to_pixel, cells[0] + [[0.0, 0.0], [1.0, 0.0]]), axis=0)
     x, y = extent.axes()

@@ -143,7 +143,7 @@ def test_what_cannot_be_used_is_said(tmp_path):
     with pytest.raises(InputError, match="does not show the field"):
         make_background(far, LocalFrame(51.0, -0.5), FIELD)
     (tmp_path / "text.tif").write_text("no picture")
-    with pytest.raises(InputError, match="no picture that can be read"):
+    with pytest.raises(InputError, match="cannot be read as a raster"):
         make_background(tmp_path / "text.tif", FRAME, FIELD)
     (tmp_path / "tiles" / "17").mkdir(parents=True)
     with pytest.raises(InputError, match="has no tiles of the field"):

@@ -319,7 +319,7 @@ def test_mistakes_in_geotiffs_are_named(tmp_path):
             geotiff(tmp_path / "truth.tif", **options)
         assert message in str(mistakes_of(path)[0])
     (tmp_path / "truth.tif").write_text("no raster")
-    assert "truth.tif: cannot be read as a GeoTIFF" in str(mistakes_of(path)[0])
+    assert "truth.tif: cannot be read as a raster" in str(mistakes_of(path)[0])
     geotiff(tmp_path / "truth.tif")
     path = write(tmp_path, "  grid: truth.tif\n  band: moisture\n")
     assert "truth.tif: has no band 'moisture' -> its bands are: 'rate'" in str(mistakes_of(path)[0])

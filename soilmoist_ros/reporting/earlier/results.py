@@ -1,0 +1,128 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""JSON files of a finished run, read again. What the package reads of them is checked, in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.functional_validators import AfterValidator
+
+from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.recording.run_folder import SUMMARY
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+REMEDY = "restore the file, or make the run again"
+Number = Annotated[float, Field(ge=-1e300, le=1e300)]
+Positive = Annotated[float, Field(gt=0, le=1e300)]
+Stamp = Annotated[float, Field(ge=-62135596800, le=253402300799)]  # the years 1 to 9999
+
+
+class _Part(BaseModel):
+    """Keys of a result that the package reads; others may hold anything."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False, defer_build=True)
+
+
+class _Datum(_Part):
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
+    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
+
+
+class _Property(_Part):
+    name: str = ""
+    label: str | None = None
+
+
+class _Correction(_Part):
+    name: str
+    parameters: dict[str, Any] | None = None
+
+
+class _Calibration(_Part):
+    curve: str | None = None
+    n0_cps: Positive | None = None
+    bulk_density_gcm3: Positive | None = None
+    lattice_water: Number | None = None
+    organic_water: Number | None = None
+    n0_sd_cps: Number | None = None
+    bulk_density_sd_gcm3: Number | None = None
+
+
+class _Irrigation(_Part):
+    root_depth_mm: Positive | None = None
+    zone_limits_vwc: list[Number] | None = None
+
+
+class _Summary(_Part):
+    datum: _Datum | None = None
+    cell_m: Positive | None = None
+    first_stamp_s: Stamp | None = None
+    last_stamp_s: Stamp | None = None
+    survey_start_utc: Annotated[str, AfterValidator(datetime.fromisoformat)] | None = None
+    mission: dict[str, Any] | None = None
+    properties: list[_Property] | None = None
+    corrections: list[_Correction] | None = None
+    calibration: _Calibration | None = None
+    irrigation: _Irrigation | None = None
+
+
+class _Feature(_Part):
+    geometry: dict[str, Any]
+    properties: dict[str, Any]
+
+
+class _Features(_Part):
+    features: list[_Feature]
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Content of the ``summary.json`` of a run. What is there of the known keys is as a run writes it.
+
+    :raises InputError: if the file is missing or damaged
+    """
+    return _read(folder / SUMMARY, _Summary)
+
+
+def read_features(path: Path) -> list[dict[str, Any]]:
+    """Features of a GeoJSON file of a run; each has a geometry and properties.
+
+    :raises InputError: if the file is missing or damaged
+    """
+    features: list[dict[str, Any]] = _read(path, _Features)["features"]
+    return features
+
+
+def shape_of(feature: Mapping[str, Any], path: Path) -> BaseGeometry:
+    """Geometry of a feature, in degrees.
+
+    :param path: file that it is from, for messages
+    :raises InputError: if it is none
+    """
+    from shapely.errors import ShapelyError
+    from shapely.geometry import shape
+
+    try:
+        return shape(feature["geometry"])
+    except (ShapelyError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"has a damaged geometry: {error!s:.200}", REMEDY, path) from None
+
+
+def _read(path: Path, kind: type[_Part]) -> dict[str, Any]:
+    try:
+        content = read_json(path.read_text(encoding="utf-8"))
+        kind.model_validate(content)
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+        mistakes = [Mistake(one["msg"], REMEDY, path, 0, ".".join(map(str, one["loc"]))) for one in found[:5]]
+        raise InputError(mistakes) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {error}", "make the run again", path) from None
+    return dict(content)

@@ -1,0 +1,71 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""JSON files of a run that were changed by others."""
+
+import json
+
+import pytest
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.reporting.earlier.results import read_features, read_summary, shape_of
+
+GOOD = {
+    "datum": {"latitude_deg": 52.0, "longitude_deg": 5},
+    "survey_start_utc": "2026-05-01T08:00:00Z",
+    "first_stamp_s": 0.0,
+    "properties": [{"name": "moisture", "label": None}],
+    "calibration": None,
+    "a key of another version": [1],
+}
+
+
+def test_a_summary_comes_back_as_it_was_written(tmp_path):
+    (tmp_path / "summary.json").write_text(json.dumps(GOOD))
+    assert read_summary(tmp_path) == GOOD
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("datum", {"latitude_deg": 52.0}),
+        ("datum", {"latitude_deg": "52", "longitude_deg": 5.0}),
+        ("datum", {"latitude_deg": float("nan"), "longitude_deg": 5.0}),
+        ("datum", {"latitude_deg": 90.1, "longitude_deg": 5.0}),
+        ("last_stamp_s", 1e300),
+        ("survey_start_utc", "yesterday"),
+        ("mission", [1]),
+        ("properties", ["moisture"]),
+        ("corrections", [{"parameters": {}}]),
+        ("cell_m", 0),
+        ("irrigation", {"zone_limits_vwc": 0.3}),
+    ],
+)
+def test_a_part_of_another_kind_is_named(tmp_path, key, value):
+    (tmp_path / "summary.json").write_text(json.dumps({**GOOD, key: value}))
+    with pytest.raises(InputError, match=rf"summary.json \[{key}.*-> restore the file"):
+        read_summary(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "5", '"text"', "null", "[" * 5000])
+def test_what_is_no_object_is_refused(tmp_path, text):
+    path = tmp_path / "summary.json"
+    path.write_text(text)
+    for read, given in ((read_summary, tmp_path), (read_features, path)):
+        with pytest.raises(InputError, match=r"summary\.json"):
+            read(given)
+
+
+@pytest.mark.parametrize("feature", [5, {}, {"properties": {}}, {"properties": {}, "geometry": None}])
+def test_a_feature_has_a_geometry_and_properties(tmp_path, feature):
+    path = tmp_path / "samples.geojson"
+    path.write_text(json.dumps({"features": [feature]}))
+    with pytest.raises(InputError, match=r"features\.0"):
+        read_features(path)
+
+
+@pytest.mark.parametrize(
+    "geometry", [{}, {"type": "Polygon"}, {"type": "Polygon", "coordinates": [[[1, 2], [3, 4]]]}, {"type": "Cube"}]
+)
+def test_a_damaged_geometry_is_refused(tmp_path, geometry):
+    with pytest.raises(InputError, match="damaged geometry"):
+        shape_of({"geometry": geometry}, tmp_path / "samples.geojson")
