@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation.lazy import load_on_use
 
 if TYPE_CHECKING:
-    from soilmoist_ros.foundation.configuration import load_model
     from soilmoist_ros.foundation.errors import IllConditionedError, InputError, Mistake, SoilmoistError
     from soilmoist_ros.foundation.geodesy import LocalFrame
     from soilmoist_ros.foundation.health import Health, Level
     from soilmoist_ros.foundation.registry import Registry
+    from soilmoist_ros.foundation.sections import load_model
 
 __all__ = [
     "DAY_S",

@@ -1,16 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Find and read configuration files, and report all their mistakes at once."""
+"""Find configuration files, and read YAML that may come from a stranger."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
 from io import StringIO
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar, get_args
+from typing import Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -19,20 +17,10 @@ from ruamel.yaml.events import AliasEvent
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.suggestions import did_you_mean
 
-Model = TypeVar("Model", bound=BaseModel)
-Location = tuple[int | str, ...]
-
 _MAX_YAML_BYTES: Final = 2_000_000
 _MAX_YAML_DEPTH: Final = 100
 _MAX_YAML_VALUES: Final = 100_000
 """Values of a file, where each alias counts as all that it stands for; reading them takes a few seconds."""
-
-
-class Section(BaseModel):
-    """Base class for every part of a configuration file: immutable, without unknown keys."""
-
-    # Defer the build to the first use: a node reads fewer files than it imports models.
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 def config_folder() -> Path:
@@ -153,116 +141,3 @@ class _LimitedComposer(Composer):
         if not alias:
             self._sizes[event.anchor] = self._values - before
         return node
-
-
-def load_model(path: Path, model: type[Model]) -> Model:
-    """Read a YAML file into a model.
-
-    :param path: file to read
-    :param model: pydantic model that describes it
-    :raises InputError: with line, key and remedy of every mistake in the file
-    """
-    content = read_yaml(path)
-    if not isinstance(content, Mapping):
-        raise InputError(
-            f"should hold keys and values, but holds {_kind(content)}",
-            f"the keys it may have are: {', '.join(model.model_fields)}",
-            path,
-        )
-    try:
-        return model.model_validate(_plain(content))
-    except ValidationError as error:
-        details: list[Any] = _without_consequences(error.errors())
-        raise InputError([_as_mistake(detail, content, path, model) for detail in details]) from None
-
-
-def _plain(node: Any) -> Any:
-    """Convert the containers of the parser to plain dicts and lists."""
-    if isinstance(node, Mapping):
-        return {str(key): _plain(value) for key, value in node.items()}
-    if isinstance(node, Sequence) and not isinstance(node, (str, bytes)):
-        return [_plain(value) for value in node]
-    if isinstance(node, float):
-        return float(node)
-    return node
-
-
-def _without_consequences(details: Sequence[Any]) -> list[Any]:
-    """Drop the errors of lists that are too short only because their items are wrong."""
-
-    def is_consequence(detail: Any) -> bool:
-        place = detail["loc"]
-        return detail["type"] == "too_short" and any(
-            len(other["loc"]) > len(place) and other["loc"][: len(place)] == place for other in details
-        )
-
-    return [detail for detail in details if not is_consequence(detail)]
-
-
-def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -> Mistake:
-    location: Location = tuple(detail["loc"])
-    column = ".".join(str(part) for part in location if not _is_tag(part, content))
-    line = line_of(content, location)
-    if detail["type"] == "extra_forbidden":
-        known = _known_keys(model, location[:-1])
-        unknown = str(location[-1])
-        remedy = f"remove it or use one of: {', '.join(known)}{did_you_mean(unknown, known)}"
-        return Mistake(f"unknown key {unknown!r}", remedy, path, line, column)
-    if detail["type"] == "missing":
-        return Mistake(f"the key {location[-1]!r} is missing", "add it", path, line, column)
-    message = detail["msg"].removeprefix("Value error, ")
-    message = message[:1].lower() + message[1:]
-    value = detail.get("input")
-    if isinstance(value, (str, int, float)) and repr(value) not in message:
-        message += f", but it is {value!r}"
-    return Mistake(message, "", path, line, column)
-
-
-def _is_tag(part: int | str, content: Any) -> bool:
-    """Whether a part of a location is the name of a union member, which pydantic adds and no file contains."""
-    return isinstance(part, str) and bool(re.search(r"[\[(]|^function-|^[A-Z]\w+$", part))
-
-
-def line_of(content: Any, location: Location) -> int:
-    """Line, from 1, of the deepest part of a location that the file contains."""
-    node, line = content, 0
-    for part in location:
-        marks = getattr(node, "lc", None)
-        try:
-            if isinstance(node, Mapping) and part in node:
-                line = marks.key(part)[0] + 1  # type: ignore[union-attr]
-            elif isinstance(node, Sequence) and isinstance(part, int):
-                line = marks.item(part)[0] + 1  # type: ignore[union-attr]
-            else:
-                continue
-            node = node[part]
-        except (AttributeError, KeyError, IndexError, TypeError):
-            break
-    return line
-
-
-def _known_keys(model: type[BaseModel], location: Location) -> list[str]:
-    """Permitted keys of the part of the model at a location."""
-    current: Any = model
-    for part in location:
-        if isinstance(part, int):
-            continue
-        fields = getattr(current, "model_fields", {})
-        if part in fields:
-            models = _models_in(fields[part].annotation)
-            current = models[0] if models else None
-        elif _models_in(current):
-            continue
-    return list(getattr(current, "model_fields", {}))
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [found for argument in get_args(annotation) for found in _models_in(argument)]
-
-
-def _kind(content: Any) -> str:
-    if content is None:
-        return "nothing"
-    return "a list" if isinstance(content, Sequence) and not isinstance(content, str) else "a single value"

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from io import StringIO
 from pathlib import Path
 from typing import Final
@@ -101,12 +102,8 @@ def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
     """
     if parameter not in _KINDS or not isinstance(value, str) or not value:
         return value
-    from soilmoist_ros.foundation.configuration import resource  # the recorder is up before it needs these
-    from soilmoist_ros.sensing.formats.logger_format import logger_path
-
-    try:
-        source = logger_path(value) if parameter == "logger_format" else resource(_KINDS[parameter], value)
-    except InputError:  # not a file, or a file of another computer
+    source = _file_of(parameter, value)
+    if source is None:
         return value
     for stem in (parameter, f"{node.replace('/', '_')}_{parameter}"):
         copies = _copies(source, parameter, stem)
@@ -121,6 +118,20 @@ def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "make space on the disk", folder) from None
     return str((folder / next(iter(copies))).absolute())
+
+
+def _file_of(parameter: str, value: str) -> Path | None:
+    """The file that a parameter names, if it is on this computer."""
+    from soilmoist_ros.foundation.configuration import resource  # the recorder is up before it needs this
+
+    with suppress(InputError):
+        return resource(_KINDS[parameter], value)
+    if parameter == "logger_format":
+        from soilmoist_ros.sensing.formats.logger_format import logger_path  # slow, and only for plug-ins
+
+        with suppress(InputError):
+            return logger_path(value)
+    return None
 
 
 def _copies(source: Path, parameter: str, stem: str) -> dict[str, bytes]:

@@ -1,5 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+import subprocess
+import sys
+
 import pytest
 
 from soilmoist_ros.foundation.configuration import config_folder
@@ -152,3 +155,18 @@ def test_defaults_that_the_nodes_had_are_added_to_what_others_wrote(files, tmp_p
     assert (folder / found["site"]).is_file()
     survey, _ = robot_survey(bag, folder, ReplaySettings())
     assert (survey.map.settings.drift_model, survey.map.settings.local) == ("auto", "auto")
+
+
+def test_a_recorder_stores_configurations_without_the_models_of_files(tmp_path):
+    code = """
+import sys
+from pathlib import Path
+from soilmoist_ros.recording.run_configuration import RunConfiguration
+configuration = RunConfiguration()
+configuration.take("sensor_driver", {"field": "example", "site": "example", "logger_format": "thorvald_crs"})
+print(configuration.write(Path(sys.argv[1])), "pydantic" in sys.modules)
+"""
+    result = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, text=True, timeout=60)
+    assert result.stdout == "['sensor_driver'] False\n", result.stderr
+    stored = {path.name for path in (tmp_path / "configuration").iterdir()}
+    assert stored == {"sensor_driver.yaml", "field.yaml", "site.yaml", "logger_format.yaml"}

@@ -18,8 +18,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from soilmoist_ros.foundation.configuration import Section, load_model, resource, resource_names
+from soilmoist_ros.foundation.configuration import resource, resource_names
 from soilmoist_ros.foundation.registry import Registry
+from soilmoist_ros.foundation.sections import Section, load_model
 
 PressureUnit = Literal["hPa", "mb", "mbar", "Pa", "kPa"]
 TemperatureUnit = Literal["degC", "degF", "K"]

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from pydantic import Field as Setting
 from pydantic import model_validator
 
-from soilmoist_ros.foundation.configuration import Section, load_model, read_yaml
+from soilmoist_ros.foundation.configuration import read_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.sections import Section, load_model
 from soilmoist_ros.mapping.field import Field, FieldFile, load_field
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.model import Variogram
