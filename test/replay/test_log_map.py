@@ -151,7 +151,7 @@ def test_files_may_be_named_as_on_the_command_line(roving_record):
         assert run.calibration is not None
     with pytest.raises(InputError, match=r"no shipped site of the name 'gypsum'"):
         map_logs([roving_record], MapSettings(site="gypsum"))
-    with pytest.raises(InputError, match="no shipped field of the name 'frm' .*did you mean 'farm'"):
+    with pytest.raises(InputError, match=r"no shipped field of the name 'frm' .*did you mean 'farm'"):
         map_logs([roving_record], MapSettings(field="frm"))
 
 
