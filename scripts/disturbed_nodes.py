@@ -10,13 +10,13 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 from real_nodes import LIMIT_S, UNLIMITED, RealNodes
 
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
-from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.recording.map_records import MapRecords
 from soilmoist_ros.recording.map_sources import OWN
@@ -274,7 +274,7 @@ class Disturber:
 
 
 def judged(nodes: RealNodes, spans: Sequence[Span], acts: Acts, budget_s: float) -> list[Violation]:
-    """Let the judge of the rehearsals see all that was heard, in the order of time.
+    """Let the judge of the rehearsals see all that was heard and witnessed, in the order of time.
 
     Messages take their time: a state counts if it lasts from before to after.
 
@@ -289,21 +289,13 @@ def judged(nodes: RealNodes, spans: Sequence[Span], acts: Acts, budget_s: float)
     limits = Limits(beyond_m=3.0, stopping_s=10.0 + 2 * late_s, still_m=1.0, same_m=0.001, late_s=60.0 + late_s)
     judge = Judge(ground, budget_s, limits)
     disobedient = [one for one in spans if one.fault in (Fault.SERVER_DEAF, Fault.RUNS_ON, Fault.SERVER_DEAD)]
-    wrong = [one for one in spans if one.fault is Fault.FIX_JUMP]
+    witnessed = nodes.witnessed()
     timeline = _Timeline(heard.statuses, late_s)
     events: list[tuple[float, int, Callable[[], object]]] = []
-    before: tuple[float, tuple[float, float]] | None = None
-    for at_s, place in heard.places:
-        if any(one.at_s - 2 <= at_s <= one.end_s + 2 for one in wrong):
-            before = None
-            continue
-        near = before is not None and 0 <= at_s - before[0] <= 3.0
-        since = before[1] if before is not None and near else place
+    for (_, before), (at_s, place) in pairwise(witnessed.places):
         status = timeline.at(at_s)
         if status is not None:
-            obeys = not disobedient
-            events.append((at_s, 3, partial(judge.drove, at_s, since, [place], status, obeys)))
-        before = (at_s, place)
+            events.append((at_s, 3, partial(judge.drove, at_s, before, [place], status, not disobedient)))
     for number, (at_s, what) in enumerate(acts.done):  # what is done at one time keeps its order
         if what:  # goals that were on their way come later
             resumed_s = next((then_s for then_s, other in acts.done[number:] if not other), math.inf)
@@ -313,11 +305,8 @@ def judged(nodes: RealNodes, spans: Sequence[Span], acts: Acts, budget_s: float)
     begun = next((at_s for at_s, status in heard.statuses if status.phase is not Phase.IDLE), None)
     if begun is not None:
         events.append((begun - late_s, 0, partial(judge.resumes, begun, lambda: True)))
-    for at_s in heard.goals:
-        target = timeline.target(at_s)
-        if target is not None:
-            place = (target.x_m, target.y_m)
-            events.append((at_s, 2, partial(judge.sent, at_s, place, target.name)))
+    for at_s, place, name in witnessed.goals:
+        events.append((at_s, 2, partial(judge.sent, at_s, place, name)))
     for at_s, status in heard.statuses:
         events.append((at_s, 4, partial(judge.said, at_s, status, 0.0)))
     for at_s, visit in heard.visits:
@@ -376,8 +365,3 @@ class _Timeline:
             return None
         same = all(status.phase is found[0].phase for status in found)
         return found[-1] if same else replace(found[-1], phase=Phase.PLANNING)
-
-    def target(self, at_s: float) -> Stop | None:
-        """Where it goes, from a time on."""
-        later = self._said[bisect_left(self._times, at_s) :]
-        return next((status.target for _, status in later if status.target is not None), None)

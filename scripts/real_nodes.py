@@ -3,7 +3,8 @@
 """The real nodes on a simulated field, with faults of every kind, watched by the judge of the rehearsals.
 
 The robot's computer is made unreliable by a library that its processes preload (scripts/unreliable.c): its clock
-is set, and its disk fills. What the nodes publish is noted with its simulated time, and judged afterwards.
+is set, and its disk fills. What the nodes publish is noted with its simulated time, and judged afterwards. The
+simulator itself writes down where the robot truly drives, and which goals reach its navigation.
 """
 
 from __future__ import annotations
@@ -27,14 +28,13 @@ from typing import Any
 
 import rclpy
 import yaml
-from action_msgs.msg import GoalStatusArray
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
+from sensor_msgs.msg import BatteryState, PointCloud2
 from soilmoist_msgs.msg import Visit as VisitMessage
 from soilmoist_msgs.srv import Command
 from std_msgs.msg import Bool
@@ -61,11 +61,14 @@ from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 
+Place = tuple[float, float]
+
 HERE = Path(__file__).resolve().parent
 ON_ROBOT = ("recorder", "mapper", "planner", "sensor_driver")
 """Nodes on the robot's computer, in the order of their start; the simulator is another computer."""
 ALL = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 UNLIMITED = -1
+WITNESS = "witness.jsonl"
 WAIT_LIMIT_S = 5.0
 """Longest time for which simulated time waits for what a fault may have swallowed [s of the wall clock]."""
 LIMIT_S = 60.0
@@ -77,8 +80,6 @@ class Heard:
     """What was published, each with its time since the start of the simulation [s]."""
 
     statuses: list[tuple[float, MissionStatus]] = field(default_factory=list)
-    places: list[tuple[float, tuple[float, float]]] = field(default_factory=list)
-    goals: list[float] = field(default_factory=list)
     visits: list[tuple[float, Visit]] = field(default_factory=list)
     records: list[CountRecord] = field(default_factory=list)
     quarantined: list[CountRecord] = field(default_factory=list)
@@ -86,17 +87,28 @@ class Heard:
     samples: Samples | None = None
 
 
+@dataclass
+class Witnessed:
+    """What the robot truly did, each with its time since the start of the simulation [s].
+
+    :param places: where it was [m]
+    :param goals: what its navigation was asked for: place [m] and name
+    """
+
+    places: list[tuple[float, Place]] = field(default_factory=list)
+    goals: list[tuple[float, Place, str]] = field(default_factory=list)
+
+
 class Operator:
     """A computer that hears all nodes, and from which people steer.
 
     :param domain: ROS domain
     :param start_s: time at which the simulation begins [s since 1970 UTC]
-    :param frame: plane of the field
     """
 
-    def __init__(self, domain: int, start_s: float, frame: Any) -> None:
+    def __init__(self, domain: int, start_s: float) -> None:
         self.heard, self.now_s = Heard(), 0.0
-        self._start_s, self._frame, self._goals = start_s, frame, set[bytes]()
+        self._start_s = start_s
         self._counted_s: float | None = None
         self._updates_s: list[float] = []
         self._context = Context()
@@ -108,13 +120,11 @@ class Operator:
         for kind, topic, take, qos in (
             (Clock, "/clock", self._on_clock, CLOCK),
             (DiagnosticStatus, "mission", self._on_mission, ALL),
-            (NavSatFix, "fix", self._on_fix, SENSOR),
             (PointCloud2, "counts", partial(self._on_counts, self.heard.records), RECORDS),
             (PointCloud2, "quarantined_counts", partial(self._on_counts, self.heard.quarantined), RECORDS),
             (PointCloud2, "samples", self._on_samples, LATCHED),
             (VisitMessage, "visits", self._on_visit, VISITS),
             (DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
-            *((GoalStatusArray, f"{action}/_action/status", self._on_goals, ALL) for action in ACTIONS),
         ):
             node.create_subscription(kind, topic, take, qos)
         self._executor = SingleThreadedExecutor(context=self._context)
@@ -168,11 +178,6 @@ class Operator:
             status = replace(status, needs_operator=True)
         self.heard.statuses.append((status.now_s - self._start_s, status))
 
-    def _on_fix(self, message: NavSatFix) -> None:
-        if message.status.status >= 0:
-            x_m, y_m = self._frame.to_local(message.latitude, message.longitude)[0].tolist()
-            self.heard.places.append((to_seconds(message.header.stamp) - self._start_s, (x_m, y_m)))
-
     def update_ms(self) -> float:
         """Mean time from a record to the merged samples since the last call [ms]; 0 without one."""
         taken, self._updates_s = self._updates_s, []
@@ -195,16 +200,6 @@ class Operator:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for part in diagnostics_from_message(message):
             self.heard.health[part.name] = {"level": part.level.name, "message": part.message, **part.values}
-
-    def _on_goals(self, message: GoalStatusArray) -> None:
-        for one in message.status_list:
-            goal = bytes(one.goal_info.goal_id.uuid)
-            if goal not in self._goals:
-                self._goals.add(goal)
-                self.heard.goals.append(self.now_s)
-
-
-ACTIONS = ("topological_navigation", "navigate_to_pose")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,15 +249,17 @@ class RealNodes:
         self.spoil(step_s=0.0, left_bytes=UNLIMITED)
         loopback = loopback_environment(self._domain)
         os.environ.update(loopback)
+        witness = {"SOILMOIST_WITNESS": str(out / WITNESS)}
         preloaded = {"LD_PRELOAD": str(_library(out)), "SOILMOIST_UNRELIABLE": str(self._control)}
-        self._world = self._stack.enter_context(ProcessGroup(loopback, out / "log"))
+        self._world = self._stack.enter_context(ProcessGroup({**loopback, **witness}, out / "log"))
         self._robot = self._stack.enter_context(ProcessGroup({**loopback, **preloaded}, out / "log"))
         self._files = self._configure()
-        self.operator = Operator(self._domain, START_S, self.field.frame)
+        self.operator = Operator(self._domain, START_S)
         self._stack.callback(self.operator.close)
         for name in ON_ROBOT[:3]:
             self.start(name)
-        self._world.start("field_simulator", self._files["field_simulator"])
+        simulator = [str(HERE / "witnessed_simulator.py")]
+        self._world.start("field_simulator", self._files["field_simulator"], program=simulator)
         self.start(ON_ROBOT[3])
         return self
 
@@ -319,6 +316,18 @@ class RealNodes:
     def bags(self) -> list[Path]:
         """Folders of the bags."""
         return sorted(path for path in (self._out / "bags").glob("*") if path.is_dir())
+
+    def witnessed(self) -> Witnessed:
+        """What the simulator has written down."""
+        found = Witnessed()
+        for line in (self._out / WITNESS).read_text().splitlines():
+            at_s, x_m, y_m, *name = json.loads(line)
+            at_s += self.settings.begin_s
+            if name:
+                found.goals.append((at_s, (x_m, y_m), name[0]))
+            else:
+                found.places.append((at_s, (x_m, y_m)))
+        return found
 
     def start(self, name: str) -> None:
         """Start a node."""

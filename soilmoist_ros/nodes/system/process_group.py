@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 
@@ -45,18 +45,25 @@ class ProcessGroup:
     ) -> None:
         self.stop()
 
-    def start(self, name: str, parameters_file: Path, remaps: Mapping[str, str] = MappingProxyType({})) -> None:
+    def start(
+        self,
+        name: str,
+        parameters_file: Path,
+        remaps: Mapping[str, str] = MappingProxyType({}),
+        program: Sequence[str] = (),
+    ) -> None:
         """Start a node.
 
         :param name: name of the node, with the namespace if there is one: ``compaction/mapper``
         :param parameters_file: parameters of the node
         :param remaps: new names of topics and services by their names
+        :param program: arguments of Python that run something else instead
         :raises ValueError: if the node was started before, and not killed
         """
         if name in self._processes:
             raise ValueError(f"{name} was started before")
         namespace, _, node = name.rpartition("/")
-        command = [sys.executable, "-m", f"soilmoist_ros.nodes.{node}"]
+        command = [sys.executable, *(program or ("-m", f"soilmoist_ros.nodes.{node}"))]
         command += ["--ros-args", "-r", f"__ns:=/{namespace}", "--params-file", str(parameters_file)]
         command += [word for old, new in remaps.items() for word in ("-r", f"{old}:={new}")]
         parent = os.getpid()
