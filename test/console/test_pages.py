@@ -208,6 +208,29 @@ def test_two_operators_and_ten_viewers(browser, served):
     assert served.robots.asked == [("r1", "start", "Ada"), (True, "Bo")]
 
 
+def test_a_slide_stays_under_the_finger_while_the_page_changes(browser, served):
+    page = opened(browser, served, PHONE)
+    page.locator("#who").fill("Ada")
+    page.keyboard.press("Tab")
+    served.board.hear("mission/r1")
+    slider = page.locator("#actions [data-slide='Slide to start'] input")
+    slider.scroll_into_view_if_needed(timeout=LIMIT_MS)
+    box = slider.bounding_box()
+    y = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 12, y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2, y)
+    served.board.put("mission/r1", IDLE | {"headline": "On the way", "running": True, "phase": "travelling"})
+    served.board.hear("mission/r1")
+    shows(page, "headline", "On the way")
+    page.mouse.move(box["x"] + box["width"], y)
+    page.mouse.up()
+    shows(page, "notice", "Not done: not now")
+    assert served.robots.asked == [("r1", "start", "Ada")]
+    served.board.hear("mission/r1")
+    shows(page, "actions", "Skip this stop")
+
+
 def test_behind_a_proxy_with_tls_the_page_steers_with_the_token_only(browser, served, tmp_path):
     """Commands and the socket pass; other names of the host do not (access.py)."""
     key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"

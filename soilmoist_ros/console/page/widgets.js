@@ -23,6 +23,8 @@ export function setText(id, text) {
 export const button = (text, call, kind = "") => element("button", { type: "button", class: kind, onclick: call }, text);
 
 let slides = 0;
+let held = null; // the slide under a finger
+for (const end of ["pointerup", "pointercancel"]) window.addEventListener(end, () => { held = null; });
 
 // A control that must be moved to its end: for what moves a robot. By keyboard: End, or the arrow keys.
 export function slide(text, call, kind = "") {
@@ -39,16 +41,17 @@ export function slide(text, call, kind = "") {
   input.addEventListener("keyup", () => {
     if (input.dataset.keys && Number(input.value) >= 95) { delete input.dataset.keys; done(); }
   });
-  input.addEventListener("pointerdown", () => { delete input.dataset.keys; });
+  input.addEventListener("pointerdown", () => { delete input.dataset.keys; held = input; });
   input.addEventListener("blur", reset);
   return element("div", { class: `slide ${kind}`, "data-slide": text }, input, element("label", { for: id }, text));
 }
 
-// Replaces children only if what they depend on has changed, so that a slide stays under the finger.
+// Replaces children if what they depend on has changed, but a slide only when no finger is on it any more: the robot
+// judges whether what it asks for is still possible.
 export function fill(id, key, make) {
   const node = $(id);
   const text = JSON.stringify(key);
-  if (node.dataset.key === text) return;
+  if (node.dataset.key === text || node.contains(held)) return;
   node.dataset.key = text;
   node.replaceChildren(...make());
 }
