@@ -24,6 +24,7 @@ OUTLINES = ("convex", "concave", "notched", "holes", "divided")
 GRAPHS = ("lattice", "wild", "islands")
 """Random travel graphs: a lattice inside the drivable area; nodes and edges anywhere, some of them one-way; the
 same cut into parts that are not joined."""
+ROBOT_RADIUS_M = 0.5
 SPACING_M = 14.0
 """Mean distance between the nodes of a graph [m]."""
 
@@ -71,7 +72,8 @@ def random_ground(rng: np.random.Generator, outline: str, graph: str | None) -> 
         good = [stop for stop in good if (part == part[made.index(stop.name)]).sum() >= 6]
         if good:
             stop = good[int(rng.integers(len(good)))]
-            return Ground(outline, field, made, (stop.x_m, stop.y_m))
+            if _can_leave(made, stop, drivable.buffer(-ROBOT_RADIUS_M)):
+                return Ground(outline, field, made, (stop.x_m, stop.y_m))
 
 
 def _outline(rng: np.random.Generator, kind: str) -> Array:
@@ -126,6 +128,15 @@ def _graph(rng: np.random.Generator, kind: str, field: Field) -> TravelGraph:
             if rng.uniform() > 0.06:
                 edges.append((stops[b].name, stops[a].name))
     return TravelGraph.from_edges(stops, edges, connected=False)
+
+
+def _can_leave(graph: TravelGraph, stop: Stop, area: BaseGeometry) -> bool:
+    """Whether edges inside an area lead from a node to another one, and back."""
+    names = graph.names
+    inside = shapely.covers(area, shapely.linestrings(graph.xy[graph.edges]))
+    edges = [(names[a], names[b]) for a, b in graph.edges[inside].tolist()]
+    part = TravelGraph.from_edges(graph.stops, edges, connected=False).components()
+    return bool((part == part[graph.index(stop.name)]).sum() > 1)
 
 
 def _near_pairs(xy: Array) -> list[tuple[int, int]]:

@@ -29,7 +29,7 @@ from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.clients import ActionNavigator, PoseNavigator
 from soilmoist_ros.simulation.rehearsal.faults import Fault
-from soilmoist_ros.simulation.rehearsal.ground import Ground
+from soilmoist_ros.simulation.rehearsal.ground import ROBOT_RADIUS_M, Ground
 from soilmoist_ros.simulation.rehearsal.judge import Judge
 from soilmoist_ros.simulation.rehearsal.world import SPEED_MPS, World
 
@@ -37,7 +37,6 @@ Place = tuple[float, float]
 
 STOP_OVERHEAD_S = 5.0
 ARRIVAL_RADIUS_M = 3.0
-ROBOT_RADIUS_M = 0.5
 THINKING_S = {False: 1.0, True: 120.0}
 """Time to choose a stop, and when the planner is slow [s]."""
 
@@ -98,7 +97,8 @@ class PlannerProcess:
     def __init__(self, world: World, store: Store, judge: Judge) -> None:
         case = world.case
         self._world, self._judge = world, judge
-        self.home = home_stop(case.ground) if case.home else None
+        access = AccessRules(robot_radius_m=ROBOT_RADIUS_M, outside=Outside.NEVER, by_name=world.by_name)
+        self.home = home_stop(case.ground, access) if case.home else None
         self._later = _Later(lambda: world.time_s + THINKING_S[world.faults.on(Fault.PLANNER_SLOW, world.time_s)])
         self.status: MissionStatus | None = None
         self.visits = 0
@@ -110,7 +110,7 @@ class PlannerProcess:
             seed=case.seed,
             dwell=parse_dwell("fmi:60", 240.0),
             motion=RobotMotion(SPEED_MPS, STOP_OVERHEAD_S),
-            access=AccessRules(robot_radius_m=ROBOT_RADIUS_M, outside=Outside.NEVER, by_name=world.by_name),
+            access=access,
         )
         rules = MissionRules(
             budget_s=case.budget_s,
@@ -200,9 +200,12 @@ class PlannerProcess:
         """See :class:`Outputs`; plans are handed on each second."""
 
 
-def home_stop(ground: Ground) -> Stop:
-    """The stop nearest to where the robot begins."""
-    stops = FieldAccess(ground.field, RobotMotion(), ground.graph, place=ground.start).stops
+def home_stop(ground: Ground, access: AccessRules) -> Stop:
+    """The stop nearest to where the robot begins.
+
+    :raises InputError: if the robot cannot leave its place
+    """
+    stops = FieldAccess(ground.field, RobotMotion(), ground.graph, access, place=ground.start).stops
     return min(stops, key=lambda stop: math.dist(ground.start, (stop.x_m, stop.y_m)))
 
 

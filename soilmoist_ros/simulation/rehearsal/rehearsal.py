@@ -138,7 +138,7 @@ class _Rehearsal:
         self._asked_s = math.inf
         self._started = False
         self._visits = self._kills = self._alarms = 0
-        self._refused = self._ended = ""
+        self._refusal = self._ended = ""
         self._on: set[str] = set()
         self._home_by_s = home_by_s(case)
 
@@ -147,7 +147,7 @@ class _Rehearsal:
         try:
             self.planner = PlannerProcess(self.world, self.store, self.judge)
         except InputError as error:
-            self._refused = str(error)
+            self._refusal = str(error)
             return
         end_s = self.case.budget_s + OVERTIME_S
         while self.world.time_s < end_s:
@@ -188,7 +188,7 @@ class _Rehearsal:
             driven_m=self.world.robot.odometer_m,
             kills=self._kills,
             alarms=self._alarms,
-            refused=self._refused or ("" if self._started else self._ended or "it did not start"),
+            refused="" if self._started else self._refusal or "it did not start",
             ended=self._ended,
         )
 
@@ -303,7 +303,7 @@ class _Rehearsal:
         """What people do now: as the case says, and resume when the mission asks."""
         now_s = self.world.time_s
         if not self._started:
-            self._started = self.judge.resumes(now_s, lambda: planner.control.command(Verb.START).accepted)
+            self._started = self.judge.resumes(now_s, partial(self._start, planner))
         due = [do for at_s, do in self._todo if at_s <= now_s]
         self._todo = [(at_s, do) for at_s, do in self._todo if at_s > now_s]
         asked = planner.status is not None and planner.status.needs_operator
@@ -313,6 +313,11 @@ class _Rehearsal:
             self._asked_s = math.inf
         for do in due:
             do(planner)
+
+    def _start(self, planner: PlannerProcess) -> bool:
+        answer = planner.control.command(Verb.START)
+        self._refusal = answer.message
+        return answer.accepted
 
     def _press(self, pressed: bool) -> None:
         """Press or release the emergency stop; a planner that is not there hears of it later."""

@@ -59,6 +59,13 @@ def test_a_mission_without_faults_measures_and_ends(rehearsed, turn):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("number", [117, 199, 363, 369])
+def test_no_rehearsal_begins_where_the_robot_cannot_leave_or_with_a_home_outside_the_fence(rehearsed, number):
+    case = replace(make_case(1, number), faults=Faults(), budget_s=60.0)
+    assert rehearsed(case).refused == ""
+
+
+@pytest.mark.slow
 def test_case_and_outcome_follow_from_seed_and_number(rehearsed):
     case = replace(make_case(7, 4), budget_s=300.0)
     assert str(case) == str(make_case(7, 4))
