@@ -71,22 +71,31 @@ def test_no_record_is_lost_and_nobody_is_disobeyed(chaos, tmp_path, spans):
     violations, figures = chaos.run(with_faults(chaos, *spans), 1, tmp_path / "run", TIME_FACTOR)
     assert violations == []
     assert figures["records"] > 10
+    assert figures["goals"] > 1
     assert figures["kills"] == sum(span.fault in (Fault.KILL_MAPPER, Fault.KILL_DRIVER, Fault.KILL_PLANNER)
                                    for span in spans)  # fmt: skip
 
 
 @pytest.mark.slow
 @pytest.mark.process
-def test_a_log_that_lacks_a_record_is_found(chaos, tmp_path, monkeypatch):
-    kept = RecordTail.read
+def test_a_log_that_lacks_a_record_and_a_robot_elsewhere_are_found(chaos, tmp_path, monkeypatch):
+    kept, witnessed = RecordTail.read, chaos.RealNodes.witnessed
 
     def forgetful(self):
         found = kept(self)
         return found._replace(records=found.records[:5] + found.records[6:])
 
+    def moved(self):
+        found = witnessed(self)
+        found.places[:] = [(at_s, (x_m + 500.0, y_m)) for at_s, (x_m, y_m) in found.places]
+        found.goals[:] = [(at_s, (x_m + 500.0, y_m), name) for at_s, (x_m, y_m), name in found.goals]
+        return found
+
     monkeypatch.setattr(RecordTail, "read", forgetful)
+    monkeypatch.setattr(chaos.RealNodes, "witnessed", moved)
     violations, _ = chaos.run(with_faults(chaos), 1, tmp_path / "run", TIME_FACTOR)
-    assert {Kind.LOST, Kind.MAP_DIFFERS} <= {one.kind for one in violations}
+    found = {one.kind for one in violations}
+    assert {Kind.LOST, Kind.MAP_DIFFERS, Kind.OUTSIDE, Kind.GOAL_OUTSIDE} <= found
 
 
 def test_seed_and_number_make_a_run(chaos):
