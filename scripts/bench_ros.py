@@ -48,7 +48,6 @@ from soilmoist_ros.sensing.records import CountRecord
 Row = dict[str, object]
 
 LIMIT_S = 60.0
-BEGIN_S = 1_780_000_000.0
 RECORDS_PER_STOP = 4
 FIELDS_M = {"3,000 cells": (60.0, 50.0), "70,000 cells": (280.0, 250.0)}
 """Width and height; cells are 1 m wide."""
@@ -113,15 +112,16 @@ def wait_for(condition: Callable[[], object], what: str, limit_s: float = LIMIT_
 
 
 def stops(width_m: float, height_m: float, count: int) -> Iterator[CountRecord]:
-    """Records of a survey with stops at random positions."""
+    """Records of a survey with stops at random positions, of the last hour: the mapper skips old ones."""
     rng = np.random.default_rng(5)
+    begin_s = math.floor(time.time()) - 3600.0
     place = (0.0, 0.0)
     for number in range(count):
         if number % RECORDS_PER_STOP == 0:
             place = (float(rng.uniform(1, width_m - 1)), float(rng.uniform(1, height_m - 1)))
         rate = 3.75 + 1.25 * math.tanh((place[0] - width_m / 2) / 15)
         x_m, y_m = (float(value + rng.normal(0, 0.02)) for value in place)
-        yield CountRecord(BEGIN_S + 10 * number, x_m, y_m, math.nan, int(rng.poisson(10 * rate)), 10.0, 10.0)
+        yield CountRecord(begin_s + 10 * number, x_m, y_m, math.nan, int(rng.poisson(10 * rate)), 10.0, 10.0)
 
 
 def record_to_map(name: str, folder: Path, count: int) -> Row:
