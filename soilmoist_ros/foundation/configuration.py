@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 
 from ruamel.yaml import YAML
 from ruamel.yaml.composer import Composer
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.events import AliasEvent
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
@@ -109,7 +109,7 @@ def parse_yaml(text: str, path: Path | None = None, kind: Literal["safe", "rt"] 
             mark.line + 1 if mark else 0,
         )
         raise InputError([mistake]) from None
-    except (YAMLError, ValueError, TypeError, AttributeError, AssertionError, RecursionError) as error:
+    except Exception as error:  # the parser has many for damaged text
         raise InputError(f"is not valid YAML: {error}", "open it in a text editor and repair it", path) from None
 
 

@@ -44,7 +44,7 @@ def outline(given: Mapping[str, Any]) -> dict[str, Any]:
     """
     import numpy as np
     from pyproj import Transformer
-    from pyproj.exceptions import CRSError
+    from pyproj.exceptions import ProjError
 
     from soilmoist_ros.foundation.geodesy import LocalFrame
 
@@ -64,7 +64,7 @@ def outline(given: Mapping[str, Any]) -> dict[str, Any]:
     rings = [np.asarray(ring.coords)[:-1, :2] for ring in (field.exterior, *field.interiors)]
     try:
         to_degrees = Transformer.from_crs(system, _WGS84, always_xy=True)
-    except CRSError:
+    except ProjError:
         raise InputError(f"the coordinates of {name} are of an unknown system", "export it in WGS 84") from None
     degrees = [np.column_stack(to_degrees.transform(ring[:, 0], ring[:, 1])) for ring in rings]
     if not all(np.all(np.isfinite(ring)) and np.all(np.abs(ring) <= (180, 90)) for ring in degrees):
@@ -72,7 +72,10 @@ def outline(given: Mapping[str, Any]) -> dict[str, Any]:
         raise InputError(f"{name} has coordinates that are no longitudes and latitudes", remedy)
     datum = given.get("datum") or np.round(degrees[0].mean(axis=0)[::-1], 7).tolist()
     frame = LocalFrame(float(datum[0]), float(datum[1]))
-    metres = [_few_corners(frame.to_local(ring[:, 1], ring[:, 0])) for ring in degrees[: MAX_AREAS + 1]]
+    local = [frame.to_local(ring[:, 1], ring[:, 0]) for ring in degrees[: MAX_AREAS + 1]]
+    if not all(np.isfinite(ring).all() for ring in local):
+        raise InputError(f"{name} lies on another side of the earth than the datum", "check the datum")
+    metres = [_few_corners(ring) for ring in local]
     return {
         "boundary": metres[0],
         "no_go": [ring for ring in metres[1:] if len(ring) > 2],

@@ -16,6 +16,8 @@ from soilmoist_ros.foundation.errors import InputError
 STEP_M: Final = 0.3
 """Moves shorter than this are noise of the receiver [m]."""
 MAX_PLACES: Final = 20_000
+MAX_PLACE_M: Final = 1e6
+"""Largest coordinate [m]; the library that simplifies a ring never ends with an infinite area."""
 MIN_TOLERANCE_M, MAX_TOLERANCE_M = 0.25, 3.0
 """Smallest and largest distance of the ring from the places that it leaves out [m]."""
 _KEPT_SHARE: Final = 0.9
@@ -91,6 +93,8 @@ def walked(given: Mapping[str, Any]) -> dict[str, Any]:
     if len(places) < 4:
         remedy = "walk around the area, and wait for positions of the robot"
         raise InputError(f"the walk has {len(places)} places", remedy)
+    if not all(abs(value) <= MAX_PLACE_M for place in places for value in place):
+        raise InputError("the walk has places off the field", "wait for positions of the robot, and walk again")
     sd_m = None if given.get("sd") is None else float(given["sd"])
     tolerance_m = min(max(MIN_TOLERANCE_M, 2 * (sd_m or 0.0)), MAX_TOLERANCE_M)
     whole = shapely.Polygon(places)

@@ -152,10 +152,12 @@ def _bounding_box(frame: LocalFrame, xy_m: NDArray[np.float64]) -> list[float]:
 
 def _geometry(frame: LocalFrame, shape: Any) -> dict[str, Any]:
     """A local shape as GeoJSON geometry: right-hand rule, cut at the antimeridian (RFC 7946, 3.1.9)."""
-    from shapely import transform
+    from shapely import make_valid, transform
     from shapely.geometry import box, mapping
 
     there = transform(shape, lambda xy: _unwrapped(frame, xy))
+    if there.geom_type.endswith("Polygon"):
+        there = make_valid(there)  # about a pole the outline crosses itself
     west, _, east, _ = there.bounds
     if west < -180 or east > 180:
         beyond = -360.0 if east > 180 else 360.0

@@ -28,6 +28,8 @@ from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings,
 FindingKey = Literal["ami_high", "ami_low", "adaptive_sampling", "greedy_border"]
 """Short names of the published findings."""
 KEY_DIGITS = 16
+MAX_RUNS = 1_000_000
+"""Runs with different seeds, given by their number."""
 _OLD_KEYS = {"variogram": "model", "also": "properties", "also_weight": "properties"}
 _log = logging.getLogger(__name__)
 
@@ -40,8 +42,8 @@ def _many(value: Any) -> Any:
 def _seeds(value: Any) -> Any:
     """A number N means the seeds 1..N."""
     if isinstance(value, int) and not isinstance(value, bool):
-        if value < 1:
-            raise ValueError("there must be at least one run")
+        if not 1 <= value <= MAX_RUNS:
+            raise ValueError(f"there must be 1 to {MAX_RUNS} runs")
         return tuple(range(1, value + 1))
     if isinstance(value, (list, tuple)):
         return tuple(value)

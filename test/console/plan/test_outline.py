@@ -154,3 +154,9 @@ def test_many_corners_become_few_and_too_many_are_refused():
 def test_noise_is_refused_in_words(content, suffix):
     with pytest.raises(InputError):
         read(f"noise{suffix}", content)
+
+
+def test_a_file_on_another_side_of_the_earth_than_the_datum_is_refused():
+    polygon = shapely.Polygon([(170, -50), (170.01, -50), (170.01, -50.01)])
+    with pytest.raises(InputError, match="another side of the earth"):
+        read("f.geojson", shapely.to_geojson(polygon).encode())

@@ -124,6 +124,13 @@ def test_field_across_the_antimeridian_is_cut(make_run, tmp_path):
     assert track.geom_type == "MultiLineString"
 
 
+@pytest.mark.parametrize("latitude", [89.9999, 89.9996, -89.9999, 90.0])
+def test_field_at_a_pole_is_written(make_run, tmp_path, latitude):
+    found = load(write_samples(tmp_path / "s.geojson", make_run(frame=LocalFrame(latitude, 30.0))))
+    assert kinds(found)[0] == "field"
+    assert shape(found["features"][0]["geometry"]).is_valid
+
+
 def test_no_go_area_over_the_edge(make_run, map_of, tmp_path):
     soil = map_of(holes=[[(10.0, -40.0), (30.0, -40.0), (30.0, 0.0), (10.0, 0.0)]])
     found = load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil)))
