@@ -76,6 +76,8 @@ def run(make_node: Callable[[], Node]) -> None:
     * coroutines fail as callbacks of services and subscriptions (ros2/rclpy#1473)
     * a publisher or subscription with callbacks for its events must not be destroyed while the executor spins: the
       process may crash (ros2/rclpy#1644)
+    * an action server must not be destroyed while requests for it wait: the process may crash. The simulator takes
+      that risk when its navigation is to be gone
     * a signal ends the process after the present callback, or after half a second without one
 
     A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process.
