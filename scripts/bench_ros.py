@@ -13,6 +13,7 @@ usage: .venv/bin/python scripts/bench_ros.py [--only PART] [--quick] [--save]
 
 from __future__ import annotations
 
+import compileall
 import contextlib
 import json
 import math
@@ -38,6 +39,8 @@ import numpy as np
 import psutil
 import results
 
+import msg_adapters
+import soilmoist_ros
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
 from soilmoist_ros.nodes.system.demo_configuration import DemoSettings, write_configuration
@@ -173,17 +176,13 @@ def record_to_map(name: str, folder: Path, count: int) -> Row:
 # Start-up --------------------------------------------------------------------------------------------------------
 
 
-def start_up_s(command: list[str], name: str, log: Path, byte_code: Path) -> tuple[float, float]:
-    """Time from the start of a process until its node answers (it is complete and spins), and CPU time by then.
-
-    :param byte_code: folder for compiled modules, which an installed package also has
-    """
+def start_up_s(command: list[str], name: str, log: Path) -> tuple[float, float]:
+    """Time from the start of a process until its node answers (it is complete and spins), and CPU time by then."""
     with ros_domain() as (domain, environment), Observer(domain) as observer, log.open("ab") as output:
         from rcl_interfaces.srv import GetParameters
 
         client = observer.node.create_client(GetParameters, f"{name}/get_parameters")
-        environment = {**os.environ, **environment, "PYTHONPYCACHEPREFIX": str(byte_code)}
-        environment.pop("PYTHONDONTWRITEBYTECODE", None)
+        environment = {**os.environ, **environment}
         started = time.perf_counter()
         process = subprocess.Popen(command, env=environment, stdout=output, stderr=output, start_new_session=True)
         try:
@@ -204,8 +203,7 @@ def start_up_s(command: list[str], name: str, log: Path, byte_code: Path) -> tup
 def start_up_rows(folder: Path, repeats: int) -> list[Row]:
     """Median start-up time of every node and of a node that does nothing.
 
-    The nodes take turns, because the speed of the machine may change. A first round, which compiles the modules,
-    does not count.
+    The nodes take turns, because the speed of the machine may change. A first round does not count.
     """
     parameters: Mapping[str, dict[str, object]] = {
         "sensor_driver": {"field": "example", "logger_uri": "tcp://127.0.0.1:9", "gnss_uri": "tcp://127.0.0.1:9"},
@@ -221,7 +219,7 @@ def start_up_rows(folder: Path, repeats: int) -> list[Row]:
     times: dict[str, list[tuple[float, float]]] = {name: [] for name in commands}
     for turn in range(repeats + 1):
         for name, command in commands.items():
-            taken = start_up_s(command, name, folder / f"{name}.log", folder / "byte_code")
+            taken = start_up_s(command, name, folder / f"{name}.log")
             if turn > 0:
                 times[name].append(taken)
     medians = {
@@ -352,7 +350,7 @@ def node_of(process: psutil.Process) -> str:
 
 
 def load(setting: Setting, folder: Path, seconds: float) -> list[Row]:
-    """CPU share and memory of each node of the robot while it drives and counts.
+    """CPU share and memory of each node while the robot drives and counts, and of a node that does nothing.
 
     :param seconds: time during which CPU time counts, from the first record on [s]
     """
@@ -368,6 +366,7 @@ def load(setting: Setting, folder: Path, seconds: float) -> list[Row]:
         elapsed_s = time.perf_counter() - began
         used_s = {name: cpu_s(process) - before[name] for name, process in its.processes.items()}
         last = its.status[-1]
+        bare: Row = {"what": setting.what, "node": "bare"} | bare_load(min(20.0, seconds))
     if last.distance_m <= first.distance_m or last.counting_s <= first.counting_s:
         raise SystemExit(f"{setting.what}: the robot did not drive and count: {first} {last}")
     rows: list[Row] = [
@@ -378,7 +377,23 @@ def load(setting: Setting, folder: Path, seconds: float) -> list[Row]:
     total: Row = {"what": setting.what, "node": "all four"}
     for column in ("cpu_percent", "rss_mb", "pss_mb"):
         total[column] = sum(float(str(row[column])) for row in rows)
-    return [*rows, total]
+    return [*rows, total, bare]
+
+
+def bare_load(seconds: float) -> Row:
+    """CPU share and memory of a node that does nothing, beside the nodes that run."""
+    process = subprocess.Popen([sys.executable, "-c", BARE_NODE])
+    try:
+        time.sleep(5.0)
+        watched = psutil.Process(process.pid)
+        began, before = time.perf_counter(), cpu_s(watched)
+        time.sleep(seconds)
+        used = (cpu_s(watched) - before) / (time.perf_counter() - began)
+        rss_mb, pss_mb = memory_mb(watched)
+        return {"cpu_percent": 100 * used, "rss_mb": rss_mb, "pss_mb": pss_mb}
+    finally:
+        process.kill()
+        process.wait()
 
 
 def aborts(folder: Path, tries: int) -> list[Row]:
@@ -451,6 +466,10 @@ def main() -> None:
     parser.add_argument("--only", choices=("latency", "start-up", "load", "abort"), help="one part")
     given = parser.parse_args()
     records, repeats, seconds = (60, 2, 60.0) if given.quick else (240, 7, 120.0)
+    # An installed package has compiled modules; compiling takes time and memory.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    for package in (soilmoist_ros, msg_adapters):
+        compileall.compile_dir(Path(package.__file__).parent, quiet=1)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         if given.only in (None, "latency"):
@@ -466,7 +485,8 @@ def main() -> None:
             rows = [row for each in LOADS for row in load(each, folder / each.what.partition(" ")[0], seconds)]
             settings = (
                 "a record every 10 s, 10 fixes per second, clock of 50 Hz in simulated time, gcb with optimal, "
-                f"over {seconds:g} s; 100 % is one core; rss: resident memory, pss: proportional share of it"
+                f"over {seconds:g} s; 100 % is one core; rss: resident memory, pss: proportional share of it; "
+                "bare: a node that does nothing"
             )
             results.publish("ros_load", *results.columns_and_rows(rows), settings, given.save)
         if given.only in (None, "abort"):

@@ -9,7 +9,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -104,7 +104,8 @@ def read_topological_map(path: Path) -> TopologicalMap:
             raise InputError(f"cannot be read: {error.strerror}", "check the path", path) from None
         except UnicodeDecodeError as error:
             raise InputError(f"is not UTF-8 text (byte {error.start})", "save it as UTF-8", path) from None
-    return _checked(read_yaml(path), path)
+    found = _checked(read_yaml(path), path)
+    return replace(found, document=_plain(found.document))
 
 
 def parse_topological_map(text: str, path: Path | None = None) -> TopologicalMap:
@@ -257,7 +258,7 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
         raise InputError(mistakes or error.mistakes) from None
     if mistakes:
         raise InputError(mistakes)
-    return TopologicalMap(_plain(content), graph)
+    return TopologicalMap(content, graph)
 
 
 def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
