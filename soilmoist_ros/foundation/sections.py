@@ -78,15 +78,19 @@ def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -
         known = _known_keys(model, location[:-1])
         unknown = str(location[-1])
         remedy = f"remove it or use one of: {', '.join(known)}{did_you_mean(unknown, known)}"
+        if unknown.isdecimal():
+            remedy = "write decimals with a point: 53.2, not 53,2"
         return Mistake(f"unknown key {unknown!r}", remedy, path, line, column)
     if detail["type"] == "missing":
         return Mistake(f"the key {location[-1]!r} is missing", "add it", path, line, column)
-    message = detail["msg"].removeprefix("Value error, ")
+    message = detail["msg"].removeprefix("Value error, ").replace(" after validation", "")
     message = message[:1].lower() + message[1:]
     value = detail.get("input")
     if isinstance(value, (str, int, float)) and repr(value) not in message:
         message += f", but it is {value!r}"
-    return Mistake(message, "", path, line, column)
+    swapped = location[-1:] == ("latitude_deg",) and detail["type"] in ("greater_than_equal", "less_than_equal")
+    remedy = "check whether latitude and longitude are swapped" if swapped else ""
+    return Mistake(message, remedy, path, line, column)
 
 
 def _is_tag(part: int | str, content: Any) -> bool:

@@ -148,6 +148,9 @@ def load_field(path: Path) -> Field:
 
     :raises InputError: with every mistake in the file or in the GeoJSON that it names
     """
+    if path.suffix.lower() == ".geojson":
+        remedy = f"write a field file, a YAML file with the line 'geojson: {path.name}'"
+        raise InputError("is GeoJSON, not a field file", remedy, path)
     content = load_model(path, FieldFile)
     holes_lonlat: list[NDArray[np.float64]] = []
     lonlat: NDArray[np.float64] | None = None

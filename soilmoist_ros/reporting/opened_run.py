@@ -202,6 +202,8 @@ def open_run(folder: Path | str) -> OpenedRun:
     (True, ['rate', 'rate_sd', 'vwc', 'vwc_p05', 'vwc_p95', 'vwc_sd'])
     """
     run = OpenedRun(Path(folder))
+    if run.folder.is_file():
+        raise InputError("is a file, not the folder of a run", f"give {run.folder.parent}", run.folder)
     if not (run.folder / SUMMARY).is_file():
         raise InputError(f"holds no {SUMMARY}", "give the folder that --out of a run named", run.folder)
     _ = run.summary

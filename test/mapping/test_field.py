@@ -61,11 +61,22 @@ def test_boundary_in_degrees_and_in_geojson_are_the_same_field(tmp_path):
         (SQUARE + "polygon_lonlat: [[53,200],[1,0],[1,1]]\n", "is not \\[longitude, latitude\\] in degrees"),
         (SQUARE + "geojson: missing.json\n", "cannot be read"),
         (SQUARE + "polgon: [[0,0],[1,0],[1,1]]\n", "did you mean 'polygon'"),
+        (
+            "datum: {latitude_deg: -97.4, longitude_deg: 38.7}\n",
+            "-97.4 -> check whether latitude and longitude are",
+        ),
+        ("datum: {latitude_deg: 53,2, longitude_deg: -0.5}\n", "unknown key '2' -> write decimals with a point"),
     ],
 )
 def test_mistakes_are_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         load_field(write(tmp_path, text))
+
+
+def test_geojson_in_place_of_a_field_file_is_named(tmp_path):
+    (tmp_path / "east.geojson").write_text('{"type": "FeatureCollection", "features": []}')
+    with pytest.raises(InputError, match=r"is GeoJSON, not a field file -> .* 'geojson: east\.geojson'"):
+        load_field(tmp_path / "east.geojson")
 
 
 @pytest.mark.parametrize(

@@ -98,6 +98,8 @@ def test_samples_as_points(run):
 def test_what_is_missing_is_named_with_a_remedy(run, tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"holds no summary.json -> give the folder"):
         open_run(tmp_path)
+    with pytest.raises(InputError, match=r"is a file, not the folder of a run -> give "):
+        open_run(run.folder / "map.tif")
     (tmp_path / "summary.json").write_text("{")
     with pytest.raises(InputError, match="cannot be read"):
         open_run(tmp_path)

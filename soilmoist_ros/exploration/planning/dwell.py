@@ -284,6 +284,8 @@ def parse_dwell(text: str, longest_s: float = MAX_DWELL_S) -> DwellRule:
     name, colon, number = (part.strip() for part in text.lower().partition(":"))
     if name == _OF_STOP:
         return _of_stop(number, longest_s)
+    if name.removesuffix("s").isdecimal():
+        raise InputError(f"the dwell rule {text.strip()!r} is a number without a rule", _EXAMPLES)
     kind = DWELL_RULES.get(name)
     if kind.needs_value and not number:
         raise InputError(f"the dwell rule {text.strip()!r} has no number after '{name}:'", _EXAMPLES)

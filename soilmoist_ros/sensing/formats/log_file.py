@@ -143,6 +143,8 @@ def other_format(lines: Sequence[bytes]) -> str:
     fitting = matching_formats(lines)
     if fitting:
         return f"this looks like {fitting[0]}: pass --logger {fitting[0]}"
+    if matching_formats([line.replace(b";", b",") for line in lines[:HEADER_LINES]]):
+        return "semicolons separate its columns, as spreadsheets write them: give the file as the logger wrote it"
     if any(_GNSS_SENTENCE.match(line) for line in lines[:HEADER_LINES]):
         return "this looks like the log of a GNSS receiver: pass it with --nmea, together with the neutron log"
     return (

@@ -112,7 +112,8 @@ class Setting:
             except ValueError as error:
                 if str(error).startswith("must"):
                     raise
-                raise ValueError(f"must be {_KINDS[self.kind]}, but it is {text!r}") from None
+                point = f" -> write {text.replace(',', '.')}" if text.replace(",", "", 1).isdecimal() else ""
+                raise ValueError(f"must be {_KINDS[self.kind]}, but it is {text!r}{point}") from None
         return self.checked(text)
 
 

@@ -33,6 +33,11 @@ def test_a_value_that_is_not_allowed_is_named(name, value, message):
         MissionSettings(**{name: value}).check()
 
 
+def test_a_decimal_comma_is_named():
+    with pytest.raises(ValueError, match=r"must be a number, but it is '0,5' -> write 0\.5"):
+        SETTINGS["hours"].parsed("0,5")
+
+
 def test_a_whole_number_of_a_parser_is_a_number():
     """As ruamel reads ``0`` in a campaign file."""
 
