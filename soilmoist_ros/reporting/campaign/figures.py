@@ -17,6 +17,7 @@ from soilmoist_ros.reporting.campaign.data import (
     strategies_in,
 )
 from soilmoist_ros.reporting.colours import RATE, UNCERTAIN
+from soilmoist_ros.reporting.figures.style import of_text_width
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text, strategy_traits
 from soilmoist_ros.reporting.page.style import (
     BLUE,
@@ -67,21 +68,21 @@ def _is_baseline(strategy: str) -> bool:
 
 
 def campaign_figures(data: CampaignData) -> Iterator[tuple[str, Figure]]:
-    """Names and figures of the report, without the maps of examples; the number is that of the case, from 1."""
+    """Names and figures for publications, without the maps of examples; the number is that of the case, from 1."""
     for case in data.strategy_cases:
-        yield f"strategies_{case.number + 1}", strategies_figure(data, case)
+        yield f"strategies_{case.number + 1}", of_text_width(strategies_figure(data, case))
     for case in data.cases:
         if interval_strategies(data, case):
-            yield f"intervals_{case.number + 1}", intervals_figure(data, case)
-    yield "coverage", coverage_figure(data, data.strategy_cases or data.cases)
+            yield f"intervals_{case.number + 1}", of_text_width(intervals_figure(data, case))
+    yield "coverage", of_text_width(coverage_figure(data, data.strategy_cases or data.cases))
 
 
 def strategies_figure(data: CampaignData, case: Case) -> Figure:
     """Distance and error against time, one line per strategy: mean and standard deviation over the runs."""
     rows = data.over_time(case, data.main_dwell(case))
     figure = new_figure(WIDTH_IN, 3.7)
-    left = plain(figure.add_axes((0.065, 0.145, 0.295, 0.76)), "y")
-    right = plain(figure.add_axes((0.555, 0.145, 0.295, 0.76)), "y")
+    left = plain(figure.add_axes((0.065, 0.145, 0.27, 0.76)), "y")
+    right = plain(figure.add_axes((0.555, 0.145, 0.29, 0.76)), "y")
     lines = [(strategy_text(name), rows[rows["strategy"] == name], _look(name)) for name in strategies_in(rows)]
     kilometres = rows["distance_m"].max() >= 3000
     scale, unit = (1e-3, "km") if kilometres else (1.0, "m")

@@ -377,7 +377,12 @@ def test_no_text_is_cut_off_or_written_over_another(wide):
         campaign_figures.intervals_figure(wide, case),
         campaign_figures.coverage_figure(wide, wide.cases),
         campaign_figures.examples_figure(wide, case),
+        *(figure for _, figure in campaign_figures.campaign_figures(wide)),
     ]
+    for figure in figures[-3:]:  # those for publications
+        assert 25.4 * figure.get_size_inches()[0] == pytest.approx(174)
+        sizes = [text.get_fontsize() for text in figure.findobj(Text) if text.get_text()]
+        assert 6.2 < min(sizes) <= max(sizes) < 9.0
     for figure in figures:
         figure.canvas.draw()
         texts = [text for text in figure.findobj(Text) if re.search("[a-z]", text.get_text())]  # no ticks
