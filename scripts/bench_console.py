@@ -12,7 +12,6 @@ usage: .venv/bin/python scripts/bench_console.py [--time-factor 1] [--viewers 3]
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -45,7 +44,7 @@ def demo(time_factor: float) -> Iterator[tuple[str, psutil.Process]]:
         )  # fmt: skip
         assert process.stdout is not None
         try:
-            address = re.sub(r"^console: ", "", process.stdout.readline().strip())
+            address = process.stdout.readline().removeprefix("console").strip()
             deadline = time.monotonic() + LIMIT_S
             while True:
                 with suppress(OSError), urllib.request.urlopen(f"{address}map/rate.png", timeout=10):
