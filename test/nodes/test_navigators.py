@@ -214,6 +214,20 @@ def test_the_server_may_die_in_mid_goal_and_come_back(ros, world, drive):
         assert second.ends == ["succeeded"]
 
 
+def test_no_goal_goes_to_two_navigations_of_one_name(ros, world, navigation, drive):
+    driver = drive()
+    with VirtualNavigation(ros, world) as second:
+        ros.wait_for(lambda: "one navigation: 2 nodes" in driver.navigator.waiting_for)
+        driver.navigator.tick(world.now_s)
+        driver.navigator.go(1, OTHER, WAY)
+        asked_s = world.now_s
+        ros.wait_for(lambda: world.now_s > asked_s + 10.0)
+        assert not navigation.goals
+        assert not second.goals
+    assert driver.end_of(1).outcome is Outcome.SUCCEEDED
+    assert len(navigation.goals) == 1
+
+
 def test_the_action_type_must_exist():
     assert action_class("topological_navigation_msgs/action/GotoNode", "target") is GotoNode
     for name, said in [

@@ -11,6 +11,7 @@ The answers of such a navigation cannot all be believed:
 * Goals share their state in the server. So a goal is sent only after the end of the one before is known.
 * The server may come late, die in mid-goal, or not answer. So everything has a time limit, and a goal whose end
   was never heard of is cancelled again until the server says that it is over or unknown.
+* Two servers of one name would both drive the robot, and both answer. So no goal is sent until one is left.
 
 A goal of the mission may have way points. Each of them is a goal for the server, sent after the arrival at the one
 before. The robot passes every way point closely: a turn begun early would cut the corner of a no-go area.
@@ -118,7 +119,7 @@ class GoalClient:
         self._radius_m = radius_m
         self._limits = limits or GoalLimits()
         self._goals: dict[int, _Goal] = {}  # those that may still run, also when their end has been reported
-        self._server_there = False
+        self._servers = 0
         self._server_seen_s = -math.inf
         self._out: list[Request] = []
 
@@ -206,10 +207,10 @@ class GoalClient:
                     self._arrived(goal, stop, now_s)
         return self._go_on(now_s)
 
-    def tick(self, server_there: bool, now_s: float) -> tuple[Request, ...]:
-        """Time has passed; whether the server is there now."""
-        self._server_there = server_there
-        if server_there:
+    def tick(self, servers: int, now_s: float) -> tuple[Request, ...]:
+        """Time has passed; number of servers that are there now."""
+        self._servers = servers
+        if servers:
             self._server_seen_s = now_s
         return self._go_on(now_s)
 
@@ -227,10 +228,10 @@ class GoalClient:
             self._meet_limits(goal, now_s)
         for goal in self._goals.values():
             known = goal.step is _Step.ACTIVE or (goal.step is _Step.SENT and goal.reported)
-            if goal.cancel and known and self._server_there and now_s - goal.asked_s >= CANCEL_AGAIN_S:
+            if goal.cancel and known and self._servers and now_s - goal.asked_s >= CANCEL_AGAIN_S:
                 goal.asked_s = now_s
                 self._out.append(CancelSent(goal.goal_id, bool(goal.ahead)))
-        if self._server_there and len(self._goals) == 1:
+        if self._servers == 1 and len(self._goals) == 1:
             goal = next(iter(self._goals.values()))
             if goal.step is _Step.WAITING:
                 goal.step, goal.since_s = _Step.SENT, now_s
@@ -244,8 +245,10 @@ class GoalClient:
         limits, waited_s = self._limits, now_s - goal.since_s
         on_server = goal.step in (_Step.SENT, _Step.ACTIVE)
         if goal.step is _Step.WAITING and waited_s > limits.start_s:
-            before = "does not end the goal before" if self._server_there else "is not there"
-            self._over(goal, Outcome.FAILED, f"the navigation {before} (waited {limits.start_s:.0f} s)")
+            why = "is not there"
+            if self._servers:
+                why = "does not end the goal before" if self._servers == 1 else f"has {self._servers} servers"
+            self._over(goal, Outcome.FAILED, f"the navigation {why} (waited {limits.start_s:.0f} s)")
         elif on_server and now_s - max(self._server_seen_s, goal.since_s) > limits.lost_s:
             self._give_up(goal, Outcome.FAILED, "the navigation has gone away", now_s)
         elif goal.step is _Step.SENT and waited_s > limits.answer_s:

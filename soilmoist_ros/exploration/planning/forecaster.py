@@ -44,7 +44,7 @@ MAX_FORECASTS = 60
 """Number of forecasts in a long mission."""
 UNIFORM_FROM = 0.2
 """Share of the mission time after which a field may be called uniform."""
-SPREAD = 0.26
+SPREAD = 0.3
 """Logarithm of the band's factor when the exposure has grown e-fold; 80 % of missions end within the band."""
 _STEPS = 8
 _GUESSED_VARIATION, _GUESSED_NUGGET = 0.15, 0.05

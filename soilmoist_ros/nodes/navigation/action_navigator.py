@@ -72,7 +72,16 @@ class ActionNavigator(ABC):
     @property
     def waiting_for(self) -> str:
         """See :class:`Navigator`."""
-        return "" if self._actions.server_is_ready() else f"the navigation {self._name}"
+        servers = self._servers
+        if servers > 1:
+            return f"one navigation: {servers} nodes answer as {self._name}"
+        return "" if servers else f"the navigation {self._name}"
+
+    @property
+    def _servers(self) -> int:
+        # Answers of two servers to one goal crash the executor.
+        found = self._node.count_services(f"{self._name}/_action/send_goal")
+        return max(found, 1) if self._actions.server_is_ready() else 0
 
     @property
     @abstractmethod
@@ -111,7 +120,7 @@ class ActionNavigator(ABC):
         """See :class:`Navigator`."""
         with self._lock:
             self._track.tick(now_s)
-        self._step(self._client.tick, self._actions.server_is_ready())
+        self._step(self._client.tick, self._servers)
 
     # What the action's messages contain ----------------------------------------------------------------------
 

@@ -78,6 +78,7 @@ def run(make_node: Callable[[], Node]) -> None:
       process may crash (ros2/rclpy#1644)
     * an action server must not be destroyed while requests for it wait: the process may crash. The simulator takes
       that risk when its navigation is to be gone
+    * an action client must not send goals to two servers of one name: both answer, and the process crashes
     * a signal ends the process after the present callback, or after half a second without one
 
     A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process.

@@ -80,7 +80,10 @@ class Setting:
         if self.method and callable(getattr(value, self.method, None)):
             return value
         if self.kind is float and _is_of(value, int):  # a YAML parser may give an int of its own
-            value = float(value)
+            try:
+                value = float(value)
+            except OverflowError:
+                value = math.inf if value > 0 else -math.inf
         if self.kind is not tuple and not _is_of(value, self.kind):
             raise ValueError(f"must be {_KINDS[self.kind]}, but it is {given!r}")
         names = self.choices if self.registered is None else self.registered()

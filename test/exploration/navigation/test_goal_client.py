@@ -17,7 +17,7 @@ SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 
 def client_with_goal(**limits):
     client = GoalClient(3.0, GoalLimits(**limits))
-    client.tick(True, 0.0)
+    client.tick(1, 0.0)
     assert client.go(1, (A,), 0.0) == (SendGoal(1, A),)
     assert client.answered(1, True, 0.1) == ()
     return client
@@ -41,6 +41,21 @@ def test_anything_else_is_not_an_arrival(status, success):
     assert client.moved((0.0, 0.0), 3.0) == ()
 
 
+def test_no_goal_goes_to_two_servers_of_one_name():
+    client = GoalClient(3.0, GoalLimits(start_s=5.0))
+    client.tick(2, 0.0)
+    assert client.go(1, (A,), 0.0) == ()
+    assert client.tick(1, 1.0) == (SendGoal(1, A),)
+    client.answered(1, True, 1.1)
+    assert client.tick(2, 2.0) == (), "a goal that runs goes on"
+    assert client.cancel(1, 3.0) == (CancelSent(1, True),), "the robot can always be stopped"
+    client.ended(1, CANCELED, False, 3.5)
+    assert client.go(2, (B,), 4.0) == ()
+    (end,) = client.tick(2, 9.5)
+    assert end.outcome is Outcome.FAILED
+    assert "has 2 servers" in end.reason
+
+
 def test_a_position_that_never_agrees():
     client = client_with_goal(positions=3)
     client.ended(1, SUCCEEDED, True, 2.0)
@@ -52,8 +67,8 @@ def test_a_position_that_never_agrees():
 def test_no_position_at_all():
     client = client_with_goal(position_s=10.0)
     client.ended(1, SUCCEEDED, True, 2.0)
-    assert client.tick(True, 11.0) == ()
-    assert "no position" in client.tick(True, 12.5)[0].reason
+    assert client.tick(1, 11.0) == ()
+    assert "no position" in client.tick(1, 12.5)[0].reason
 
 
 @pytest.mark.parametrize("status", [SUCCEEDED, CANCELED, ABORTED])
@@ -75,32 +90,32 @@ def test_a_goal_that_the_server_does_not_know_any_more_has_ended(code):
 def test_a_goal_is_not_sent_before_the_end_of_the_one_before_is_known():
     client = client_with_goal()
     assert client.go(2, (B,), 1.0) == (Ended(1, Outcome.CANCELED, "replaced by another goal"), CancelSent(1, True))
-    assert client.tick(True, 2.0) == ()
-    assert client.tick(True, 3.5) == (CancelSent(1, True),), "cancelled again while it does not end"
+    assert client.tick(1, 2.0) == ()
+    assert client.tick(1, 3.5) == (CancelSent(1, True),), "cancelled again while it does not end"
     assert client.ended(1, ABORTED, False, 4.0) == (SendGoal(2, B),)
 
 
 def test_it_does_not_wait_for_that_for_ever():
     client = client_with_goal(start_s=5.0)
     client.go(2, (B,), 1.0)
-    assert outcomes(client.tick(True, 6.5)) == [Outcome.FAILED]
+    assert outcomes(client.tick(1, 6.5)) == [Outcome.FAILED]
     assert SendGoal(3, B) not in client.go(3, (B,), 7.0), "the server is still at work"
 
 
 def test_a_restarted_server_is_asked_before_the_next_goal():
     client = client_with_goal(lost_s=5.0)
-    assert client.tick(False, 4.0) == ()
-    assert outcomes(client.tick(False, 10.0)) == [Outcome.FAILED]
+    assert client.tick(0, 4.0) == ()
+    assert outcomes(client.tick(0, 10.0)) == [Outcome.FAILED]
     assert client.go(2, (B,), 11.0) == ()
-    assert client.tick(True, 12.0) == (CancelSent(1, True),)
+    assert client.tick(1, 12.0) == (CancelSent(1, True),)
     assert client.cancel_answered(1, 2, 12.1) == (SendGoal(2, B),)
 
 
 def test_an_acceptance_that_comes_too_late_is_cancelled():
     client = GoalClient(3.0, GoalLimits(answer_s=2.0))
-    client.tick(True, 0.0)
+    client.tick(1, 0.0)
     client.go(1, (A,), 0.0)
-    given_up = client.tick(True, 3.0)
+    given_up = client.tick(1, 3.0)
     assert outcomes(given_up) == [Outcome.FAILED]
     assert CancelSent(1, True) in given_up
     client.cancel_answered(1, 2, 3.1)
@@ -111,12 +126,12 @@ def test_cancelled_before_it_was_sent():
     client = GoalClient(3.0)
     assert client.go(1, (A,), 0.0) == ()
     assert outcomes(client.cancel(1, 1.0)) == [Outcome.CANCELED]
-    assert client.tick(True, 2.0) == ()
+    assert client.tick(1, 2.0) == ()
 
 
 def test_already_there_needs_no_goal_unless_another_one_may_still_drive():
     client = GoalClient(3.0)
-    client.tick(True, 0.0)
+    client.tick(1, 0.0)
     assert client.go(1, (A,), 0.0, True) == (Ended(1, Outcome.SUCCEEDED, "already at a"),)
     assert client.go(2, (B,), 1.0) == (SendGoal(2, B),)
     client.answered(2, True, 1.1)
@@ -126,7 +141,7 @@ def test_already_there_needs_no_goal_unless_another_one_may_still_drive():
 
 def test_way_points_are_goals_one_after_the_other():
     client = GoalClient(3.0)
-    client.tick(True, 0.0)
+    client.tick(1, 0.0)
     assert client.go(1, (A, B), 0.0) == (SendGoal(1, A),)
     client.answered(1, True, 0.1)
     assert client.ended(1, SUCCEEDED, True, 5.0) == (), "the position has not agreed yet"
@@ -139,7 +154,7 @@ def test_way_points_are_goals_one_after_the_other():
 @pytest.mark.parametrize("at", ["driving", "checking"])
 def test_after_a_cancellation_no_further_way_point_is_sent(at):
     client = GoalClient(3.0)
-    client.tick(True, 0.0)
+    client.tick(1, 0.0)
     client.go(1, (A, B), 0.0)
     client.answered(1, True, 0.1)
     if at == "checking":
@@ -149,12 +164,12 @@ def test_after_a_cancellation_no_further_way_point_is_sent(at):
         assert client.cancel(1, 1.0) == (CancelSent(1, True),)
         assert outcomes(client.ended(1, SUCCEEDED, True, 1.1)) == [Outcome.CANCELED]
     assert client.moved((0.0, 0.0), 2.0) == ()
-    assert client.tick(True, 3.0) == ()
+    assert client.tick(1, 3.0) == ()
 
 
 def test_a_way_point_that_fails_ends_the_goal():
     client = GoalClient(3.0)
-    client.tick(True, 0.0)
+    client.tick(1, 0.0)
     client.go(1, (A, B), 0.0)
     client.answered(1, True, 0.1)
     (end,) = client.ended(1, ABORTED, False, 5.0, "no valid path (code 208)")
@@ -229,5 +244,5 @@ def test_whatever_happens_every_goal_ends_once_and_one_runs_at_a_time(events):
             server.take(getattr(client, kind)(*about, *values, now_s))
     for _ in range(200):
         now_s += 1.0
-        server.take(client.tick(False, now_s))
+        server.take(client.tick(0, now_s))
     assert sorted(server.ended) == list(range(1, server.asked + 1))

@@ -16,6 +16,7 @@ from soilmoist_ros.simulation.mission.settings import SETTINGS
     [
         ("hours", 0, "must be > 0"),
         ("hours", math.inf, "must be finite"),
+        ("hours", 10**400, "must be finite"),
         ("hours", True, "must be a number"),
         ("seed", -1, "must be >= 0"),
         ("robots", 1.5, "must be a whole number"),
