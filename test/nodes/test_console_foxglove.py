@@ -40,8 +40,11 @@ class Viewer:
             while not condition():
                 message = await self.connection.receive()
                 if isinstance(message.data, str):
-                    for one in json.loads(message.data).get("channels", []):
+                    said = json.loads(message.data)
+                    for one in said.get("channels", []):
                         self.channels[one["topic"]] = one
+                    if unknown := re.fullmatch(r"Unknown channel ID: (\d+)", said.get("message", "")):
+                        await self.ask(int(unknown[1]))  # told a moment before it is known
                     continue
                 kind, number, _time_ns = struct.unpack("<BIQ", message.data[:13])
                 assert kind == MESSAGE
@@ -54,7 +57,13 @@ class Viewer:
         await self.until(lambda: set(topics) <= set(self.channels))
         first = len(self.topics)
         self.topics |= dict(enumerate(topics, first))
-        wanted = [{"id": first + n, "channelId": self.channels[topic]["id"]} for n, topic in enumerate(topics)]
+        for topic in topics:
+            await self.ask(self.channels[topic]["id"])
+
+    async def ask(self, channel):
+        """Subscribe to a channel."""
+        (number,) = (number for number, topic in self.topics.items() if self.channels[topic]["id"] == channel)
+        wanted = [{"id": number, "channelId": channel}]
         await self.connection.send_json({"op": "subscribe", "subscriptions": wanted})
 
     def of(self, topic):

@@ -102,8 +102,8 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "check the mapper; the records are in the recording and can be mapped later",
         ),
         Cause.NAVIGATION_SILENT: Failsafe(
-            "the navigation is not there, two nodes answer in its name, or it says nothing for the limit, while it "
-            "drives the robot",
+            "the navigation is not there, two nodes answer in its name, or it says nothing for the limit, "
+            "while it drives the robot",
             Response.HOLD,
             ("navigation_silent_s",),
             "check the navigation of the robot",
