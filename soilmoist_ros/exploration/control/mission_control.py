@@ -248,6 +248,8 @@ class MissionControl:
     def _take(self, access: FieldAccess, graph: TravelGraph | None, place: tuple[float, float] | None) -> None:
         if access.warning and (self._access is None or access.warning != self._access.warning):
             _log.warning(access.warning)
+        if graph is not None and (self._access is None or access.stops != self._access.stops):
+            _log.info("%d of %d nodes of the topological map are stops", len(access.stops), len(graph.names))
         self._mission.rules = replace(self._mission.rules, home=access.home)
         access.travel.motion = self._learned.motion
         self._access, self._graph, self._asked_at = access, graph, place

@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.foundation.lazy import load_when_used
+from soilmoist_ros.nodes.runtime.core_log import CoreLog
 from soilmoist_ros.nodes.runtime.memory import return_memory
 
 _SWITCH_S: Final = 5e-4
@@ -106,8 +107,10 @@ def run(make_node: Callable[[], Node]) -> None:
         signal.signal(number, stop)
     node = None
     code = 0
+    log = CoreLog()
     try:
         node = make_node()
+        log.follow(node)
         executor.add_node(node)
         while not stopping and rclpy.ok() and not getattr(node, "finished", False):
             try:
@@ -125,6 +128,7 @@ def run(make_node: Callable[[], Node]) -> None:
         close = getattr(node, "close", None)
         if close is not None:
             close()
+        log.close()
         executor.shutdown(timeout_sec=2.0)
         if node is not None:
             node.destroy_node()

@@ -190,13 +190,15 @@ def test_a_goal_that_the_fence_refuses_is_never_sent_and_its_stop_ruled_out():
 
 def test_a_robot_in_another_part_of_the_map_uses_that_part(caplog):
     islands = graph({**PLACES, "i": (3, 36), "j": (14, 36)}, "a s t u b", "i j")
-    with caplog.at_level(logging.WARNING):
+    with caplog.at_level(logging.INFO):
         around = Recorder(islands, (4.0, 35.0))
         assert around.control.command(Verb.START).accepted
         around.until_sent()
     assert {stop.name for stop, _ in around.sent} <= {"i", "j"}
     assert around.sent
     assert sum("no-go area (p), i" in r.message or "i, j" in r.message for r in caplog.records) == 1
+    counted = [r.message for r in caplog.records if r.levelno == logging.INFO]
+    assert counted == [f"{n} of 8 nodes of the topological map are stops" for n in (5, 2)]
     stuck = Recorder(graph({**PLACES, "i": (3, 36)}, "a s t u b"), (4.0, 35.0))
     answer = stuck.control.command(Verb.START)
     assert not answer.accepted

@@ -12,16 +12,18 @@ import sys
 import pytest
 
 pytest.importorskip("rclpy")
+from rcl_interfaces.msg import Log
 from rclpy.logging import get_logger
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Empty, Trigger
 
 from msg_adapters.stamps import to_time
 from soilmoist_ros.nodes.runtime.qos import CLOCK
+from soilmoist_ros.nodes.runtime.qos import VISITS as ROSOUT
 from soilmoist_ros.nodes.runtime.run import _name_callers
 
 NODE = """
-import sys, threading, time
+import logging, sys, threading, time
 from rclpy.node import Node
 from std_srvs.srv import Empty, Trigger
 from soilmoist_ros.foundation.errors import InputError
@@ -70,6 +72,11 @@ class Example(Node):
         return response
     def on_break(self, request, response):
         if MODE == "fails": raise RuntimeError("a mistake")
+        core = logging.getLogger("soilmoist_ros.exploration")
+        core.info("a fact")
+        core.warning("a %s", "warning")
+        core.error("an error")
+        core.debug("a detail")
         return response
     def on_end(self, request, response):
         self.finished = True
@@ -131,6 +138,20 @@ def test_a_failing_callback_does_not_end_it(ros, example):
     end.call_async(Trigger.Request())  # the process may end before its answer is out
     assert process.wait() == 0
     assert "RuntimeError: a mistake" in process.output()
+
+
+def test_the_log_of_the_core_is_that_of_the_node(ros, example):
+    said = ros.collect(Log, "/rosout", ROSOUT)
+    process = example("works")
+    client = ros.node.create_client(Trigger, "break")
+    ros.wait_for(client.service_is_ready)
+    ros.wait_for(lambda: ros.node.get_publishers_info_by_topic("/rosout"))
+    client.call_async(Trigger.Request())
+    ros.wait_for(lambda: any(one.msg == "an error" for one in said))
+    heard = [(one.level, one.msg) for one in said if one.name == "example"]
+    assert heard == [(20, "a fact"), (30, "a warning"), (40, "an error")]
+    assert "[WARN]" in process.output()
+    assert process.output().count("a warning") == 1
 
 
 def test_a_signal_waits_for_the_callback(ros, example):
