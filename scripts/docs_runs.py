@@ -21,6 +21,7 @@ from pathlib import Path
 
 import nbformat
 from nbclient import NotebookClient
+from traitlets.config import Config
 
 ROOT = Path(__file__).resolve().parent.parent
 SOILMOIST = Path(sys.executable).with_name("soilmoist")
@@ -149,7 +150,11 @@ def run_notebook(path: Path) -> nbformat.NotebookNode:
     """Run a notebook in the folder of the project; a cell that fails is an error."""
     notebook = nbformat.read(path, as_version=4)
     folder = {"metadata": {"path": str(ROOT)}}
-    NotebookClient(notebook, kernel_name="python3", timeout=NOTEBOOK_LIMIT_S, resources=folder).execute()
+    # By TCP, any user of the machine could send code to the kernel, which warns of it.
+    files = Config(KernelManager={"transport": "ipc"})
+    NotebookClient(
+        notebook, kernel_name="python3", timeout=NOTEBOOK_LIMIT_S, resources=folder, config=files
+    ).execute()
     return notebook
 
 
