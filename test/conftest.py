@@ -3,8 +3,12 @@
 """Fixtures shared by all folders of tests."""
 
 import os
+import sys
 import zlib
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from hypothesis import settings
@@ -15,6 +19,24 @@ settings.register_profile("search", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def load_script():
+    """A function that loads a file of ``scripts/`` as a module, with what it imports from there."""
+
+    def load(name: str) -> ModuleType:
+        path = ROOT / "scripts" / name
+        loader = SourceFileLoader(path.stem, str(path))
+        module = module_from_spec(spec_from_loader(path.stem, loader))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.syspath_prepend(str(path.parent))
+            patch.setattr(sys, "dont_write_bytecode", True)  # not next to the scripts
+            patch.setitem(sys.modules, path.stem, module)  # where dataclasses look for it
+            loader.exec_module(module)
+        return module
+
+    return load
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Progress of the installation (scripts/install)."""
 
-import importlib.machinery
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -14,11 +12,8 @@ SCRIPT = Path(__file__).resolve().parent.parent / "scripts" / "install"
 
 
 @pytest.fixture
-def progress():
-    loader = importlib.machinery.SourceFileLoader("install_script", str(SCRIPT))
-    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("install_script", loader))
-    loader.exec_module(module)
-    one = module.Progress()
+def progress(load_script):
+    one = load_script("install").Progress()
     yield one
     one.end()
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The site of the documentation: builds without warnings, and finds what is wrong."""
 
-import importlib.util
 import json
 import logging
 import os
@@ -19,13 +18,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="module")
-def pages():
-    spec = importlib.util.spec_from_file_location("site_pages", ROOT / "scripts" / "site_pages.py")
-    module = importlib.util.module_from_spec(spec)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "scripts"))  # as mkdocs does
-        spec.loader.exec_module(module)
-    return module
+def pages(load_script):
+    return load_script("site_pages.py")
 
 
 @pytest.mark.slow

@@ -2,26 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Misses of the quantiles of the moisture on both sides, as ``scripts/tail_coverage.py`` counts them."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
-SCRIPT = Path(__file__).parents[2] / "scripts" / "tail_coverage.py"
 SEEDS = 12
 
 
 @pytest.fixture(scope="module")
-def script():
-    spec = importlib.util.spec_from_file_location("tail_coverage", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(SCRIPT.parent))
-        spec.loader.exec_module(module)
-    return module
+def script(load_script):
+    return load_script("tail_coverage.py")
 
 
 @pytest.mark.slow

@@ -4,11 +4,7 @@
 
 from __future__ import annotations
 
-import importlib.machinery
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -20,34 +16,20 @@ from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
 from soilmoist_ros.simulation.rehearsal.judge import Kind
 from soilmoist_ros.simulation.robot.scenario import Scenario
 
-ROOT = Path(__file__).parents[2]
 TIME_FACTOR = 40.0
 
 
-def load(name):
-    """A script as a module."""
-    loader = importlib.machinery.SourceFileLoader(name, str(ROOT / "scripts" / name))
-    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader))
-    sys.modules[name] = module
-    loader.exec_module(module)
+@pytest.fixture(scope="module")
+def chaos(load_script):
+    """``scripts/chaos`` with missions of five minutes."""
+    module = load_script("chaos")
+    module.BUDGET_S = 300.0
     return module
 
 
 @pytest.fixture(scope="module")
-def chaos():
-    """``scripts/chaos`` with missions of five minutes."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "scripts"))
-        module = load("chaos")
-        patch.setattr(module, "BUDGET_S", 300.0)
-        yield module
-
-
-@pytest.fixture(scope="module")
-def soak_nodes():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "scripts"))
-        yield load("soak_nodes.py")
+def soak_nodes(load_script):
+    return load_script("soak_nodes.py")
 
 
 def with_faults(chaos, *spans):

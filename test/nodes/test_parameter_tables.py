@@ -9,7 +9,6 @@ import importlib.util
 import math
 import subprocess
 import sys
-from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 import pytest
@@ -30,18 +29,9 @@ SCRIPT = ROOT / "scripts" / "parameter_tables"
 NODES = ("sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console")
 
 
-def load_script():
-    loader = SourceFileLoader("parameter_tables", str(SCRIPT))
-    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("parameter_tables", loader))
-    write_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # not next to the scripts
-    try:
-        loader.exec_module(module)
-    finally:
-        sys.dont_write_bytecode = write_bytecode
-    return module
-
-
-tables = load_script()
+@pytest.fixture(scope="module")
+def tables(load_script):
+    return load_script("parameter_tables")
 
 
 def table(node):
@@ -89,7 +79,7 @@ ROWS = (
 )
 
 
-def test_the_file_explains_each_parameter():
+def test_the_file_explains_each_parameter(tables):
     text = tables.yaml_file("example", "shows.", ROWS)
     assert text.startswith("# example: shows.\n")
     assert "    # Radius [m]. At least 0.\n    radius_m: 2.0\n" in text
@@ -102,17 +92,17 @@ def test_the_file_explains_each_parameter():
     ("low", "high", "said"),
     [(None, None, ""), (0.5, None, "At least 0.5."), (None, 3, "At most 3."), (0, 1, "From 0 to 1.")],
 )
-def test_ranges_are_said_in_words(low, high, said):
+def test_ranges_are_said_in_words(tables, low, high, said):
     assert tables.allowed(Parameter(name="x", default=1.0, description="x", low=low, high=high)) == said
 
 
-def test_the_table_has_a_row_for_each_parameter():
+def test_the_table_has_a_row_for_each_parameter(tables):
     lines = tables.markdown_table(ROWS).splitlines()
     assert lines[2] == "| `radius_m` | double | `2.0` | m | >= 0 | radius |"
     assert lines[3] == '| `fit` | string | `"reml"` |  | `reml`, `""` | how it is \\| fitted |'
 
 
-def test_a_table_takes_the_place_of_the_old_one_only():
+def test_a_table_takes_the_place_of_the_old_one_only(tables):
     document = "a\n<!-- parameters of x -->\nold\n<!-- end of x -->\nb\n"
     new = tables.with_table(document, "x", "new \\1")
     assert new == "a\n<!-- parameters of x -->\nnew \\1\n<!-- end of x -->\nb\n"
@@ -128,7 +118,7 @@ def test_a_table_takes_the_place_of_the_old_one_only():
         ("Drives a robot", "drives a robot."),
     ],
 )
-def test_the_purpose_of_a_node_is_the_first_sentence_of_its_file(docstring, purpose):
+def test_the_purpose_of_a_node_is_the_first_sentence_of_its_file(tables, docstring, purpose):
     assert tables.purpose_of(docstring) == purpose
 
 
@@ -136,7 +126,7 @@ PRINTABLE = st.text(st.characters(categories=["L", "N", "P", "S", "Zs"]))
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False) | PRINTABLE | st.integers() | st.booleans())
-def test_a_default_is_the_same_value_when_it_is_read_back(value):
+def test_a_default_is_the_same_value_when_it_is_read_back(tables, value):
     read = yaml.safe_load(f"a: {tables.scalar(value)}")["a"]
     assert type(read) is type(value)
     assert read == value

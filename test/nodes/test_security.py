@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The policy of SROS 2 names what nodes use and nothing else; none runs without the security asked for."""
 
-import importlib.util
 import time
-from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -41,13 +39,6 @@ USED = {
 """Parameters with which a node makes all its topics and services."""
 ON_A_ROBOT = {("planner", "subscriber"): {"/topological_navigation/feedback"}, ("planner", "client"): {"/toLL"}}
 """What a node uses where a navigation publishes its feedback, and where robot_localization knows the datum."""
-
-
-def keystore_script():
-    loader = SourceFileLoader("keystore_script", str(ROOT / "scripts" / "keystore"))
-    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
-    loader.exec_module(module)
-    return module
 
 
 def full_name(name, namespace, node):
@@ -125,8 +116,8 @@ def test_the_policy_permits_what_a_node_uses_and_nothing_else(node, tmp_path):
             assert names | ON_A_ROBOT.get((name, kind), set()) == allowed[name][kind], f"{kind} of {name}"
 
 
-def test_robots_get_enclaves_of_their_own_and_see_each_others_mission():
-    tree = keystore_script().policy(["/r1", "/r2"], ["salt"])
+def test_robots_get_enclaves_of_their_own_and_see_each_others_mission(load_script):
+    tree = load_script("keystore").policy(["/r1", "/r2"], ["salt"])
     enclaves = {one.attrib["path"]: one for one in tree.getroot().iter("enclave")}
     assert {"/soilmoist/r1/mapper", "/soilmoist/r1/salt/mapper", "/soilmoist/r2/console"} <= set(enclaves)
     kinds = permitted(next(enclaves["/soilmoist/r1/planner"].iter("profile")))

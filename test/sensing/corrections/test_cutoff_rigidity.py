@@ -2,24 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of cutoff rigidities, and the script that computes it: scripts/cutoff_rigidity_table.py."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from soilmoist_ros.sensing.corrections.cutoff_rigidity import cutoff_rigidity_gv
 from soilmoist_ros.sensing.corrections.intensity import MONITORS
 
-SCRIPT = Path(__file__).parents[3] / "scripts" / "cutoff_rigidity_table.py"
-
 
 @pytest.fixture(scope="module")
-def script():
-    spec = importlib.util.spec_from_file_location("cutoff_rigidity_table", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def script(load_script):
+    return load_script("cutoff_rigidity_table.py")
 
 
 @pytest.fixture(scope="module")

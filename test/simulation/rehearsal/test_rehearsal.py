@@ -2,10 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rehearsals: ``rehearsal.py``, ``planner.py``, ``world.py``, ``cases.py``, ``clients.py``, ``faults.py``."""
 
-import importlib.machinery
-import importlib.util
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,18 +15,11 @@ from soilmoist_ros.simulation.rehearsal.judge import Kind, Violation
 from soilmoist_ros.simulation.rehearsal.rehearsal import Outcome, rehearse
 from soilmoist_ros.simulation.rehearsal.world import NAVIGATORS
 
-ROOT = Path(__file__).parents[3]
-
 
 @pytest.fixture(scope="module")
-def safety():
+def safety(load_script):
     """The script ``scripts/safety`` as a module."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "scripts"))
-        loader = importlib.machinery.SourceFileLoader("safety", str(ROOT / "scripts/safety"))
-        module = importlib.util.module_from_spec(importlib.util.spec_from_loader("safety", loader))
-        loader.exec_module(module)
-    return module
+    return load_script("safety")
 
 
 @pytest.fixture

@@ -2,25 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The soak of the cores: short days in which nothing may be lost, and what counts as growth."""
 
-import importlib.machinery
-import importlib.util
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
-
 
 @pytest.fixture
-def soak(monkeypatch):
+def soak(load_script, monkeypatch):
     """The script ``scripts/soak`` as a module, with days of an hour."""
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    loader = importlib.machinery.SourceFileLoader("soak", str(ROOT / "scripts/soak"))
-    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("soak", loader))
-    monkeypatch.setitem(__import__("sys").modules, "soak", module)
-    loader.exec_module(module)
+    module = load_script("soak")
     monkeypatch.setattr(module, "DAY_S", 3600.0)
     monkeypatch.setattr(module, "MAP_EACH", 100)
     return module
