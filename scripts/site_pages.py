@@ -9,6 +9,7 @@
   ``<!-- folders of the package -->`` becomes the list of these pages.
 * ``<!-- gallery -->`` becomes the runs that scripts/docs made. The notebooks of docs/tutorials/ become pages,
   with their outputs if scripts/docs has run them.
+* Names in tables may break after their parts: ``sensor_msgs/PointCloud2`` after the underscore and the slash.
 * At the end every link and picture must lead to a file of the site; nothing may come from the network.
 """
 
@@ -254,6 +255,17 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         return LINK.sub(link, text)
 
     return outside_fences(markdown, change)
+
+
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+    """Let names in tables break after their parts; the search has read the page by now."""
+
+    def cell(match: re.Match[str]) -> str:
+        return re.sub(
+            r"(?<=<code>)[^<]+", lambda code: re.sub(r"(?<=\w)([/_.:=]+)(?=\w)", r"\1<wbr>", code[0]), match[0]
+        )
+
+    return re.sub(r"<td\b.*?</td>", cell, output, flags=re.DOTALL)
 
 
 def on_post_build(config: MkDocsConfig) -> None:

@@ -63,6 +63,13 @@ def test_what_comes_from_the_network_is_found(pages, tmp_path, caplog):
     ]
 
 
+def test_names_in_tables_break_after_their_parts(pages):
+    table = '<td style="x"><code>sensor_msgs/Fix</code>, a_b <code>&quot;r_1&quot;</code></td><code>a_b</code>'
+    parts = pages.on_post_page(table, None, None).split("<wbr>")
+    assert parts[:2] == ['<td style="x"><code>sensor_', "msgs/"]
+    assert parts[2:] == ["Fix</code>, a_b <code>&quot;r_", "1&quot;</code></td><code>a_b</code>"]
+
+
 def test_a_notebook_becomes_a_page(pages, tmp_path):
     picture = {"output_type": "display_data", "data": {"image/png": "AAEC", "text/plain": "<Figure>"}}
     cells = [
