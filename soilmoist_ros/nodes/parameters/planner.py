@@ -57,13 +57,13 @@ PARAMETERS: Final = (
         "others",
         [],
         "namespaces of other robots whose planners explore the same field: where one is going or counting, this "
-        "one does not go; its own is passed over",
+        "one does not go; the own namespace is ignored",
     ),
     _row(
         "properties",
         [],
-        "namespaces in which further properties of the field are mapped, to be known as well as the first: "
-        "NAMESPACE or NAMESPACE:WEIGHT, the weight of the first being 1; one without a map is left out",
+        "namespaces in which further properties of the field are mapped, as NAMESPACE or NAMESPACE:WEIGHT; the "
+        "robot's own property has the weight 1; a property without a map is left out",
     ),
     EARLIER,
     COVARIATES,

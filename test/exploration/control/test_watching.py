@@ -5,6 +5,7 @@
 import math
 from concurrent.futures import Executor, Future
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -439,3 +440,8 @@ def test_alarms_of_a_mission_that_was_interrupted_end(farm):
     again.control.take_up(Mission(again.control._mission.rules, state), auto=True)
     assert set(again.alarms) == {"fix_old"}
     goes_on(again)
+
+
+def test_each_cause_is_tried_here():
+    tests = Path(__file__).read_text(encoding="utf-8")
+    assert [cause for cause in Cause if f'"{cause}"' not in tests and f"Cause.{cause.name}" not in tests] == []
