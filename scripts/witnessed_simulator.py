@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from soilmoist_ros.nodes.field_simulator import FieldSimulator
-from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes import field_simulator
 from soilmoist_ros.simulation import system
 from soilmoist_ros.simulation.simulated_robot import Output, SimulatedRobot
 
@@ -50,4 +49,4 @@ class WitnessedRobot(SimulatedRobot):
 
 if __name__ == "__main__":
     with patch.object(system, "SimulatedRobot", WitnessedRobot):
-        run(FieldSimulator)
+        field_simulator.main()

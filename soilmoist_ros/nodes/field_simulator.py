@@ -11,6 +11,7 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock as RosClock
 from rclpy.clock import ClockType
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
@@ -136,8 +137,8 @@ class FieldSimulator(Node):
 
 
 def main() -> None:
-    """Start the node."""
-    run(FieldSimulator)
+    """Start the node. Its action servers disappear and return, which crashes the executor of the other nodes."""
+    run(FieldSimulator, SingleThreadedExecutor)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionClient
 from rosgraph_msgs.msg import Clock
@@ -307,6 +308,22 @@ def test_a_server_that_dies_comes_back(ros, field, tmp_path):
     assert not goal._result.done()
     goal.close()
     again.close()
+
+
+def test_a_server_dies_while_requests_wait(ros, field, tmp_path):
+    dies = ", ".join(f"{{at_s: {begin_s}, for_s: 5}}" for begin_s in range(10, 1000, 10))
+    scenario = tmp_path / "dies.yaml"
+    scenario.write_text(f"navigation: {{absent: [{dies}]}}")
+    simulated = field(speed=50.0, scenario=str(scenario))
+    client = ros.node.create_client(CancelGoal, "topological_navigation/_action/cancel_goal")
+
+    def died(times):
+        client.remove_pending_request(client.call_async(CancelGoal.Request()))
+        return simulated.process.output().count("server is gone") >= times or not simulated.process.running
+
+    ros.wait_for(lambda: died(5), message="the fifth end of the server")
+    assert simulated.process.running, simulated.process.output()
+    ros.node.destroy_client(client)
 
 
 def test_a_goal_pose_is_driven_to(ros, field):

@@ -13,7 +13,7 @@ from types import FrameType
 from typing import Final
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -63,22 +63,22 @@ def _load_less() -> None:
         load_when_used(name)
 
 
-def run(make_node: Callable[[], Node]) -> None:
+def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = EventsExecutor) -> None:
     """Run a node until it is interrupted; every ``main`` calls this function.
 
     One thread calls the callbacks as events arrive. Other executors of rclpy look at all entities of the node at
     each message: with the messages of a simulated clock that costs more than the callbacks. Longer work has
     threads of its own (:class:`.Aside`).
 
-    The executor is experimental. Tests cover what nodes rely on: errors in callbacks and timers, a simulated clock
-    that goes back, cancelled goals, and signals during a callback. Nodes must not do what it cannot:
+    That executor is experimental. Tests cover what nodes rely on: errors in callbacks and timers, a simulated
+    clock that goes back, cancelled goals, and signals during a callback. Nodes must not do what it cannot:
 
     * guard conditions are refused; :class:`.Soon` takes their place
     * coroutines fail as callbacks of services and subscriptions (ros2/rclpy#1473)
     * a publisher or subscription with callbacks for its events must not be destroyed while the executor spins: the
       process may crash (ros2/rclpy#1644)
-    * an action server must not be destroyed while requests for it wait: the process may crash. The simulator takes
-      that risk when its navigation is to be gone
+    * an action server must not be destroyed while the executor spins: a request that comes at that moment crashes
+      the process. The simulator, whose navigation can disappear, has another executor
     * an action client must not send goals to two servers of one name: both answer, and the process crashes
     * a signal ends the process after the present callback, or after half a second without one
 
@@ -86,6 +86,7 @@ def run(make_node: Callable[[], Node]) -> None:
     Exit codes: 0 after SIGINT or SIGTERM or when the node has finished, 2 for bad input.
 
     :param make_node: makes the node
+    :param make_executor: makes the executor
     """
     sys.setswitchinterval(_SWITCH_S)
     _load_less()
@@ -95,7 +96,7 @@ def run(make_node: Callable[[], Node]) -> None:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     except _RCL_ERROR as error:
         sys.exit(_without_ros(error))
-    executor = EventsExecutor()
+    executor = make_executor()
     stopping = False
 
     def stop(_signal: int, _frame: FrameType | None) -> None:
