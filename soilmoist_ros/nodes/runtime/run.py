@@ -70,8 +70,9 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     each message: with the messages of a simulated clock that costs more than the callbacks. Longer work has
     threads of its own (:class:`.Aside`).
 
-    That executor is experimental. Tests cover what nodes rely on: errors in callbacks and timers, a simulated
-    clock that goes back, cancelled goals, and signals during a callback. Nodes must not do what it cannot:
+    The executor of events is experimental. Tests cover what nodes rely on: errors in callbacks and timers, a
+    simulated clock that goes back, cancelled goals, and signals during a callback. Nodes must not do what it
+    cannot:
 
     * guard conditions are refused; :class:`.Soon` takes their place
     * coroutines fail as callbacks of services and subscriptions (ros2/rclpy#1473)
