@@ -314,10 +314,11 @@ class Explorer:
         self, stop: Stop, situation: Situation, request: RequestPlan, others: Sequence[PendingMeasurement]
     ) -> DwellRule | None:
         """Dwell rule of a stop, ``None`` without a map."""
-        assert situation.prospect is not None
-        prospect = situation.prospect()
-        if prospect is not None and stop not in prospect.stops:
-            chosen = self._numbers[stop.name]
+        chosen = self._numbers[stop.name]
+        if self._considered[chosen] or stop.name == request.staying:
+            assert situation.prospect is not None
+            prospect = situation.prospect()
+        else:
             numbers = np.union1d(np.flatnonzero(self._considered), [chosen])
             place = (*situation.position_xy.tolist(),)
             stops = [self.stops[number] for number in numbers.tolist()]

@@ -204,8 +204,9 @@ class Prospect:
         places = self._travel.along(self.position, chosen, np.minimum(shares, 1.0))
         used = np.arange(most) < counts[:, None]
         exposure_s = np.where(used, (drive_s / np.maximum(counts, 1))[:, None], 0.0)
-        places[~used] = start
-        return self.model.nearest_nodes(places), exposure_s
+        nodes = np.full(used.shape, self.model.nearest_nodes(start))
+        nodes[used] = self.model.nearest_nodes(places[used])
+        return nodes, exposure_s
 
     def counted_on_tour(self, rows: Indices, dwell_s: float, legs_s: Array) -> tuple[Indices, Array]:
         """Nodes at which a tour counts, and the exposure at each [s].

@@ -33,6 +33,7 @@ class StrategyKind:
     :param needs_map: whether it cannot choose without a map once the warm-up is over
     :param whole_map: whether it looks at the variance of every cell. Otherwise those that represent the field to
         the look-ahead suffice, and a simulation maps the others at its end only
+    :param plans_dwell: whether it chooses the dwell of every stop itself where the mission's rule is ``optimal``
     :param warm_up_stops: stops before the map guides it; ``None`` for as many as the preset has
     :param warm_up: makes the strategy that chooses these
     :param is_baseline: whether others are compared with it: reports show its maps last
@@ -46,6 +47,7 @@ class StrategyKind:
     about: str = ""
     needs_map: bool = True
     whole_map: bool = True
+    plans_dwell: bool = False
     warm_up_stops: int | None = None
     warm_up: Callable[[Preset], Strategy] = Random
     is_baseline: bool = False
@@ -89,8 +91,8 @@ BUILT_IN = {
     ),
     "lattice": StrategyKind(
         _with_solver(lambda preset: Lattice()), "Lattice", "Evenly spread stops, planned once for the whole time.",
-        needs_map=False, whole_map=False, warm_up_stops=0, is_baseline=True, colour="#8c4a8c",
-        dashes=(0, (5, 2)), width=1.5,
+        needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True,
+        colour="#8c4a8c", dashes=(0, (5, 2)), width=1.5,
     ),
     # These make do with the map of one stop, which lies in the middle of the field.
     "ivr": StrategyKind(
@@ -99,7 +101,7 @@ BUILT_IN = {
     ),
     "gcb": StrategyKind(
         _cost_benefit_tour, "Cost-benefit tour", "Plans a tour for all the time left, and again after each stop.",
-        whole_map=False, warm_up_stops=1, warm_up=_cost_benefit_tour, colour="#c9a000",
+        whole_map=False, plans_dwell=True, warm_up_stops=1, warm_up=_cost_benefit_tour, colour="#c9a000",
     ),
 }  # fmt: skip
 

@@ -95,14 +95,17 @@ def timed_route(order: Indices, from_start_s: Array, between_s: Array, service_s
 
 def nearest_neighbour(from_start_s: Array, between_s: Array) -> Indices:
     """Order that always visits the nearest remaining target next; the first of equals."""
-    left = np.ones(len(from_start_s), bool)
-    order = np.empty(len(left), np.intp)
+    count = len(from_start_s)
+    order, visited_s = np.empty(count, np.intp), np.zeros(count)  # inf for the visited ones
     row = from_start_s
-    for position in range(len(left)):
-        possible = left & np.isfinite(row)
-        order[position] = np.argmin(np.where(possible, row, np.inf)) if possible.any() else np.argmax(left)
-        left[order[position]] = False
-        row = between_s[order[position]]
+    for position in range(count):
+        times_s = row + visited_s
+        nearest = times_s.argmin()
+        if not times_s[nearest] < np.inf:
+            nearest = visited_s.argmin()
+        order[position] = nearest
+        visited_s[nearest] = np.inf
+        row = between_s[nearest]
     return order
 
 

@@ -163,7 +163,8 @@ class _Simulation:
         self.forecasts_wanted = forecasts or settings.until_sd > 0 or settings.until_gain > 0
         # Without this, nothing depends on the maps; they are made for the entries of the series only.
         kind = strategy_kind(settings.strategy)
-        self.guided = kind.needs_map or isinstance(dwell_rule(settings.dwell), Optimal) or self.forecasts_wanted
+        weighs_dwell = isinstance(dwell_rule(settings.dwell), Optimal) and not kind.plans_dwell
+        self.guided = kind.needs_map or weighs_dwell or self.forecasts_wanted
         fields = mission_fields(settings)
         field = fields[0]
         if settings.target == "vwc" and field.curve is None:

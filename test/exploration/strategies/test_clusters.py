@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
+import pytest
 
+from soilmoist_ros.exploration.strategies import clusters
 from soilmoist_ros.exploration.strategies.clusters import KMeans, lloyd
 
 
@@ -33,6 +35,24 @@ def test_a_centre_moves_to_the_middle_of_its_mass_and_stays_without_any():
 
 def test_more_centres_begin_with_the_same_start():
     cells = rng(3).uniform(0, 50, (300, 2))
-    clusters = KMeans(cells, rng(1))
+    found = KMeans(cells, rng(1))
     for count in (20, 5, 30):
-        np.testing.assert_array_equal(clusters.centres(count), KMeans(cells, rng(1)).centres(count))
+        np.testing.assert_array_equal(found.centres(count), KMeans(cells, rng(1)).centres(count))
+
+
+@pytest.mark.parametrize(("columns", "count"), [(20, 1), (20, 30), (100, 30), (100, 200)])
+@pytest.mark.parametrize("rounds", [1, 2, 9, 50])
+def test_centres_are_those_of_rounds_that_compare_all_distances(columns, count, rounds, monkeypatch):
+    # Cells are as far from one centre as from another very often.
+    cells = np.array([(x, y) for x in range(columns) for y in range(columns // 2)], float)
+    mass = rng(5).uniform(0, 1, len(cells))
+    mass[: columns // 2] = 0.0
+    monkeypatch.setattr(clusters, "LLOYD_ROUNDS", 0)
+    centres = KMeans(cells, rng(1), mass).centres(count)
+    for _ in range(rounds):
+        moved = lloyd(cells, mass, centres)
+        if (np.abs(moved - centres) <= 1e-9 + 1e-5 * np.abs(centres)).all():
+            break
+        centres = moved
+    monkeypatch.setattr(clusters, "LLOYD_ROUNDS", rounds)
+    np.testing.assert_array_equal(KMeans(cells, rng(1), mass).centres(count), centres)

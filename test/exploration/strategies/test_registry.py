@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
+from soilmoist_ros.exploration.planning.dwell import Optimal
 from soilmoist_ros.exploration.strategies.registry import (
     STRATEGIES,
     StrategyKind,
@@ -74,6 +75,12 @@ def test_the_presets_are_the_published_constants():
     assert [name for name in STRATEGIES.names() if not STRATEGIES.get(name).needs_map] == ["random", "lattice"]
     some_cells = {name for name in STRATEGIES.names() if not STRATEGIES.get(name).whole_map}
     assert some_cells == {"random", "lattice", "ivr", "gcb"}
+
+
+@every
+def test_a_kind_tells_whether_its_strategy_plans_the_dwell(name):
+    choice = make_strategy(name).choose(after(situation(), dwell=Optimal()), rng())
+    assert (choice.dwell is not None) == STRATEGIES.get(name).plans_dwell
 
 
 def test_unknown_names_are_answered_with_the_known_ones():

@@ -60,6 +60,15 @@ def test_never_worse_than_nearest_neighbour(count, symmetric, iterations):
     assert found.travel_s <= timed_route(nearest_neighbour(start, between), start, between).travel_s + 1e-9
 
 
+def test_nearest_neighbours_are_reached_first_and_the_first_of_equals():
+    start = np.array([2.0, 1.0, 1.0, np.inf])
+    between = np.array([[0, 9, 9, np.inf], [9, 0, 4, np.inf], [3, 9, 0, np.inf], [7, 5, 5, 0]])
+    assert nearest_neighbour(start, between).tolist() == [1, 2, 0, 3]
+    cut_off = np.where(between == 3, np.inf, between)
+    assert nearest_neighbour(start, np.where(cut_off == 9, np.inf, cut_off)).tolist() == [1, 2, 0, 3]
+    assert nearest_neighbour(np.empty(0), np.empty((0, 0))).tolist() == []
+
+
 def test_the_same_seed_gives_the_same_route():
     start, between = instance(5, 40)
     routes = [open_route(start, between, np.random.default_rng(7)).order for _ in range(2)]

@@ -19,6 +19,7 @@ from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.mission import simulator
 from soilmoist_ros.simulation.mission.settings import MissionSettings
@@ -243,10 +244,14 @@ def test_learning_changes_nothing_where_the_settings_are_true():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("every_s", [60.0, 300.0])
-def test_maps_that_guide_nothing_are_made_for_the_series_only(every_s, monkeypatch):
-    base = MissionSettings(field="synthetic-high", strategy="lattice", dwell="fmi:60", hours=0.5, cell_m=4.0)
+@pytest.mark.parametrize(("every_s", "dwell"), [(60.0, "fmi:60"), (300.0, "fmi:60"), (300.0, "optimal")])
+def test_maps_that_guide_nothing_are_made_for_the_series_only(every_s, dwell, monkeypatch):
+    base = MissionSettings(field="synthetic-high", strategy="lattice", dwell=dwell, hours=0.5, cell_m=4.0)
+    made, fit = [], FieldMap.compute
+    monkeypatch.setattr(FieldMap, "compute", lambda *given, **named: made.append(1) or fit(*given, **named))
     free = simulate_mission(replace(base, series_every_s=every_s))
+    assert len(made) <= len(free.series) + 2
+    monkeypatch.undo()
     monkeypatch.setattr(simulator, "strategy_kind", lambda name: STRATEGIES.get("gcb"))
     guided = simulate_mission(base)
     assert free.visits == guided.visits
