@@ -14,6 +14,7 @@ import json
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -151,10 +152,11 @@ def run_notebook(path: Path) -> nbformat.NotebookNode:
     notebook = nbformat.read(path, as_version=4)
     folder = {"metadata": {"path": str(ROOT)}}
     # By TCP, any user of the machine could send code to the kernel, which warns of it.
-    files = Config(KernelManager={"transport": "ipc"})
-    NotebookClient(
-        notebook, kernel_name="python3", timeout=NOTEBOOK_LIMIT_S, resources=folder, config=files
-    ).execute()
+    with tempfile.TemporaryDirectory() as sockets:
+        local = Config(KernelManager={"transport": "ipc", "ip": f"{sockets}/kernel"})
+        NotebookClient(
+            notebook, kernel_name="python3", timeout=NOTEBOOK_LIMIT_S, resources=folder, config=local
+        ).execute()
     return notebook
 
 
