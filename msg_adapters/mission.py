@@ -104,7 +104,7 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
 
 def status_level(status: MissionStatus) -> Level:
     """Severity of a status, see :func:`mission_to_message`."""
-    if status.emergency or status.stop_requests > 1 or (status.phase is Phase.PAUSED and status.needs_operator):
+    if status.emergency or status.needs_operator:
         return Level.ERROR
     doubtful = status.phase is Phase.PAUSED or status.failures or status.silent or status.alarms
     return Level.WARN if doubtful else Level.OK

@@ -137,7 +137,7 @@ function renderPlace() {
 
 function kindOf(now) {
   if (!now) return "unknown";
-  if (now.emergency || now.needs_operator || now.stop_requests > 1) return "danger";
+  if (now.emergency || now.needs_operator) return "danger";
   return now.paused ? "paused" : now.phase === "counting" ? "counting" : now.moving ? "moving" : "idle";
 }
 

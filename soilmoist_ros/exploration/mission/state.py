@@ -302,6 +302,7 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
     stop = state.target.stop if state.target else None
     end_s = returning.deadline_s if returning else now_s + left_s
     changes = state.changes or _NO_CHANGES
+    requests = state.goal.requests if state.goal else 0
     return MissionStatus(
         now_s=now_s,
         phase=state.phase,
@@ -319,12 +320,12 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         failures=state.failures,
         blacklisted=blacklisted(state),
         estimated_end_s=end_s if state.under_way else None,
-        needs_operator=state.phase is Phase.PAUSED and state.needs_operator,
+        needs_operator=(state.phase is Phase.PAUSED and state.needs_operator) or requests > 1,
         silent=counting is not None and counting.silent,
         ended=state.ended,
         alarms=state.alarms,
         emergency=bool(state.emergency),
-        stop_requests=state.goal.requests if state.goal else 0,
+        stop_requests=requests,
         queue=tuple(queued.stop.name for queued in state.queue),
         strategy=changes.strategy or "",
         field=changes.field or "",

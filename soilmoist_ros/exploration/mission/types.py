@@ -292,7 +292,8 @@ class MissionStatus:
     :param failures: failures since the last sample
     :param blacklisted: names of the stops that are ruled out
     :param estimated_end_s: latest time at which the mission ends [s]; ``None`` when no mission is running
-    :param needs_operator: whether it is paused and did not pause at the operator's command
+    :param needs_operator: whether it is paused and did not pause at the operator's command, or the robot was asked
+        more than once to stop and is not known to stand
     :param silent: whether the sensor is silent while the robot counts
     :param ended: why the mission has ended or is ending; ``None`` before
     :param alarms: dangers that the guard reports now

@@ -38,6 +38,7 @@ def test_a_robot_that_does_not_stop_is_asked_again_and_it_is_said():
         assert driver.count_of(CancelGoal) == number
         assert driver.phase is Phase.CANCELLING
         assert f"asked {number} times to stop" in driver.reason
+        assert driver.mission.status.needs_operator
         assert "it still moves" in driver.reason
     assert driver.count_of(Finish) == 0
     driver.send(GoalFailed, 1, "cancelled")
