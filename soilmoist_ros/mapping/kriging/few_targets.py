@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.kriging.covariances import Needles, SamplePoints, differences
+from soilmoist_ros.mapping.kriging.covariances import SamplePoints, differences
 from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, keep_between
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
@@ -44,7 +44,7 @@ class KnownCovariances:
 class FewTargets:
     """Kriges few targets repeatedly; covariances are kept from one set of samples to the next.
 
-    :param xy: the targets, shape (g, 2) [m]
+    :param xy: the targets, distinct, shape (g, 2) [m]
     :param nugget: whether a target exactly where a sample is shares its nugget
 
     Attributes
@@ -55,10 +55,9 @@ class FewTargets:
 
     def __init__(self, xy: Array, nugget: bool) -> None:
         self._xy = xy
-        x, y = np.ascontiguousarray(xy.T)
-        self._needles = Needles(x, y, nugget)
+        self._numbers = {(x, y): number for number, (x, y) in enumerate(xy.tolist())} if nugget else {}
         self._variogram: Variogram | None = None
-        self._scaled = x, y
+        self._scaled = xy[:, 0], xy[:, 1]
         self._amplitude: Array | None = None  # of the targets
         self._kept = np.empty((0, 5))  # places and spreads of the samples whose covariances are
         self._between = np.empty((_MIN_ROOM, _MIN_ROOM))
@@ -83,10 +82,12 @@ class FewTargets:
         factor, info = dpotrf(matrix.T, lower=0, clean=0, overwrite_a=1)  # the transpose of L
         if info or (factor.diagonal() ** 2 < MIN_PIVOT * total).any():
             return None
-        with_targets = self._with_targets[:n].copy()
-        for row, sample in zip(with_targets, self._kept, strict=True):
-            self._needles.add(variogram.nugget, row, sample)
-        solved = dtrsm(1.0, factor, np.concatenate([data, with_targets.T]), side=1, lower=0)  # all together
+        rows = np.empty((n, 2 + len(self._xy)))  # all together
+        rows[:, :2], rows[:, 2:] = data.T, self._with_targets[:n]
+        for row, (x, y) in zip(rows, places.xy.tolist(), strict=True):
+            if (target := self._numbers.get((x, y))) is not None:
+                row[2 + target] += variogram.nugget
+        solved = dtrsm(1.0, factor, rows.T, side=1, lower=0, overwrite_b=1)
         values, ones = np.ascontiguousarray(solved[:2])
         of_targets = solved[2:]
         whole = float(ones @ ones)
