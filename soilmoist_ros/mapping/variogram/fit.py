@@ -19,7 +19,7 @@ from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.local_fit import LocalFit, fit_amplitude
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.mapping.variogram.reml import maximise_reml
+from soilmoist_ros.mapping.variogram.reml import maximise_reml, mode_of
 from soilmoist_ros.mapping.variogram.semivariogram import default_edges, semivariogram_of
 from soilmoist_ros.mapping.variogram.soft_l1 import fit_soft_l1
 
@@ -216,7 +216,7 @@ def _fit_reml(
     """Restricted maximum likelihood."""
     places = surveys.samples[0]
     extent = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
-    begin = None if like is None else like.stationary
+    begin = None if like is None else mode_of(like.stationary, like.log_sd)
     estimate = maximise_reml(surveys, model, extent, anisotropy, begin)
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
     fit = VariogramFit(

@@ -24,7 +24,7 @@ class Minimum(NamedTuple):
     :param at: parameters, shape (p,)
     :param value: value at the minimum
     :param gradient: gradient at the minimum, shape (p,)
-    :param converged: whether the gradient is small, as far as the bounds allow
+    :param converged: whether the next step would be negligible
     """
 
     at: Array
@@ -42,11 +42,15 @@ def minimise(
     gradients, as Dennis, Gay & Welsch (1981), ACM Transactions on Mathematical Software 7:348-368, do for least
     squares.
 
+    Distances are in the metric of the Hessian: for a posterior in posterior standard deviations, whatever the
+    scale of the parameters.
+
     :param expand: parameters -> value, gradient (p,), and approximate Hessian (p, p), symmetric and positive
         definite
     :param start: start values, shape (p,)
     :param bound: maximum absolute value of each parameter
-    :param tolerance: largest component of the gradient at the end, without parameters at bounds
+    :param tolerance: largest distance from the minimum at the end, as predicted by a Newton step of the parameters
+        that are not at bounds
     :param max_steps: maximum number of steps
     """
     at = _within(start, bound)
@@ -56,14 +60,15 @@ def minimise(
     for _ in range(max_steps):
         free = np.flatnonzero(_free(at, gradient, bound))
         steepest = np.abs(gradient[free]).max(initial=0.0)
-        if steepest <= tolerance:
+        curvature, axes = np.linalg.eigh((hessian + learned)[free[:, None], free])
+        curvature = np.maximum(curvature, _MIN_CURVATURE)
+        along = axes.T @ gradient[free]
+        if along @ (along / curvature) <= tolerance**2:
             return Minimum(at, value, gradient, True)
         if damping > _MAX_DAMPING:
             break
-        curvature, axes = np.linalg.eigh((hessian + learned)[free[:, None], free])
-        curvature = np.maximum(curvature, _MIN_CURVATURE)
         tried = at.copy()
-        tried[free] -= axes @ (axes.T @ gradient[free] / (curvature * (1 + damping)))
+        tried[free] -= axes @ (along / (curvature * (1 + damping)))
         tried = _within(tried, bound)
         then = expand(tried)
         # Close to the minimum, where values differ only by rounding, accept a step to a smaller gradient.
@@ -75,8 +80,7 @@ def minimise(
         at, change = tried, then[1] - gradient
         value, gradient, hessian = then
         damping = max(damping / 10, _MIN_DAMPING)
-        square = step @ step
-        missing = change - (hessian + learned) @ step
+        missing, square = change - (hessian + learned) @ step, step @ step
         across = missing[:, None] * step
         learned = learned + (across + across.T) / square
         learned -= (missing @ step) / square**2 * (step[:, None] * step)

@@ -9,7 +9,7 @@ et al. (2014), Journal of Computational and Graphical Statistics 23:295-315, wit
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -54,8 +54,10 @@ _DIRECTED_STEP = 1.5
 """Maximum change of a parameter, in prior standard deviations, between the peaks of two directions."""
 _LARGEST_STEP = 5.0
 """Search bounds of the parameters, in prior standard deviations."""
-_TOLERANCE = 1e-5
-"""Largest component of the gradient at which the optimiser stops."""
+_TOLERANCE = 1e-4
+"""Distance from the mode at which the optimiser stops, in posterior standard deviations."""
+_ROUGH = 0.3
+"""Likewise of searches from further starts; a peak that is higher by less than half its square may be missed."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,15 @@ class RemlEstimate:
     prior_share: tuple[float, float, float]
     converged: bool
     message: str
+
+
+def mode_of(means: Variogram, log_sd: tuple[float, float, float] | None) -> Variogram:
+    """The mode of a variogram of posterior means, see :class:`RemlEstimate`; the same variogram without errors."""
+    if log_sd is None:
+        return means
+    structured, _, nugget = np.exp(-0.5 * np.square(log_sd)).tolist()
+    nugget *= means.nugget
+    return replace(means, nugget=nugget, sill=structured * means.structured_sill + nugget)
 
 
 class RestrictedLikelihood:
@@ -387,9 +398,11 @@ class _Peak:
     ) -> _Peak:
         """The highest peak found from these starts."""
         expand = _expansion(surveys, model, prior, direction)
-        best = min(
-            (minimise(expand, start, _LARGEST_STEP, _TOLERANCE) for start in starts), key=lambda found: found.value
-        )
+        best = minimise(expand, starts[0], _LARGEST_STEP, _TOLERANCE)
+        for start in starts[1:]:
+            other = minimise(expand, start, _LARGEST_STEP, _ROUGH)
+            if other.value < best.value:
+                best = minimise(expand, other.at, _LARGEST_STEP, _TOLERANCE)
         return cls(best.at, best.value, best.gradient, lambda u: expand(u)[1], direction, best.converged)
 
 

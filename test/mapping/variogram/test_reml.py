@@ -7,8 +7,15 @@ from scipy.spatial.distance import cdist
 from scipy.stats import multivariate_normal
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
+from soilmoist_ros.mapping.variogram import reml
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
-from soilmoist_ros.mapping.variogram.reml import Prior, RestrictedLikelihood, maximise_reml, spatial_blocks
+from soilmoist_ros.mapping.variogram.reml import (
+    Prior,
+    RestrictedLikelihood,
+    maximise_reml,
+    mode_of,
+    spatial_blocks,
+)
 
 
 def some_samples(n=40, seed=0):
@@ -87,6 +94,39 @@ def test_the_mode_has_no_slope():
     np.testing.assert_allclose(approx_fprime(mode, log_posterior, 1e-6), 0, atol=1e-3)
     assert fitted.log_likelihood == pytest.approx(likelihood.value(mode), rel=1e-9)
     assert fitted.converged
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_search_stops_within_a_hundredth_of_the_uncertainty(seed, monkeypatch):
+    samples = simulated(Variogram("matern32", 0.02, 20.0, 0.3), 25 * (seed + 1), 60.0, 60.0, seed)
+    found = maximise_reml(samples, "matern32", 60.0)
+    monkeypatch.setattr(reml, "_TOLERANCE", 1e-7)
+    monkeypatch.setattr(reml, "_ROUGH", 1e-7)
+    expected = maximise_reml(samples, "matern32", 60.0)
+    for one, other in ((found.mode, expected.mode), (found.variogram, expected.variogram)):
+        factors = [
+            one.structured_sill / other.structured_sill,
+            one.range_m / other.range_m,
+            one.nugget / other.nugget,
+        ]
+        assert (np.abs(np.log(factors)) < 0.01 * np.array(expected.log_sd)).all()
+    assert found.variogram.anisotropy == pytest.approx(expected.variogram.anisotropy, rel=1e-3)
+
+
+def test_a_search_from_the_last_mode_is_shorter_than_from_posterior_means(monkeypatch):
+    samples = simulated(Variogram("matern32", 0.02, 20.0, 0.3), 60, 60.0, 60.0, 1)
+    before = maximise_reml(samples, "matern32", 60.0)
+    mode = mode_of(before.variogram, before.log_sd)
+    assert mode.sill == pytest.approx(before.mode.sill, rel=1e-12)
+    assert mode.nugget == pytest.approx(before.mode.nugget, rel=1e-12)
+    more = Samples(samples.xy, samples.counts + 50, samples.exposure_s + 12.0)
+    expand, calls = RestrictedLikelihood.expand, []
+    monkeypatch.setattr(RestrictedLikelihood, "expand", lambda self, at: calls.append(at) or expand(self, at))
+    assert maximise_reml(more, "matern32", 60.0, like=mode).converged
+    of_mode = len(calls)
+    assert maximise_reml(more, "matern32", 60.0, like=before.variogram).converged
+    assert of_mode < len(calls) - of_mode
+    assert of_mode <= 3 + 7  # three are the second derivatives at the mode
 
 
 @pytest.mark.slow

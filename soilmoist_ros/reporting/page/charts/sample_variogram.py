@@ -8,9 +8,8 @@ driving are compared with the model averaged over the same stretches of road.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.mapping.kriging.targets import sample_correlation
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.variogram.reml import mode_of
 from soilmoist_ros.mapping.variogram.semivariogram import default_edges
 from soilmoist_ros.mapping.variogram.support import Supports
 
@@ -66,16 +66,9 @@ class Classes:
 
 
 def fitted_mode(soil_map: SoilMap) -> Variogram:
-    """The variogram that fits the counts best; the map may use another one.
-
-    A REML fit gives posterior means, which are the mode times ``exp(log_sd^2 / 2)`` (a log-normal mean).
-    """
+    """The variogram that fits the counts best; the map may use another one."""
     fit, used = soil_map.fit, soil_map.variogram
-    if fit is None or fit.log_sd is None or used.amplitude is not None:
-        return used
-    structured = used.structured_sill * math.exp(-0.5 * fit.log_sd[0] ** 2)
-    nugget = used.nugget * math.exp(-0.5 * fit.log_sd[2] ** 2)
-    return replace(used, nugget=nugget, sill=structured + nugget)
+    return used if fit is None or used.amplitude is not None else mode_of(used, fit.log_sd)
 
 
 def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, spread: Array) -> Array:
