@@ -333,7 +333,9 @@ def _judge_records(judge: Judge, nodes: RealNodes, spans: Sequence[Span]) -> Non
     if not any(one.fault in SPOIL_BAGS for one in spans):
         recorded = [record for records in bags.values() for record in records]
         judge.kept(end_s, [*heard.records, *heard.quarantined], recorded, "the bags")
-        judge.mapped(end_s, heard.samples, _samples(nodes, bags))
+        # A driver may be killed after it has stored a record and before it publishes it: the map has it, no bag.
+        if not any(one.fault is Fault.KILL_DRIVER for one in spans):
+            judge.mapped(end_s, heard.samples, _samples(nodes, bags))
 
 
 def _samples(nodes: RealNodes, sources: Mapping[str, Sequence[CountRecord]]) -> Samples:
