@@ -15,6 +15,8 @@ from hypothesis import settings
 
 # Every run uses the same examples at any machine speed; HYPOTHESIS_PROFILE=search looks for new examples.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
+# The quick tests take the first of them.
+settings.register_profile("quick", derandomize=True, deadline=None, max_examples=25)
 settings.register_profile("search", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 

@@ -11,8 +11,6 @@ import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parent.parent
 OWN = {"soilmoist_ros", "msg_adapters"}
 ROSDEP_KEYS = {"ruamel.yaml": "python3-ruamel.yaml"} | {
@@ -61,12 +59,14 @@ def imported(root: Path = ROOT) -> dict[str, list[str]]:
     for folder in ("soilmoist_ros", "msg_adapters", "launch"):
         for path in sorted((root / folder).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-                if isinstance(node, ast.ImportFrom) and not node.level:
+                names = []
+                if isinstance(node, ast.Import):
+                    names = [alias.name for alias in node.names]
+                elif isinstance(node, ast.ImportFrom) and not node.level:
                     names = [node.module or ""]
-                if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "optional_module":
+                elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "optional_module":
                     names = [text.value for text in node.args[:1] if isinstance(text, ast.Constant)]
-                for name in {name.split(".")[0] for name in names} - OWN - set(sys.stdlib_module_names):
+                for name in {name.split(".")[0] for name in names} - OWN - sys.stdlib_module_names:
                     found.setdefault(name, []).append(str(path.relative_to(root)))
     return found
 
@@ -80,13 +80,15 @@ def pip_names() -> set[str]:
     return {re.split(r"[<>=\[ ]", line)[0] for line in lines if line and not line.startswith("#")}
 
 
-@pytest.mark.parametrize("name", sorted(imported()))
-def test_a_robot_has_what_the_product_imports(name):
-    if name in OPTIONAL:
-        return
-    package = COMES_WITH.get(name, name)
-    installed = ROSDEP_KEYS.get(package, package) in rosdep_keys() or package in pip_names()
-    assert installed, f"{imported()[name][0]} imports {name}: package.xml or requirements-robot.txt must have it"
+def test_a_robot_has_what_the_product_imports():
+    by_rosdep, by_pip = rosdep_keys(), pip_names()
+    missing = {}
+    for name, files in imported().items():
+        package = COMES_WITH.get(name, name)
+        installed = ROSDEP_KEYS.get(package, package) in by_rosdep or package in by_pip
+        if name not in OPTIONAL and not installed:
+            missing[name] = files[0]
+    assert not missing, "package.xml or requirements-robot.txt must have these imports"
 
 
 def test_nothing_is_installed_in_vain():

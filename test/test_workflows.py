@@ -56,6 +56,7 @@ def test_a_workflow_names_what_is_there_and_asks_for_no_rights(path):
             assert all(word in helped for word in given if word.startswith("--"))
 
 
+@pytest.mark.slow
 def test_yaml_files_are_tidy():
     files = subprocess.run(["git", "ls-files", "*.yml", "*.yaml"], cwd=ROOT, capture_output=True, text=True).stdout
     command = [sys.executable, "-m", "yamllint", "--strict", *files.split()]

@@ -41,6 +41,7 @@ def test_each_item_says_what_it_is_and_where(kind):
     assert "A name is given to: --" in text
 
 
+@pytest.mark.slow
 def test_fields_have_size_and_moisture():
     fields = {item["name"]: item for item in json.loads(listed("fields", "--json"))["items"]}
     assert fields["half-wet"]["moisture"] == "8 to 28 % by volume"

@@ -507,6 +507,7 @@ def test_a_campaign_replaces_a_run_as_a_whole(tmp_path):
     assert not {"map.tif", "summary.json"} & {path.name for path in out.iterdir()}
 
 
+@pytest.mark.slow
 def test_the_missions_of_another_campaign_are_not_replaced(tmp_path):
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "0123.npz").write_text("")

@@ -262,6 +262,7 @@ def background_of(served):
     return served.board.get("background")
 
 
+@pytest.mark.slow
 def test_a_background_is_made_and_served(tmp_path):
     frame = surrogate_field("half-wet").field.frame
     size = {"width": 50, "height": 50, "count": 3, "dtype": "uint8", "crs": "EPSG:4326"}
@@ -278,6 +279,7 @@ def test_a_background_is_made_and_served(tmp_path):
         served.server.close()
 
 
+@pytest.mark.slow
 def test_a_background_that_cannot_be_made_is_said(tmp_path):
     (tmp_path / "photo.tif").write_text("no picture")
     served = Served(Access(), tmp_path, str(tmp_path / "photo.tif"))

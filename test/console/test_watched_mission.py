@@ -49,6 +49,7 @@ def test_the_page_shows_the_map_the_robot_and_its_visits(tmp_path):
     assert shown["watch_only"] == "A simulated mission."
 
 
+@pytest.mark.slow
 def test_watching_does_not_change_the_mission(tmp_path):
     with watched(tmp_path) as page:
         seen = simulate_mission(SETTINGS, watch=page.show)

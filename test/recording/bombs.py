@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small files that claim to be large, or unpack to it; each is made by hand, for no writer makes them."""
 
+import functools
 import struct
 
 import lz4.frame
@@ -57,6 +58,7 @@ def file_of(*records, summary=b"", start=None):
     return begin + summary + record(2, struct.pack("<QQI", start, 0, 0)) + MAGIC
 
 
+@functools.cache
 def bombs() -> dict[str, bytes]:
     """Files of 100 kB or less, by what they do."""
     zeros = zstd_of(bytes(1 << 20), 1024)

@@ -112,7 +112,10 @@ def test_golden_bags_are_small_and_all_are_tested():
         assert sum(path.stat().st_size for path in (GOLDEN / case).rglob("*") if path.is_file()) < 200_000
 
 
-@pytest.mark.parametrize(("case", "name"), REPLAYS)
+@pytest.mark.parametrize(
+    ("case", "name"),
+    [pytest.param(*one, marks=() if one == ("raw_lines", "raw") else pytest.mark.slow) for one in REPLAYS],
+)
 def test_golden_bags(case, name):
     """Numbers, not bits: another processor rounds differently."""
     expected = json.loads((GOLDEN / case / "expected.json").read_text())[name]
@@ -196,6 +199,7 @@ def test_without_a_truth_there_are_outputs_as_well(tmp_path):
     assert json.loads((tmp_path / "summary.json").read_text())["simulated"] is True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "in_file"),
     [
@@ -219,6 +223,7 @@ def test_bags_of_other_recorders(tmp_path, options, in_file):
     assert len(files) == 1
 
 
+@pytest.mark.slow
 def test_a_run_in_several_bags_of_both_storages_is_one_run(tmp_path):
     whole = GOLDEN / "one_stop" / "bag"
     copy_bag(
@@ -233,6 +238,7 @@ def test_a_run_in_several_bags_of_both_storages_is_one_run(tmp_path):
     assert len([item for item in replay.run.inputs if item.role == "bag"]) == 2
 
 
+@pytest.mark.slow
 def test_a_bag_in_several_files_is_mapped_as_one_and_what_was_lost_is_noted(tmp_path):
     writer = BagWriter(tmp_path / "run")
     for number, message in enumerate(McapScan(GOLDEN / "one_stop" / "bag" / "bag_0.mcap").messages()):
@@ -295,6 +301,7 @@ def test_other_settings_give_another_map(changes, why):
     assert not replay.comparisons[0].is_rounding
 
 
+@pytest.mark.slow
 def test_another_calibration_changes_the_moisture_only(edited_site):
     own = replay_bag(GOLDEN / "raw_lines").run
     other = replay_bag(GOLDEN / "raw_lines", ReplaySettings(site=edited_site(calibration="{n0_cps: 7.5}"))).run
@@ -331,6 +338,7 @@ def test_raw_lines_give_the_records_of_the_driver():
         assert one.effective_exposure_s == pytest.approx(other.effective_exposure_s)
 
 
+@pytest.mark.slow
 def test_raw_lines_alone_and_of_a_robot(tmp_path):
     keep = lambda topic, number: topic.startswith("/raw")  # noqa: E731
     bag = copy_bag(GOLDEN / "raw_lines" / "bag", tmp_path / "raw", keep, lambda topic: f"/robot1{topic}")
@@ -360,6 +368,7 @@ def test_the_robot_s_own_records_are_meant_where_another_sensor_s_are_below(tmp_
         assert list(own) == list(replay_bag(GOLDEN / "two_robots", ReplaySettings(counts_topic=meant)).run.track)
 
 
+@pytest.mark.slow
 def test_topics_of_another_namespace_are_found_where_there_is_one_robot(tmp_path):
     """Records that were remapped into a separate namespace."""
     bag = copy_bag(

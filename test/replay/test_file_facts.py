@@ -53,6 +53,7 @@ def test_a_field_has_area_place_direction_and_cells():
     assert not texts(found, "doubt")
 
 
+@pytest.mark.slow
 def test_a_site_shows_the_values_that_follow_from_its_place():
     found = list(site_findings(load_site("station_kansas")))
     assert texts(found, "cosmic rays") == ["cutoff rigidity 2.94 GV, atmospheric depth 979 g/cm2"]

@@ -102,6 +102,7 @@ def test_the_error_of_a_reference_sensor_is_in_the_map(survey, reference):
     assert mean_sd(run.soil_map, moisture=False) > added
 
 
+@pytest.mark.slow
 def test_a_reference_of_another_time_is_refused(survey, reference, tmp_path):
     lines = reference.read_text().splitlines()
     short = tmp_path / "short.log"
@@ -145,6 +146,7 @@ def test_without_a_field_the_surroundings_of_the_track_are_mapped(survey):
     assert np.isfinite(run.soil_map.rate).any()
 
 
+@pytest.mark.slow
 def test_files_may_be_named_as_on_the_command_line(roving_record):
     for site in ("gypsum_transect", Path("gypsum_transect")):
         run = map_logs([roving_record], MapSettings(site=site, cell_m=200.0, fit="soft_l1"))
@@ -270,6 +272,7 @@ def test_records_of_the_example_lie_inside(survey):
     assert inside == placed == len(run.track)
 
 
+@pytest.mark.slow
 def test_positions_that_span_a_country_are_refused_without_a_field(roving_record, tmp_path):
     lines = roving_record.read_text().splitlines()
     placed = [number for number, line in enumerate(lines) if "38.7" in line]
@@ -281,6 +284,7 @@ def test_positions_that_span_a_country_are_refused_without_a_field(roving_record
     assert "--field" in said
 
 
+@pytest.mark.slow
 def test_a_site_of_another_place_is_noted(survey, tmp_path):
     site = tmp_path / "site.yaml"
     site.write_text((survey / "site.yaml").read_text() + "location: {latitude_deg: 53.268, longitude_deg: 3.5}\n")
@@ -289,6 +293,7 @@ def test_a_site_of_another_place_is_noted(survey, tmp_path):
     assert "of the place of the site" in note.message
 
 
+@pytest.mark.slow
 def test_covariates_of_the_field_and_of_the_settings(survey, tmp_path):
     import rasterio
     from rasterio.transform import Affine

@@ -65,6 +65,7 @@ def test_all_are_mapped_each_as_its_mapper_did(run_with):
     assert (of_salt.same, of_salt.is_rounding) == (False, False), "its mapper had another fit"
 
 
+@pytest.mark.slow
 def test_without_its_settings_it_is_mapped_like_the_first_but_without_the_calibration(run_with):
     moisture, salt = replay_bag(run_with(["salt"], mapper=False)).run.properties
     assert moisture.calibrated
@@ -95,6 +96,7 @@ def test_properties_are_chosen_by_name(run_with):
             replay_bag(run, ReplaySettings(**wrong))
 
 
+@pytest.mark.slow
 def test_one_alone_is_a_replay_of_its_own(run_with):
     run = replay_bag(run_with(["salt"]), ReplaySettings(counts_topic="/salt/counts")).run
     assert run.mission is None

@@ -28,6 +28,7 @@ def field_file(folder, frame, polygon):
     return path
 
 
+@pytest.mark.slow
 def test_a_field_with_another_datum_is_mapped_where_the_robot_was(tmp_path):
     latitude, longitude = FIELD.frame.to_geographic([(400.0, -300.0)])[0]
     frame = LocalFrame(float(latitude), float(longitude))

@@ -231,6 +231,7 @@ def forecasts(*times_s, planned_s=3600.0):
     return tuple(TimedForecast(time_s, made(time_s)) for time_s in times_s)
 
 
+@pytest.mark.slow
 def test_the_forecast_is_compared_with_what_was_reached(mission):
     known = dataclasses.replace(mission, forecasts=forecasts(0.0, 500.0, 1000.0, 1900.0, 2800.0, 3600.0))
     part = mission_part(mission_run(known, NOW))

@@ -20,6 +20,7 @@ def informed():
     return mission_run(simulate_mission(settings))
 
 
+@pytest.mark.slow
 def test_what_informed_a_map_is_printed(informed, capsys):
     print_knowledge(informed)
     lines = capsys.readouterr().out.splitlines()

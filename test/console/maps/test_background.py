@@ -120,6 +120,7 @@ def test_tiles_lie_where_the_field_does(tmp_path, from_south, suffix):
     assert_quarters(make_background(tmp_path, FRAME, FIELD))
 
 
+@pytest.mark.slow
 def test_the_finest_tiles_that_are_not_too_many_are_used(tmp_path, monkeypatch):
     for zoom in (16, 17, 18):
         write_tiles(tmp_path, zoom, False)

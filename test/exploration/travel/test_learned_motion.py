@@ -22,6 +22,7 @@ def drive(learned, truth, legs, rng, late_s=0.0, noise_s=1.0):
     return learned
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(
     speed=st.floats(0.3, 1.2), overhead=st.floats(2.0, 40.0), turn=st.floats(0.3, 3.0), seed=st.integers(0, 100)

@@ -365,6 +365,7 @@ def test_days_tell_how_fast_a_pattern_fades(share, fades):
     assert (relations[0].correlation < 0.5) == fades
 
 
+@pytest.mark.slow
 def test_model_samples_follow_the_records_and_not_the_maps():
     known, now = surveys_of_a_season(0.9, count=2)
     one, other = (FieldMap(GRID, FieldMapSettings(merge_radius_m=1.0), known) for _ in range(2))

@@ -54,6 +54,7 @@ def test_merging_conserves_counts_exposure_and_the_centre_of_exposure(many, radi
     np.testing.assert_allclose(samples.exposure_s @ samples.xy, exposure_s @ xy, rtol=1e-9, atol=1e-6)
 
 
+@pytest.mark.slow
 @given(
     st.tuples(st.floats(-100, 100), st.floats(-100, 100)),
     st.lists(st.tuples(st.floats(0, 1.25), st.floats(0, 2 * math.pi)), min_size=1, max_size=300),

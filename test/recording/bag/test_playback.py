@@ -12,6 +12,7 @@ from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", range(24))
 def test_all_from_the_start_on_after_the_last_that_is_latched(bag, start):
     with BagReader(bag.folder) as reader:

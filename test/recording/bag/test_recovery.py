@@ -88,7 +88,7 @@ def test_a_bag_cut_at_every_chunk_and_around_is_recovered(bag, tmp_path):
                 assert not (tmp_path / f"recovered_{cut}").exists()
 
 
-@pytest.mark.parametrize("opcode", range(256))
+@pytest.mark.parametrize("opcode", [*range(17), 127, 128, 255])  # all that MCAP has, and some that it has not
 def test_a_first_record_that_looks_like_another_one_costs_nothing(bag, tmp_path, opcode):
     whole = bytearray(bag.path.read_bytes())
     whole[8] = opcode  # 2 would be the footer, behind which nothing comes

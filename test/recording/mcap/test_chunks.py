@@ -9,7 +9,14 @@ import textwrap
 import pytest
 from bombs import bombs
 
-NAMES = sorted(bombs())
+NAMES = (
+    "chunks in chunks", "claims more than it has", "deep definition", "long attachment", "long index",
+    "long metadata", "long record", "long statistics", "long strings", "lz4, claims a gigabyte", "lz4, honest",
+    "many chunks", "many chunks at once", "many chunks of zeros", "many heads of chunks", "many qualities",
+    "many records of nothing", "many schemas", "plain, claims a gigabyte", "qualities that laugh",
+    "summary ends before it begins", "summary is the file", "zstd, claims little", "zstd, claims the largest",
+    "zstd, honest",
+)  # fmt: skip
 LIMIT = """
     import resource, sys, time
     from pathlib import Path
@@ -41,6 +48,11 @@ LIMIT = """
         except InputError as error:
             print("refused:", error)
 """
+
+
+@pytest.mark.slow
+def test_every_bomb_is_tried():
+    assert tuple(sorted(bombs())) == NAMES
 
 
 @pytest.mark.process

@@ -104,6 +104,7 @@ def test_a_type_that_differs_in_ros_2_is_refused_and_the_others_are_read(tmp_pat
                 list(bag.messages([topic]))
 
 
+@pytest.mark.slow
 def test_every_cut_and_many_flipped_bytes_are_refused_or_read(tmp_path):
     path = write(tmp_path / "run.bag", [("/a", TEXT, number, text("word")) for number in range(9)], chunk_bytes=50)
     data, rng = path.read_bytes(), np.random.default_rng(4)
@@ -126,6 +127,7 @@ def test_every_cut_and_many_flipped_bytes_are_refused_or_read(tmp_path):
     assert refused > 60
 
 
+@pytest.mark.slow
 def test_a_chunk_that_unpacks_to_more_than_it_says_costs_no_memory(tmp_path):
     path = write(tmp_path / "run.bag", [("/a", TEXT, 1, text("x" * 50_000))], Writer.CompressionFormat.BZ2)
     data = path.read_bytes()

@@ -165,6 +165,7 @@ def test_greedy_keeps_to_the_border(greedy, other, verdict):
     assert verdicts(border=lambda s: greedy if s.strategy == "greedy" else other)["greedy_border"] == verdict
 
 
+@pytest.mark.slow
 def test_numbers_are_paired_by_seed():
     found = findings(data(mse=lambda s: 1.5 + 0.1 * s.seed if s.dwell == "fmi:600" else 1.0))
     row = found[0].comparisons[0]
@@ -195,6 +196,7 @@ def test_reasons_are_given_only_where_a_verdict_differs():
     assert not any(finding.reason for finding in findings(data(mse=fixed(1.0))))
 
 
+@pytest.mark.slow
 def test_the_shipped_reasons_belong_to_the_shipped_campaign():
     assert set(load_campaign("paper").published.reasons) == {"ami_high", "ami_low", "adaptive_sampling"}
 
@@ -438,6 +440,7 @@ def test_the_best_lattice_in_hindsight_is_named_and_all_others_are_compared_with
     assert "best lattice" not in render_campaign_report(data(plain))
 
 
+@pytest.mark.slow
 def test_a_case_with_a_default_is_named_by_the_others():
     """A field that dries, and one in which it rains at some hour."""
     choices = CAMPAIGN.defaults.model_copy(update={"drift": (-0.1,), "drift_hour": (None, 0.5)})

@@ -16,6 +16,8 @@ from soilmoist_ros.reporting.colours import UNCERTAIN, hex_ramp
 from soilmoist_ros.reporting.exports.qgis import write_qgis, write_run_project
 from soilmoist_ros.reporting.exports.source import ExportSettings
 
+pytestmark = pytest.mark.slow  # the run that all export takes long to make
+
 
 @pytest.fixture(scope="module")
 def written(exported, tmp_path_factory):
@@ -28,7 +30,6 @@ def project(written):
         return ET.fromstring(archive.read("soilmoist.qgs"))
 
 
-@pytest.mark.slow
 def test_files(written):
     names = ["soilmoist.gpkg", "map.tif", "map.qml", "map_salt.tif", "map_salt.qml", "soilmoist.qgz"]
     assert [path.name for path in written] == names

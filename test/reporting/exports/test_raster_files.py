@@ -25,6 +25,8 @@ from soilmoist_ros.reporting.exports.netcdf import write_netcdf
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.exports.styled_geotiff import write_styled
 
+pytestmark = pytest.mark.slow  # the run that all export takes long to make
+
 SETTINGS = ExportSettings()
 NAMES = {"k": KML}
 

@@ -30,6 +30,7 @@ def test_each_export_has_its_traits():
         export_kind("zone")
 
 
+@pytest.mark.slow
 def test_files_lie_in_the_folder_of_the_run_by_default(exported, tmp_path):
     folder = shutil.copytree(exported.folder, tmp_path / "run")
     written = export_run(folder, ["netcdf", "zones", "netcdf"])
@@ -52,6 +53,7 @@ def test_another_run_is_not_overwritten(exported, tmp_path):
         export_run(other, ["kmz"], tmp_path / "file")
 
 
+@pytest.mark.slow
 def test_a_failure_leaves_earlier_files(exported, tmp_path, monkeypatch):
     def fail(source, folder, settings):
         (folder / "map.nc").write_text("half")
@@ -137,6 +139,7 @@ def test_the_reason_for_a_missing_map_is_named(summary, message, tmp_path):
         export_run(tmp_path, ["kmz"])
 
 
+@pytest.mark.slow
 def test_another_package_adds_an_export(exported, tmp_path, monkeypatch):
     def write(source, folder, settings):
         path = folder / "points.txt"
@@ -150,6 +153,7 @@ def test_another_package_adds_an_export(exported, tmp_path, monkeypatch):
         registry._checked(write)
 
 
+@pytest.mark.slow
 def test_zones_keep_the_limits_of_the_site(exported, tmp_path):
     folder = shutil.copytree(exported.folder, tmp_path / "run")
     summary = json.loads((folder / "summary.json").read_text())

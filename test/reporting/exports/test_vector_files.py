@@ -17,6 +17,8 @@ from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.exports.vector_files import write_contours, write_geopackage, write_zones
 from soilmoist_ros.reporting.geometry import field_polygon
 
+pytestmark = pytest.mark.slow  # the run that all export takes long to make
+
 LAYERS = {
     "field": "MultiPolygon", "zones": "Polygon", "contours": "LineString", "zones_salt": "Polygon",
     "contours_salt": "LineString", "no_go": "Polygon", "track": "LineString", "records": "Point",

@@ -15,6 +15,8 @@ from soilmoist_ros.reporting.season.season import SeasonSettings, make_season
 from soilmoist_ros.reporting.season.season_files import summary
 from soilmoist_ros.reporting.season.season_page import render_season
 
+pytestmark = pytest.mark.slow  # the season that all use takes long to make
+
 FIELDS = Path(__file__).parents[3] / "config" / "fields"
 
 

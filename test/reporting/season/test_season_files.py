@@ -7,9 +7,12 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from scipy.io import netcdf_file
 
 from soilmoist_ros.reporting.season.season_files import FILL, NAMES, estimate_text, write_season
+
+pytestmark = pytest.mark.slow  # the season that all use takes long to make
 
 
 def test_the_folder_has_all_files_and_the_table_all_surveys(season, tmp_path):

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.checks.checks import RecordChecks
@@ -56,6 +57,7 @@ def test_impossible_weather_comes_from_other_records_or_the_record_is_quarantine
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_file_is_masked_from_where_a_tube_went_wrong_and_its_shares_are_those_of_good_counts():
     rng = np.random.default_rng(4)
     shares = np.array([0.2, 0.25, 0.25, 0.3])

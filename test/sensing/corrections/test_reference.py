@@ -108,6 +108,7 @@ def test_a_reference_without_counts_is_refused():
         fit_reference([replace(one, raw_counts=0) for one in reference(1)], START_S, END_S)
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_the_errors_at_several_times():
     times = np.linspace(START_S, END_S, 5)
     one = fit_reference(reference(1, 0.1), START_S, END_S)

@@ -44,6 +44,7 @@ def track(*corners):
     return Track.from_positions((T0 + stamp, Position(latitude, 10.0)) for stamp, latitude in points)
 
 
+@pytest.mark.slow
 def test_a_log_that_was_read_with_another_clock_than_the_site_s_is_refused(roving_record):
     site = Site(longitude="west", logger_utc_offset_hours=-6)
     with pytest.raises(InputError, match=r"clock of UTC\+0 h, and the site has UTC-6 h -> read_log"):
@@ -164,6 +165,7 @@ def test_records_that_cannot_be_corrected_are_lost_with_the_remedy(tmp_path):
     assert "write null" in lost[0].mistake.remedy
 
 
+@pytest.mark.slow
 def test_a_dead_tube_changes_the_exposure_not_the_rate(tmp_path):
     rng = np.random.default_rng(1)
     whole = [

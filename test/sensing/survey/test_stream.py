@@ -188,6 +188,7 @@ def test_no_line_can_bring_it_down_and_each_loss_is_counted(lines):
     assert problems.losses == len(lines) - len(remarks) - len(empty)
 
 
+@pytest.mark.slow
 def test_a_record_that_comes_hours_late_finds_its_place():
     live, one_m = survey(), fix(0.0, 1.0).position.longitude_deg - FRAME.to_geographic((0.0, 0.0))[0][1]
     for second in range(3 * MAX_FIXES):
@@ -222,6 +223,7 @@ def test_missing_weather_is_that_of_before_but_not_of_long_ago():
     assert "pressure_hpa" in str(live.logger_problems.last_loss)
 
 
+@pytest.mark.slow
 def test_the_loggers_own_positions_serve_as_from_a_file(roving_record):
     """A real log: positions at the middle of the interval; without a logged position the record has none."""
     path = roving_record

@@ -77,6 +77,7 @@ class Counted:
         return self._simulate(settings, progress)
 
 
+@pytest.mark.slow
 def test_the_paper_s_campaign():
     found = missions(load_campaign("paper"))
     assert len(found) == 480
@@ -453,6 +454,7 @@ def test_properties_are_a_list_and_lists_make_a_grid(tmp_path, given, expected):
     assert [" ".join(map(str, mission.settings.properties)) for mission in found] == expected
 
 
+@pytest.mark.slow
 def test_a_property_counts_by_the_content_of_its_file(tmp_path):
     with pytest.raises(InputError, match=r"properties.*no field 'ruogh'"):
         written(tmp_path / "c.yaml", PROPERTIES % "['ruogh:2']")

@@ -36,6 +36,7 @@ def test_the_time_left_allows_for_the_costs_of_strategies():
     assert (state.done, state.total) == (3 + 11, 23)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(0.1, 100.0), min_size=1, max_size=20), st.integers(1, 8))
 def test_equal_missions_leave_the_mean_of_those_that_are_done(times_s, workers):
     todo = [

@@ -99,6 +99,7 @@ def test_what_does_not_fit_together_is_refused(change, said):
         simulate_mission(settings)
 
 
+@pytest.mark.slow
 def test_each_seed_has_a_second_field_of_its_own():
     drawn = [
         simulate_mission(replace(QUICK, hours=0.02, properties=("rough",), random_field=True, seed=seed))

@@ -20,6 +20,7 @@ from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
 SHORT = MissionSettings(field="synthetic-low", hours=0.25, cell_m=5.0, strategy="random", dwell="fmi:60")
 
 
+@pytest.mark.slow
 @given(st.floats(-0.9, 2.0), st.floats(0, 1e4), st.floats(1, 1e4), st.floats(-1e4, 3e4))
 def test_the_rate_goes_evenly_from_before_to_after(share, begin_s, over_s, time_s):
     factor = Drift(share, begin_s, begin_s + over_s).factor(time_s)

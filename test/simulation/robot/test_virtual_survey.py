@@ -11,6 +11,8 @@ from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
 from soilmoist_ros.simulation.robot.virtual_survey import serpentine, simulate_log, stop_and_go, write_survey
 
+pytestmark = pytest.mark.slow  # the survey that all use takes long to make
+
 
 @pytest.fixture(scope="module")
 def survey(tmp_path_factory):
@@ -23,7 +25,6 @@ def survey(tmp_path_factory):
     return field, log, processed
 
 
-@pytest.mark.slow
 def test_the_log_is_labelled_as_simulated(survey):
     _, log, _ = survey
     assert log.simulated
@@ -54,7 +55,6 @@ def test_the_correction_removes_the_effect_of_the_weather(survey):
     assert processed.raw_counts.sum() == pytest.approx(expected.sum(), rel=4 / np.sqrt(expected.sum()))
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes(tmp_path):
     for name in ("a", "b"):
         write_survey(tmp_path / name, seed=5)

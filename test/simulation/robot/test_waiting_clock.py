@@ -166,6 +166,7 @@ PROGRESS = st.builds(
 ROBOTS = st.fixed_dictionaries({"robot_1": PROGRESS, "robot_2": PROGRESS})
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.floats(0.01, 10), ROBOTS), max_size=30), ROBOTS)
 def test_time_never_stands_forever(history, forever):
     clock = WaitingClock(epoch_s=1.0)
