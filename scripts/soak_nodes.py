@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 import random
 import re
@@ -42,7 +41,8 @@ OF_GOALS = (Fault.SERVER_ABORTS, Fault.SERVER_LIES, Fault.SERVER_HANGS)
 KILLS = (Fault.KILL_PLANNER, Fault.KILL_MAPPER, Fault.KILL_DRIVER, Fault.KILL_RECORDER)
 KILLED_UNTIL = 0.3
 """Share of the time in which nodes are killed; afterwards their processes last, so that growth shows."""
-GROWTH_MB, GROWTH_HANDLES, GROWTH_THREADS, GROWTH_UPDATE = 8.0, 2, 1, 0.5
+GROWTH_MB, GROWTH_HANDLES, GROWTH_THREADS, GROWTH_WORK = 8.0, 2, 1, 0.5
+"""Growth allowed from the second quarter of a life to the last one; that of processor time is a share."""
 
 
 @dataclass(frozen=True)
@@ -213,16 +213,16 @@ def report(samples: Sequence[Sample], faults: list[str]) -> int:
     return 1 if faults else 0
 
 
-Life = list[tuple[float, float, float, float]]
+Life = list[tuple[float, float, float, float, float]]
 
 
 def lives_of(samples: Sequence[Sample], name: str) -> list[Life]:
-    """Time, memory, handles and threads of each process of a node."""
+    """Time, memory, handles, threads and processor time of each process of a node."""
     found: dict[tuple[int, int], Life] = defaultdict(list)
     for sample in samples:
         if name in sample.nodes:
-            pid, memory_mb, handles, threads, _ = sample.nodes[name]
-            found[sample.session, pid].append((sample.at_s, memory_mb, handles, threads))
+            pid, *figures = sample.nodes[name]
+            found[sample.session, pid].append((sample.at_s, *figures))
     return list(found.values())
 
 
@@ -233,6 +233,14 @@ def parts(life: Life) -> tuple[list[float], list[float]]:
         [statistics.median(column) for column in zip(*part, strict=True)]
         for part in (life[quarter : 2 * quarter] or life, life[-quarter:])
     )
+
+
+def work(life: Life) -> tuple[float, float]:
+    """Processor time of a simulated hour, in the second quarter and in the last one [s]."""
+    quarter = max(1, len(life) // 4)
+    spans = ((life[quarter], life[2 * quarter]), (life[-quarter - 1], life[-1]))
+    early_s, late_s = (3600.0 * (end[4] - begin[4]) / (end[0] - begin[0]) for begin, end in spans)
+    return early_s, late_s
 
 
 def grown(samples: Sequence[Sample]) -> list[str]:
@@ -251,15 +259,7 @@ def grown(samples: Sequence[Sample]) -> list[str]:
         ):
             if late[index] - early[index] > limit:
                 faults.append(f"{name}: {what} have grown from {early[index]:g} to {late[index]:g}")
-    updates = [one.update_ms for one in samples if one.update_ms and math.isfinite(one.update_ms)]
-    if len(updates) >= 12:
-        quarter = len(updates) // 4
-        early_ms, late_ms = (
-            statistics.median(updates[quarter : 2 * quarter]),
-            statistics.median(updates[-quarter:]),
-        )
-        if late_ms > (1 + GROWTH_UPDATE) * early_ms + 20.0:
-            faults.append(
-                f"the time from a record to the samples has grown from {early_ms:.0f} to {late_ms:.0f} ms"
-            )
+        early_s, late_s = work(life)
+        if late_s > (1 + GROWTH_WORK) * early_s:
+            faults.append(f"{name}: an hour took {early_s:.1f} s of processor time, and takes {late_s:.1f} s")
     return faults
