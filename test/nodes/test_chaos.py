@@ -14,7 +14,7 @@ from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
 from soilmoist_ros.simulation.rehearsal.judge import Kind
 from soilmoist_ros.simulation.robot.scenario import Scenario
 
-TIME_FACTOR = 40.0
+TIME_FACTOR = 20.0
 
 
 @pytest.fixture(scope="module")

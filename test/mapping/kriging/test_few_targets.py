@@ -58,3 +58,14 @@ def test_the_kriging_of_a_map_takes_the_covariance_over():
     found = kept.kriging.rate_and_covariance(places, kept.known.with_targets)
     for one, other in zip(found, fresh.kriging.rate_and_covariance(places), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+def test_all_covariances_that_are_taken_over_are_numbers(monkeypatch):
+    """Above the diagonal nothing is computed; what a freed array left there may overflow in sums."""
+    empty = np.empty
+    monkeypatch.setattr(np, "empty", lambda *shape: np.full_like(empty(*shape), np.nan))
+    few = FewTargets(TARGETS, True)
+    monkeypatch.undo()
+    for count in (20, 40):
+        few.update(some(count), STATIONARY, 4.0)
+        assert np.isfinite(few.known.of_samples).all()
