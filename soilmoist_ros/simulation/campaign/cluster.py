@@ -14,7 +14,7 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -172,4 +172,5 @@ def _same_version(client: Any, simulate: Simulate) -> Iterator[None]:
         yield
     finally:
         if client.status == "running":
-            client.unregister_worker_plugin(gate.NAME)
+            with suppress(OSError):  # of a scheduler that has gone, which the client does not know yet
+                client.unregister_worker_plugin(gate.NAME)

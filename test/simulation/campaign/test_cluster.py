@@ -298,6 +298,20 @@ def on_cluster_of(monkeypatch, submit):
     monkeypatch.setattr(cluster, "_same_version", lambda client, simulate: nullcontext())
 
 
+def test_what_ends_a_campaign_is_not_hidden_by_a_scheduler_that_has_just_gone():
+    from distributed.comm.core import CommClosedError
+
+    def gone(name):
+        raise CommClosedError("connection reset by peer")
+
+    client = SimpleNamespace(
+        run=lambda *_, **__: {}, register_plugin=lambda *_, **__: None, status="running",
+        unregister_worker_plugin=gone,
+    )  # fmt: skip
+    with pytest.raises(cluster.WorkersLostError), cluster._same_version(client, print):
+        raise cluster.WorkersLostError("no answer")
+
+
 @contextmanager
 def dask_config(path):
     """Dask as if the environment variable ``DASK_CONFIG`` named a file."""
