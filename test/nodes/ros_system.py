@@ -23,7 +23,7 @@ from rclpy.node import Node
 
 from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
 
-LIMIT_S = 60.0
+LIMIT_S = 180.0
 """Longest wait for an immediate event [s]; machines that run tests are busy."""
 
 
