@@ -44,8 +44,7 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 @pytest.fixture(scope="session")
 def makers():
     """The script that makes the golden bags."""
-    if importlib.util.find_spec("rclpy") is None:
-        pytest.skip("needs the messages of ROS")
+    pytest.importorskip("rclpy")
     spec = importlib.util.spec_from_file_location("make_golden_bags", GOLDEN / "make_golden_bags.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

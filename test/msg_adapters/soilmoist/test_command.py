@@ -2,14 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """An operator's request and its reply as messages."""
 
-import platform
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-if platform.machine() != "x86_64":
-    pytest.skip("the ROS 2 wheels exist for x86_64 only", allow_module_level=True)
 pytest.importorskip("soilmoist_msgs")
 from rclpy.serialization import deserialize_message, serialize_message
 from soilmoist_msgs.srv import Command

@@ -1,14 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import math
-import platform
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-if platform.machine() != "x86_64":
-    pytest.skip("the ROS 2 wheels exist for x86_64 only", allow_module_level=True)
 pytest.importorskip("soilmoist_msgs")
 
 from msg_adapters.soilmoist.visits import visit_from_message, visit_to_message
