@@ -3,6 +3,7 @@
 """Fixtures shared by all folders of tests."""
 
 import os
+import signal
 import sys
 import zlib
 from functools import partial
@@ -24,6 +25,9 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 # Set by scripts/test where all requirements are installed: a missing module is an error then, no reason to skip.
 if os.environ.get("MODULES_REQUIRED"):
     pytest.importorskip = partial(pytest.importorskip, exc_type=())
+
+# Shells start background jobs deaf to Ctrl-C, and programs that tests start would inherit that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -43,6 +43,7 @@ class RosSystem:
             "ROS_LOG_DIR": str(self.folder / "log"),
             "ROS_PYTHON_CHECK_FIELDS": "1",
             "PYTHONUNBUFFERED": "1",
+            "PYTHONFAULTHANDLER": "1",
             "OPENBLAS_NUM_THREADS": "1",
         }
         os.environ.update(
@@ -165,6 +166,8 @@ class NodeProcess:
         try:
             return self.process.wait(timeout)
         except subprocess.TimeoutExpired:
+            self.process.send_signal(signal.SIGABRT)  # Python writes where each thread is
+            self.process.wait(LIMIT_S)
             raise AssertionError(f"{self.command[:3]} does not end\n{self.output()}") from None
 
     def kill(self) -> None:

@@ -66,6 +66,11 @@ class Planning:
     def wait_phase(self, *phases):
         self.wait(lambda status: status.phase in phases, f"one of {phases}")
 
+    def wait_end(self):
+        """Wait until the process has ended by itself, and its last message has come."""
+        assert self.process.wait() == 0
+        self.wait_phase(Phase.FINISHED)
+
 
 def test_a_whole_mission_by_itself(ros, tmp_path):
     saved = []
@@ -79,8 +84,7 @@ def test_a_whole_mission_by_itself(ros, tmp_path):
     plans, markers = ros.collect(Path, "plan", LATCHED), ros.collect(MarkerArray, "plan_markers", LATCHED)
     with World(ros) as world, VirtualNavigation(ros, world) as navigation:
         planning = Planning(ros, tmp_path, autostart=True, home="shed", exit_when_finished=True)
-        assert planning.process.wait() == 0
-        assert planning.status.phase is Phase.FINISHED
+        planning.wait_end()
         assert planning.status.samples >= 2
         assert "home" in planning.status.reason
         assert world.place == (-10.0, 5.0)
@@ -132,8 +136,9 @@ def test_every_visit_is_published_and_recorded_as_the_mission_had_it(ros, tmp_pa
         )
         planning.wait(lambda status: status.samples >= 1)
         late = ros.collect(VisitMessage, "/robot_1/visits", VISITS)
-        assert planning.process.wait() == 0
+        planning.wait_end()
         samples = planning.status.samples
+        ros.wait_for(lambda: len(published) >= samples and len(late) >= samples, message="the visits")
         counted = sum(world.counted.values())
     assert recorder.stop() == 0
     entries = load_journal(tmp_path / "journal", whole=True).entries
@@ -263,7 +268,7 @@ def test_a_mission_by_poses_alone_in_a_namespace(ros, tmp_path):
             ros, tmp_path, "/robot_1", navigator="goal_pose", graph="free", autostart=True, home="r0c0",
             exit_when_finished=True, hours=0.15,
         )  # fmt: skip
-        assert planning.process.wait() == 0
+        planning.wait_end()
         assert planning.status.samples >= 2
         # A last stop beside home is home.
         assert math.dist(world.place, (1.0, 1.0)) < 2.5, planning.process.output()

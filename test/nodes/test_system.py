@@ -85,9 +85,10 @@ class Robot:
         """Wait for the end of the mission, and return the status."""
         planner = self.processes["planner"]
         self.ros.wait_for(lambda: self.alive() and not planner.running, LIMIT_S, "the end of the mission")
-        status = mission_from_message(self.missions[-1])
-        assert status.phase is Phase.FINISHED, status.reason
-        return status
+        status = lambda: mission_from_message(self.missions[-1])  # noqa: E731
+        # The last message may come after the end of its sender.
+        self.ros.wait_for(lambda: status().phase is Phase.FINISHED, 10, "the last message of the mission")
+        return status()
 
     def records(self):
         """All records published so far."""
