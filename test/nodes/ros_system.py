@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
 from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
+from soilmoist_ros.nodes.system.process_group import end_with_parent
 
 LIMIT_S = 180.0
 """Longest wait for an immediate event [s]; machines that run tests are busy."""
@@ -144,6 +146,7 @@ class NodeProcess:
             self.process = subprocess.Popen(
                 command, env=environment, cwd=output.parent, stdout=file, stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL, start_new_session=True,
+                preexec_fn=partial(end_with_parent, os.getpid()),  # else it answers in the domain of a later test
             )  # fmt: skip
 
     def output(self) -> str:

@@ -75,7 +75,7 @@ class ProcessGroup:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # Ctrl-C on the terminal must end the nodes in the right order
-                preexec_fn=lambda: _end_with_parent(parent),
+                preexec_fn=lambda: end_with_parent(parent),
             )
 
     def kill(self, name: str) -> None:
@@ -137,7 +137,7 @@ def _kill_group(process: subprocess.Popen[bytes]) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
-def _end_with_parent(parent: int) -> None:
+def end_with_parent(parent: int) -> None:
     """Make the kernel end this process when the parent is killed; called between fork and exec."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     if _prctl is not None:
