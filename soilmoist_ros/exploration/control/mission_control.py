@@ -18,6 +18,7 @@ from typing import Protocol
 
 import numpy as np
 
+from soilmoist_ros.exploration.control.current_access import CurrentAccess
 from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_feed import MissionFeed
 from soilmoist_ros.exploration.control.mission_setup import (
@@ -166,17 +167,12 @@ class MissionControl:
     ) -> None:
         self.watch = watch or Watch()
         self._watching = Watching(self.watch)
-        self._field = field
         self._settings = settings
         self._open_survey = open_survey
         self._home = home
         self._outputs = outputs
         self._clock = clock or MissionClock(outputs.now_s)
-        self._access: FieldAccess | None = None
-        self._graph: TravelGraph | None = None
-        self._cell_m: float | None = None
-        self._no_access = "the map of the navigation"
-        self._asked_at: tuple[float, float] | None = None  # where the part of the map was last looked for
+        self._current = CurrentAccess(field, settings.motion, settings.access, self._home_name, self._use)
         self._journal = journal or MissionJournal(None)
         self._interrupted = ""
         self._last_command = "", math.nan
@@ -228,52 +224,20 @@ class MissionControl:
 
         :raises InputError: if it does not fit the field, or does not know the home
         """
-        try:
-            self._use(graph, self._cell_m, None)
-        except Exception as error:
-            self._no_access = f"a map that can be used ({error})"
-            raise
+        self._current.use_graph(graph)
 
-    def _use(self, graph: TravelGraph | None, cell_m: float | None, place: tuple[float, float] | None) -> None:
-        self._take(self._access_in(self._field, graph, cell_m, place), graph, place)
-
-    def _access_in(
-        self, field: Field, graph: TravelGraph | None, cell_m: float | None, place: tuple[float, float] | None
-    ) -> FieldAccess:
-        rules, motion = self._settings.access, self._settings.motion
+    def _home_name(self) -> str:
         changed = self._mission.state.changes
-        home = changed.home.name if changed is not None and changed.home is not None else self._home
-        return FieldAccess(field, motion, graph, rules, cell_m, home, place)
+        return changed.home.name if changed is not None and changed.home is not None else self._home
 
-    def _take(self, access: FieldAccess, graph: TravelGraph | None, place: tuple[float, float] | None) -> None:
-        if access.warning and (self._access is None or access.warning != self._access.warning):
-            _log.warning(access.warning)
-        if graph is not None and (self._access is None or access.stops != self._access.stops):
-            _log.info("%d of %d nodes of the topological map are stops", len(access.stops), len(graph.names))
+    def _use(self, access: FieldAccess) -> None:
         self._mission.rules = replace(self._mission.rules, home=access.home)
         access.travel.motion = self._learned.motion
-        self._access, self._graph, self._asked_at = access, graph, place
         self._watching.use(access)
 
-    def _use_part_of_robot(self) -> str:
-        """Use the part of the map where the robot stands; returns why that is not possible, empty if it is."""
-        place = self._feed.place
-        if self._access is not None and place is not None and not self._access.serves(place):
-            self._asked_at = place
-            try:
-                self._use(self._graph, self._cell_m, place)
-            except InputError as error:
-                return str(error)
-        return ""
-
-    def _use_cells(self, cell_m: float) -> None:
-        """Plan on the cells of the mapper's map.
-
-        :raises InputError: if the field cannot be gridded with them, or does not know the home then
-        """
-        if self._access is not None and self._access.grid.cell_m != cell_m:
-            self._use(self._graph, cell_m, self._access.place)
-        self._cell_m = cell_m
+    @property
+    def _access(self) -> FieldAccess | None:
+        return self._current.access
 
     @property
     def fence(self) -> Fence | None:
@@ -294,7 +258,7 @@ class MissionControl:
         """What is missing before a mission can start."""
         missing = {
             "the time (is /clock published?)": self._clock.now_s() <= 0,
-            self._no_access: self._access is None,
+            self._current.waiting_for: self._access is None,
             "a position": self._feed.place is None,
             self.navigator.waiting_for: bool(self.navigator.waiting_for),
         }
@@ -312,7 +276,9 @@ class MissionControl:
     def request(self, request: OperatorRequest) -> Reply:
         """An operator, known by name, asks for something; what cannot be used changes nothing."""
         mission = self._mission
-        requests = Requests(self._field.frame, self._access, self._settings, mission.current_rules, mission.state)
+        requests = Requests(
+            self._current.field.frame, self._access, self._settings, mission.current_rules, mission.state
+        )
         try:
             command = requests.command(request, self._clock.now_s())
             use_survey = self._opened(command.changes)
@@ -335,19 +301,17 @@ class MissionControl:
                 raise InputError("the field cannot be chosen here", "start the planner with it")
             before = self._mission.state.changes or Changes()
             field, settings = self._open_survey(replace(before, **changes.of_survey))
-            if field.frame != self._field.frame:
-                remedy = f"keep the datum {self._field.frame}, or start all nodes with the field"
+            if field.frame != self._current.field.frame:
+                remedy = f"keep the datum {self._current.field.frame}, or start all nodes with the field"
                 raise InputError(f"the datum of {field.name!r} is {field.frame}", remedy)
-            access = None if self._access is None else self._access_in(field, self._graph, None, self._feed.place)
+            use_field = self._current.opened(field, self._feed.place)
         except InputError as error:
             first = error.mistakes[0]
             raise RequestError(ReplyCode.BAD_SETTING, first.message, first.remedy) from None
 
         def use() -> None:
-            self._field, self._settings = field, settings
-            self._cell_m = None  # the mapper publishes that of its new map
-            if access is not None:
-                self._take(access, self._graph, self._feed.place)
+            self._settings = settings
+            use_field()
             self.show()
 
         return use
@@ -357,11 +321,11 @@ class MissionControl:
         sets_off = verb is Verb.RESUME or (verb is Verb.START and not self.under_way)
         if sets_off and (missing := self.missing()):
             return Answer(verb, False, f"not yet, waiting for {', '.join(missing)}")
-        if sets_off and (refusal := self._use_part_of_robot()):
+        if sets_off and (refusal := self._current.use_part(self._feed.place)):
             return Answer(verb, False, refusal)
         answer = self._feed.command(command)
         if answer.accepted and command.changes is not None and command.changes.home is not None:
-            self._use(self._graph, self._cell_m, self._feed.place)
+            self._current.use_home(self._feed.place)
         if answer.accepted:
             self._last_command = f"{verb} by {command.by}: {answer.message}", command.now_s
             if verb in _DECISIONS or verb is Verb.PAUSE:
@@ -411,9 +375,8 @@ class MissionControl:
     def _moved(self, now_s: float) -> None:
         place = self._feed.place
         assert place is not None
-        known, radius_m = self._asked_at, self._mission.rules.arrival_radius_m
-        if not self.under_way and (known is None or math.dist(place, known) > radius_m):
-            self._use_part_of_robot()
+        if not self.under_way:
+            self._current.moved(place, self._mission.rules.arrival_radius_m)
         self._watching.moved(place)
         if self._feed.place_age_s <= MAX_AGE_S:  # where the robot was is no arrival, and no place to stop at
             self.navigator.moved(place, now_s)
@@ -475,7 +438,7 @@ class MissionControl:
         :param changing: the drift that the map allows for; ``None`` without one
         """
         if not name and cell_m is not None:
-            self._use_cells(cell_m)
+            self._current.use_cells(cell_m)
         self._queue.take_fit(name, fit, stamp_s, changing)
         self._plan_if_due()
 
