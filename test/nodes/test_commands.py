@@ -137,7 +137,9 @@ def test_every_verb(ros, tmp_path):
         planning.wait_state(lambda state: state.phase in (Phase.TRAVELLING, Phase.COUNTING), "resumed")
         ros.wait_for(lambda: planning.ask("skip").accepted, message="a stop to skip")
         planning.wait_state(lambda state: "n11" not in state.queue and state.samples > 0, "the queued stops")
-        assert [stop for stop in navigation.goals if stop in ("n12", "n11")][:2] == ["n12", "n11"]
+        queued = lambda: [stop for stop in list(navigation.goals) if stop in ("n12", "n11")][:2]  # noqa: E731
+        ros.wait_for(lambda: len(queued()) == 2, message="the goals of the queued stops")
+        assert queued() == ["n12", "n11"]
 
         planning.accepted("return_home")
         planning.wait_state(lambda state: state.phase is Phase.FINISHED, "home")
