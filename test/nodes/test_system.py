@@ -87,7 +87,7 @@ class Robot:
         self.ros.wait_for(lambda: self.alive() and not planner.running, LIMIT_S, "the end of the mission")
         status = lambda: mission_from_message(self.missions[-1])  # noqa: E731
         # The last message may come after the end of its sender.
-        self.ros.wait_for(lambda: status().phase is Phase.FINISHED, 10, "the last message of the mission")
+        self.ros.wait_for(lambda: status().phase is Phase.FINISHED, message="the last message of the mission")
         return status()
 
     def records(self):

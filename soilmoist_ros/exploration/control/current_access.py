@@ -61,7 +61,7 @@ class CurrentAccess:
         :raises InputError: if it does not fit the field, or does not know the home
         """
         try:
-            self._take(self._made(self.field, graph, self._cell_m, None), graph, None)
+            self._renew(graph, self._cell_m, None)
         except Exception as error:
             self.waiting_for = f"a map that can be used ({error})"
             raise
@@ -72,8 +72,7 @@ class CurrentAccess:
         :raises InputError: if the field cannot be gridded with them, or does not know the home then
         """
         if self.access is not None and self.access.grid.cell_m != cell_m:
-            place = self.access.place
-            self._take(self._made(self.field, self._graph, cell_m, place), self._graph, place)
+            self._renew(self._graph, cell_m, self.access.place)
         self._cell_m = cell_m
 
     def use_home(self, place: Place | None) -> None:
@@ -81,14 +80,14 @@ class CurrentAccess:
 
         :raises InputError: if the home is not known or not allowed
         """
-        self._take(self._made(self.field, self._graph, self._cell_m, place), self._graph, place)
+        self._renew(self._graph, self._cell_m, place)
 
     def use_part(self, place: Place | None) -> str:
         """Use the part of the map where the robot stands; returns why that is not possible, empty if it is."""
         if self.access is not None and place is not None and not self.access.serves(place):
             self._asked_at = place
             try:
-                self._take(self._made(self.field, self._graph, self._cell_m, place), self._graph, place)
+                self._renew(self._graph, self._cell_m, place)
             except InputError as error:
                 return str(error)
         return ""
@@ -111,6 +110,9 @@ class CurrentAccess:
                 self._take(access, self._graph, place)
 
         return use
+
+    def _renew(self, graph: TravelGraph | None, cell_m: float | None, place: Place | None) -> None:
+        self._take(self._made(self.field, graph, cell_m, place), graph, place)
 
     def _made(
         self, field: Field, graph: TravelGraph | None, cell_m: float | None, place: Place | None
