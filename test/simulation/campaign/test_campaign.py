@@ -386,7 +386,7 @@ def test_ctrl_c_stops_the_processes(tmp_path):
 def test_a_cluster_gives_the_same(campaign, tmp_path, fake):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, host="tcp://127.0.0.1"
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0", host="tcp://127.0.0.1"
     ) as cluster:
         outcome = run_campaign(campaign, tmp_path / "there", fake, scheduler=cluster.scheduler_address)
         bad = Counted(fake, fail=lambda settings: settings.seed == 2)
