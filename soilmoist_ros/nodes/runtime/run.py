@@ -7,16 +7,19 @@ from __future__ import annotations
 import inspect
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable
 from types import FrameType
 from typing import Final
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from soilmoist_ros.foundation.errors import SoilmoistError
@@ -27,6 +30,8 @@ from soilmoist_ros.nodes.runtime.memory import return_memory
 _SWITCH_S: Final = 5e-4
 """Longest wait of a callback for Python's lock while another thread computes [s]; each takes it several times, and
 Python's own 5 ms would add up to a late abort."""
+_LAST_MESSAGES_S: Final = 3.0
+"""Longest wait for the receivers of the last messages; launch files end a node by force after 5 s more [s]."""
 BAD_INPUT: Final = 2
 _RCL_ERROR: Final = rclpy_implementation.RCLError
 _SECURITY: Final = (
@@ -63,6 +68,14 @@ def _load_less() -> None:
         load_when_used(name)
 
 
+def _deliver(node: Node) -> None:
+    """Wait until the receivers have the last messages: with the process, those under way would be lost."""
+    deadline = time.monotonic() + _LAST_MESSAGES_S
+    for publisher in node.publishers:
+        if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
+            publisher.wait_for_all_acked(Duration(seconds=max(deadline - time.monotonic(), 0.0)))
+
+
 def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = EventsExecutor) -> None:
     """Run a node until it is interrupted; every ``main`` calls this function.
 
@@ -83,7 +96,8 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     * an action client must not send goals to two servers of one name: both answer, and the process crashes
     * a signal ends the process after the present callback, or after half a second without one
 
-    A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process.
+    A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process. The
+    process lasts until reliable receivers have its last messages, at most 3 s.
     Exit codes: 0 after SIGINT or SIGTERM or when the node has finished, 2 for bad input.
 
     :param make_node: makes the node
@@ -131,6 +145,8 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
         if close is not None:
             close()
         log.close()
+        if node is not None and rclpy.ok():
+            _deliver(node)
         executor.shutdown(timeout_sec=2.0)
         if node is not None:
             node.destroy_node()

@@ -25,9 +25,11 @@ from soilmoist_ros.nodes.runtime.run import _name_callers
 NODE = """
 import logging, sys, threading, time
 from rclpy.node import Node
+from std_msgs.msg import String
 from std_srvs.srv import Empty, Trigger
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.runtime.aside import Aside
+from soilmoist_ros.nodes.runtime.qos import RECORDS
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.runtime.soon import Soon
 
@@ -44,6 +46,11 @@ class Example(Node):
             self.create_service(Trigger, "stepped", self.on_stepped)
         if MODE == "long":
             self.create_service(Trigger, "work", self.on_work)
+        if MODE == "hears":
+            self.create_subscription(String, "last", lambda message: print(message.data), RECORDS)
+        if MODE == "last":
+            self.last = self.create_publisher(String, "last", RECORDS)
+            self.matched = self.create_timer(0.05, self.wait_for_receiver)
         if MODE == "busy":
             for _ in range(4):
                 self.create_timer(0.001, lambda: time.sleep(0.05))
@@ -61,6 +68,10 @@ class Example(Node):
             self.failed = True
             raise RuntimeError("a mistake at first")
         self.get_logger().info("again", once=True)
+    def wait_for_receiver(self):
+        if self.last.get_subscription_count():
+            print("matched")
+            self.matched.cancel()
     def on_stepped(self, request, response):
         response.message = " ".join(map(str, self.stepped))
         self.stepped.clear()
@@ -98,6 +109,8 @@ class Example(Node):
         return response
     def close(self):
         self.aside.close()
+        if MODE == "last":
+            self.last.publish(String(data="the last message"))
         print("closed")
 
 def refuse():
@@ -125,6 +138,24 @@ def test_signals_end_it_in_good_order(ros, example, mode, number):
     ros.wait_for(lambda: "ready" in process.output())
     assert process.stop(number) == 0
     assert process.output().split() == ["ready", "closed"]
+
+
+def test_it_lasts_until_receivers_have_its_last_message_but_not_for_ever(ros, example):
+    receiver = example("hears")
+    ros.wait_for(lambda: "ready" in receiver.output())  # its script is read
+    for hears in (True, False):
+        process = example("last")
+        ros.wait_for(lambda process=process: "matched" in process.output())
+        receiver.process.send_signal(signal.SIGSTOP)
+        process.process.send_signal(signal.SIGTERM)
+        ros.wait_for(lambda process=process: "closed" in process.output())
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.process.wait(0.5)
+        if hears:
+            receiver.process.send_signal(signal.SIGCONT)
+            ros.wait_for(lambda: "the last message" in receiver.output())
+        assert process.wait() == 0
+    receiver.process.send_signal(signal.SIGCONT)
 
 
 def test_a_failing_callback_does_not_end_it(ros, example):

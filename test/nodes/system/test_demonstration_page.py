@@ -25,7 +25,7 @@ from playwright.sync_api import expect
 from soilmoist_ros.recording.bag.reader import BagReader
 
 pytestmark = [pytest.mark.slow, pytest.mark.process]
-LIMIT_S = 90.0
+LIMIT_S = 180.0
 VIEWERS = 8
 """Viewers in addition to the two operators."""
 
