@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processor time of simulated missions and of planning decisions, on one thread.
 
-usage: .venv/bin/python scripts/bench_simulation.py [--repeats 5] [--quick] [--save]
+usage: .venv/bin/python scripts/bench_simulation.py [--only PART] [--repeats 5] [--quick] [--save]
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from tempfile import TemporaryDirectory
 
 import numpy as np
@@ -72,13 +73,11 @@ PARTS = {
 """Profiled parts of a mission: file and function."""
 
 
-def median_s(work: Callable[[], object], repeats: int, clock: Callable[[], float] = time.perf_counter) -> float:
-    times = []
-    for _ in range(repeats):
-        start = clock()
-        work()
-        times.append(clock() - start)
-    return statistics.median(times)
+def used_s(work: Callable[[], object]) -> float:
+    """Processor time of some work [s]."""
+    start = time.process_time()
+    work()
+    return time.process_time() - start
 
 
 def mission_rows(repeats: int) -> list[tuple[str, str, str]]:
@@ -86,7 +85,7 @@ def mission_rows(repeats: int) -> list[tuple[str, str, str]]:
     rows = []
     for name, settings in MISSIONS.items():
         simulate_mission(replace(settings, hours=0.2))
-        seconds = median_s(lambda settings=settings: simulate_mission(settings), repeats, time.process_time)
+        seconds = statistics.median(used_s(partial(simulate_mission, settings)) for _ in range(repeats))
         rows.append((f"{name}, {settings.field}", f"{seconds:.3f}", where(settings)))
     return rows
 
@@ -94,42 +93,50 @@ def mission_rows(repeats: int) -> list[tuple[str, str, str]]:
 def command_row(repeats: int) -> tuple[str, str, str]:
     """Processor seconds of a command and what it starts."""
 
-    def used_s() -> float:
+    def children_s() -> float:
         times = os.times()
         return times.children_user + times.children_system
 
+    used = []
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "soilmoist_ros.cli.main", *COMMAND, "--overwrite", "--out", folder]
-        seconds = median_s(lambda: subprocess.run(command, check=True, capture_output=True), repeats, used_s)
+        for _ in range(repeats):
+            before_s = children_s()
+            subprocess.run(command, check=True, capture_output=True)
+            used.append(children_s() - before_s)
+    seconds = statistics.median(used)
     return f"soilmoist {' '.join(COMMAND)} --out DIR", f"{seconds:.3f}", "from the prompt to the files written"
 
 
 def decision_rows(repeats: int, samples: int = 60) -> list[tuple[str, ...]]:
-    """Seconds from a new sample to the next stop: refit, map of 70,000 cells, choice among about 500 nodes."""
+    """Processor seconds from a new sample to the next stop: refit, map of 70,000 cells, choice of a stop."""
     polygon = np.array([[0.0, 0.0], [280.0, 0.0], [280.0, 250.0], [0.0, 250.0]])
     field = Field("bench", LocalFrame(53.0, 0.0), polygon)
     grid = FieldGrid.from_polygon(polygon, 1.0)
     motion = RobotMotion()
     graph = open_lattice(field, 12.0).graph
-    rng = np.random.default_rng(1)
     request = RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0)
     rows = []
     for where in ("graph", "free"):
         stops = graph.stops if where == "graph" else cell_stops(grid)
         travel = GraphTravel(graph, motion) if where == "graph" else FreeTravel(motion, (polygon,))
         for label, (model, fit) in FITS.items():
-            field_map = FieldMap(grid, FieldMapSettings(model, fit, for_planning=True))
-            for x, y in rng.uniform(0, 250, (samples, 2)):
-                field_map.add_sample((x, y), int(rng.poisson((4 + np.sin(x / 40)) * 300)), 300.0)
-            update_s = median_s(field_map.update, repeats)
             for strategy in STRATEGIES.names():
+                rng = np.random.default_rng(1)
+                field_map = FieldMap(grid, FieldMapSettings(model, fit, for_planning=True))
                 explorer = Explorer(
                     [Property(field_map)], stops, travel, make_strategy(strategy, "authors"),
                     make_strategy("random"), parse_dwell("ami:0.03"), np.random.default_rng(2),
                 )  # fmt: skip
-                plan_s = median_s(lambda explorer=explorer: explorer.plan(request, (5.0, 5.0)), repeats)
-                cells, candidates = f"{len(grid.cells):,}", f"{len(stops):,} ({where})"
-                rows.append((cells, candidates, strategy, label, f"{update_s:.3f}", f"{plan_s:.3f}"))
+                updates, choices = [], []
+                for number in range(samples + repeats):
+                    x, y = rng.uniform(0, 250, 2)
+                    field_map.add_sample((x, y), int(rng.poisson((4 + np.sin(x / 40)) * 300)), 300.0)
+                    if number >= samples:
+                        updates.append(used_s(field_map.update))
+                        choices.append(used_s(partial(explorer.plan, request, (5.0, 5.0))))
+                times = (f"{statistics.median(values):.3f}" for values in (updates, choices))
+                rows.append((f"{len(grid.cells):,}", f"{len(stops):,} ({where})", strategy, label, *times))
     return rows
 
 
@@ -148,15 +155,18 @@ def main() -> None:
     parser = results.parser(__doc__)
     parser.add_argument("--repeats", type=int, default=5, help="number of runs; the median counts")
     parser.add_argument("--quick", action="store_true", help="one repeat")
+    parser.add_argument("--only", choices=("missions", "decisions"), help="one part")
     arguments = parser.parse_args()
     repeats = 1 if arguments.quick else arguments.repeats
-    missions = [*mission_rows(repeats), command_row(repeats)]
-    columns = ("mission of 2 h", "processor time [s]", "where the time goes")
-    settings = f"cells of 1 m, one thread, medians of {repeats} runs; the parts are those of a profiler"
-    results.publish("missions", columns, missions, settings, arguments.save)
-    columns = ("cells", "stops", "strategy", "variogram", "update of the map [s]", "choice of the stop [s]")
-    settings = f"60 samples, one thread, medians of {repeats} runs"
-    results.publish("decisions", columns, decision_rows(repeats), settings, arguments.save)
+    if arguments.only != "decisions":
+        missions = [*mission_rows(repeats), command_row(repeats)]
+        columns = ("mission of 2 h", "processor time [s]", "where the time goes")
+        settings = f"cells of 1 m, one thread, medians of {repeats} runs; the parts are those of a profiler"
+        results.publish("missions", columns, missions, settings, arguments.save)
+    if arguments.only != "missions":
+        columns = ("cells", "stops", "strategy", "variogram", "update of the map [s]", "choice of the stop [s]")
+        settings = f"processor time after each of {repeats} new samples that follow 60, medians; one thread"
+        results.publish("decisions", columns, decision_rows(repeats), settings, arguments.save)
 
 
 if __name__ == "__main__":
