@@ -346,7 +346,7 @@ def _row(
     return row
 
 
-def table(rows: list[dict[str, object]]) -> Iterator[list[object]]:
+def table(rows: list[dict[str, object]], peers: list[str]) -> Iterator[list[object]]:
     """Own time and memory, and how many times as long the other packages took: one row for each task."""
     for task in dict.fromkeys((row["model"], row["n"]) for row in rows):
         of = {row["package"]: row for row in rows if (row["model"], row["n"]) == task}
@@ -355,7 +355,7 @@ def table(rows: list[dict[str, object]]) -> Iterator[list[object]]:
             *task,
             own["seconds"],
             own["memory_mb"],
-            *(of.get(p.distribution, {}).get("ratio", "") for p in PEERS),
+            *(of.get(peer, {}).get("ratio", "") for peer in peers),
         ]
 
 
@@ -383,12 +383,13 @@ def main() -> int:
                 print(
                     "  ".join(f"{row.get(column, '')!s:>13}" for column in [*COLUMNS, *EXTRA_COLUMNS]), flush=True
                 )
-    names = ["numpy", "scipy", *(peer.distribution for peer in PEERS if importlib.util.find_spec(peer.module))]
-    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in names)
+    compared = {str(row["package"]) for row in rows}
+    peers = [peer.distribution for peer in PEERS if peer.distribution in compared]
+    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "scipy", *peers))
     results.publish(
         "mapping",
-        ("model", "samples", "time [s]", "memory [MB]", *(f"{peer.distribution} takes" for peer in PEERS)),
-        table(rows),
+        ("model", "samples", "time [s]", "memory [MB]", *(f"{peer} takes" for peer in peers)),
+        table(rows, peers),
         f"{cells:,} cells, fixed covariance parameters, one thread, median processor time of {repeats} runs; "
         f"the others: times as long; {roofline()}; {versions}",
         arguments.save,
