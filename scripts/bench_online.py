@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Time of maps on line: mean and variance of 70,000 cells after each of 300 records, compared with libKriging.
 
-Every record begins a new sample. This package updates the previous map (RasterKriging). libKriging, the fastest of
-the packages in bench_mapping.py, computes each map anew. It is timed for a few numbers of samples; linear
+Every record begins a new sample. This package updates the previous map (RasterKriging). libKriging, among
+the fastest packages in bench_mapping.py, computes each map anew. It is timed for a few numbers of samples; linear
 interpolation gives its total. Samples and fixed covariance parameters come from bench_mapping.py; nothing is
 fitted. One BLAS thread, CPU time, medians of three runs.
 
