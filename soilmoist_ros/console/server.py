@@ -109,17 +109,18 @@ class ConsoleServer:
         self._jobs: Jobs | None = None
         self._runner: web.AppRunner | None = None
 
-    def start(self, host: str, port: int) -> int:
+    def start(self, host: str, port: int, *, else_free: bool = False) -> int:
         """Start to serve.
 
         :param host: address to listen on
         :param port: port, 0 for a free one
+        :param else_free: whether to take a free port if the one that is wanted is taken
         :returns: the port
         :raises InputError: if the address cannot be used
         """
         self._thread.start()
         try:
-            return asyncio.run_coroutine_threadsafe(self._open(host, port), self._loop).result(20.0)
+            return asyncio.run_coroutine_threadsafe(self._open(host, port, else_free), self._loop).result(20.0)
         except OSError as error:
             self.close()
             raise InputError(
@@ -141,7 +142,7 @@ class ConsoleServer:
         self._loop.run_forever()
         self._loop.close()
 
-    async def _open(self, host: str, port: int) -> int:
+    async def _open(self, host: str, port: int, else_free: bool) -> int:
         web = self._web
         app = web.Application(client_max_size=MAX_BODY, middlewares=[self._guard()])
         app.router.add_get("/", self._on_page)
@@ -159,8 +160,12 @@ class ConsoleServer:
             app.router.add_post(f"/{name}", self._operators(handler, holder=True))
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await self._runner.setup()
-        site = web.TCPSite(self._runner, host, port)
-        await site.start()
+        try:
+            await web.TCPSite(self._runner, host, port).start()
+        except OSError:
+            if not else_free:
+                raise
+            await web.TCPSite(self._runner, host, 0).start()
         return int(self._runner.addresses[0][1])
 
     async def _shut(self) -> None:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-import threading
+import math
 import time
 from pathlib import Path
 from types import TracebackType
@@ -12,7 +12,7 @@ from typing import Final
 
 from soilmoist_ros.console.access import Access
 from soilmoist_ros.console.board import Board
-from soilmoist_ros.console.invitation import PORT, free_port
+from soilmoist_ros.console.invitation import PORT
 from soilmoist_ros.console.maps.map_layers import MapLayers
 from soilmoist_ros.console.plan.survey_files import SurveyFiles
 from soilmoist_ros.console.robot_history import RobotHistory
@@ -26,6 +26,7 @@ from soilmoist_ros.simulation.mission.moment import Moment
 
 MAP_S: Final = 1.0
 """Shortest time between two maps [s]; a map that takes long to make comes less often."""
+_POLL_S: Final = 0.05
 _BUSY: Final = 4.0
 """Time between two maps in units of the time that one takes."""
 
@@ -54,10 +55,11 @@ class WatchedMission:
         self._picture: MapLayers | None = None
         self._map_s, self._samples, self._visits = 0.0, 0, 0
         self._begun_s: float | None = None
-        self._stopped = threading.Event()
+        self._stopped = False
         files = SurveyFiles(runs, runs, runs)
         self._server = ConsoleServer(self._board, None, Access(), lambda: self._picture, files, {})
-        self.address = f"http://127.0.0.1:{self._server.start('127.0.0.1', free_port(PORT))}/"
+        port = self._server.start("127.0.0.1", PORT, else_free=True)
+        self.address = f"http://127.0.0.1:{port}/"
         """Address of the page."""
 
     def __enter__(self) -> WatchedMission:
@@ -71,15 +73,18 @@ class WatchedMission:
     @property
     def stopped(self) -> bool:
         """Whether :meth:`stop` was called."""
-        return self._stopped.is_set()
+        return self._stopped
 
     def stop(self) -> None:
-        """End the mission at its next moment."""
-        self._stopped.set()
+        """End the mission at its next moment; signal handlers may call it."""
+        # An event has a lock, which the interrupted thread may hold: the handler would wait for it for ever.
+        self._stopped = True
 
-    def wait(self) -> None:
-        """Wait for :meth:`stop`."""
-        self._stopped.wait()
+    def wait(self, limit_s: float = math.inf) -> None:
+        """Wait for :meth:`stop`, or until a time has passed [s]."""
+        end_s = time.monotonic() + limit_s
+        while not self._stopped and (left_s := end_s - time.monotonic()) > 0:
+            time.sleep(min(left_s, _POLL_S))
 
     def show(self, moment: Moment) -> bool:
         """Wait until a moment is due, then show it; false after :meth:`stop`."""
@@ -89,7 +94,7 @@ class WatchedMission:
         due_s = self._begun_s + moment.time_s / self._time_factor
         if due_s < now_s:  # the computer is slower than asked for: the mission is not hurried later
             self._begun_s += now_s - due_s
-        self._stopped.wait(max(due_s - now_s, 0.0))
+        self.wait(due_s - now_s)
         for robot, one in zip(self._robots, moment.robots, strict=True):
             self._board.put(f"mission/{robot}", mission_view(one.status, {}))
             self._board.put(f"plan/{robot}", [_place(stop.x_m, stop.y_m) for stop in one.ahead])

@@ -8,6 +8,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 import urllib.error
 import urllib.request
 
@@ -80,6 +81,24 @@ def test_a_stop_ends_the_mission_and_keeps_what_was_counted(tmp_path):
     assert 400 < result.series[-1].time_s < 450
     assert "operator" in result.ended
     assert result.soil_map is not None
+
+
+def test_a_signal_may_stop_it_at_any_line_of_a_wait(tmp_path):
+    def every_line(frame, event, argument):
+        page.stop()
+        return every_line
+
+    def wait():
+        sys.settrace(every_line)
+        page.wait(0.01)
+        sys.settrace(None)
+
+    with watched(tmp_path) as page:
+        waiting = threading.Thread(target=wait, daemon=True)
+        waiting.start()
+        waiting.join(20)
+        assert not waiting.is_alive(), "the handler waits for a lock of the thread that it interrupts"
+        assert page.stopped
 
 
 def test_robots_have_their_names(tmp_path):

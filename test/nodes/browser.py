@@ -115,16 +115,20 @@ def slide(page: Any, text: str) -> None:
     from playwright.sync_api import Error
 
     knob = page.locator(f'.slide[data-slide^="{text}"] input:visible')
-    for _ in range(5):
+    for _ in range(20):
         try:
             knob.evaluate("knob => knob.scrollIntoView({block: 'center'})")  # STOP covers the edge of a phone
-            if (box := knob.bounding_box()) is not None:
+            if (box := knob.bounding_box()) is None:
+                continue
+            y = box["y"] + box["height"] / 2
+            page.mouse.move(box["x"] + 28, y)
+            page.mouse.down()
+            if knob.evaluate("knob => knob === document.activeElement"):
                 break
         except Error:  # the page has just been drawn anew, with another slide
-            continue
-    y = box["y"] + box["height"] / 2
-    page.mouse.move(box["x"] + 28, y)
-    page.mouse.down()
+            pass
+        page.mouse.move(1, 1)  # the finger missed it, because the page has moved: what it came upon is not clicked
+        page.mouse.up()
     page.mouse.move(box["x"] + box["width"] / 2, y)
     page.mouse.move(box["x"] + box["width"] - 4, y)
     page.mouse.up()
