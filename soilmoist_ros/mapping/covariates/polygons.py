@@ -22,6 +22,18 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+BEGINNINGS = {
+    ".gpkg": b"SQLite format 3\0",
+    ".shp": b"\0\0\x27\x0a",
+    ".fgb": b"fgb",
+    ".geojson": b"{",
+    ".json": b"{",
+}
+"""First bytes of files that hold polygons, by their endings. GDAL looks at contents alone: a file that is
+something else may name other files or addresses, which it would read."""
+_PIPELINE = b"gdal_streamed_alg"
+"""Type of JSON that names what GDAL shall read and do."""
+REMEDY = "give GeoJSON or GeoPackage"
 MAX_CLASSES = 8
 """Classes up to which each has a column of its own; the rarer ones are taken together."""
 MIN_SHARE = 0.02
@@ -71,12 +83,16 @@ def _readable(path: Path) -> Iterator[None]:
     from pyproj.exceptions import ProjError
 
     failed = optional_module("pyogrio").errors
-    errors = (failed.DataSourceError, failed.DataLayerError, shapely.errors.ShapelyError, ProjError)
+    errors = (failed.DataSourceError, failed.DataLayerError, shapely.errors.ShapelyError, ProjError, OSError)
     try:
+        with path.open("rb") as stream:
+            head = stream.read(65536).removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
+        if not head.startswith(BEGINNINGS[path.suffix.lower()]) or _PIPELINE in head:
+            raise InputError("cannot be read as polygons: its content is something else", REMEDY, path)
         yield
     except (*errors, UnicodeDecodeError) as error:
         reason = f"cannot be read as polygons: {error!s:.200}"
-        raise InputError(reason, "give GeoJSON or GeoPackage", path) from None
+        raise InputError(reason, REMEDY, path) from None
 
 
 def _require_crs(path: Path, about: Mapping[str, Any]) -> None:

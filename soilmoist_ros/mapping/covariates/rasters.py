@@ -25,6 +25,13 @@ Array = NDArray[np.float64]
 
 USUAL_NODATA = (-9999.0, -99999.0, -32768.0)
 """Values that mean a gap by convention, where a file does not declare one."""
+KINDS = (
+    "GTiff", "AAIGrid", "BMP", "COG", "DTED", "EHdr", "ENVI", "GPKG", "GRASSASCIIGrid", "GRIB", "GS7BG", "GSAG",
+    "GSBG", "HDF5", "HDF5Image", "JP2OpenJPEG", "JPEG", "MBTiles", "PCRaster", "PNG", "RST", "SAGA", "SRTMHGT",
+    "USGSDEM", "WEBP", "XYZ", "netCDF",
+)  # fmt: skip
+"""Formats, by their names in GDAL, that hold their own pixels. Others (VRT, WMS, tile indices) name files or
+addresses, which GDAL would read, whatever the ending of their own name is."""
 MAX_VALUE = 1e30
 """Magnitude from which a value is a gap, as -3.4e38 and infinity are."""
 
@@ -135,16 +142,18 @@ def opened_raster(path: Path, remedy: str = "give a GeoTIFF") -> Iterator[Datase
 
     :param path: the file
     :param remedy: what to do about a file that cannot be read
-    :raises InputError: if GDAL, PROJ or rasterio refuse the file, now or while it is open
+    :raises InputError: if GDAL, PROJ or rasterio refuse the file, now or while it is open, or its format is not in
+        :data:`KINDS`
     """
     import rasterio
     from pyproj.exceptions import ProjError
+    from rasterio.io import DatasetReader
 
     errors = rasterio.errors
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", errors.NotGeoreferencedWarning)
-            with rasterio.open(path) as source:
+            with rasterio.Env(), DatasetReader(str(path), driver=list(KINDS)) as source:
                 if source.transform.is_degenerate:
                     raise InputError("has pixels without an area", remedy, path)
                 yield source

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.covariates.polygons import indicators, read_polygons, require_polygons
+from soilmoist_ros.mapping.covariates.polygons import BEGINNINGS, indicators, read_polygons, require_polygons
 from soilmoist_ros.mapping.covariates.rasters import RasterBands, opened_raster
 from soilmoist_ros.mapping.covariates.source import DERIVED, CovariateSource, Derived
 from soilmoist_ros.mapping.covariates.terrain import derivatives
@@ -22,8 +22,6 @@ from soilmoist_ros.mapping.knowledge.covariates import Covariates
 
 Array = NDArray[np.float64]
 
-POLYGON_FILES = (".geojson", ".json", ".gpkg", ".shp", ".fgb")
-"""Endings of files that hold polygons."""
 MAX_TERRAIN_CELLS = 100_000
 """Cells of the raster on which elevations are evaluated; a larger one gets larger cells."""
 TERRAIN_MARGIN = 1.0
@@ -111,7 +109,7 @@ def _has_polygons(source: CovariateSource) -> bool:
     :raises InputError: if there is no such file, or something would be derived from polygons
     """
     source.require_file()
-    found = source.path.suffix.lower() in POLYGON_FILES
+    found = source.path.suffix.lower() in BEGINNINGS
     if found and source.derive:
         raise InputError("has polygons: nothing is derived from them", "remove 'derive'", source.path)
     return found

@@ -4,6 +4,7 @@
 
 import json
 from pathlib import Path
+from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
@@ -248,6 +249,53 @@ def test_files_that_cannot_be_used(tmp_path, message):
     with pytest.raises(InputError, match=message) as caught:
         read(BAD[message](tmp_path))
     assert all(mistake.remedy and mistake.path for mistake in caught.value.mistakes)
+
+
+def virtual_raster(path):
+    """A file that names another one, of the same place, as a GDAL virtual raster."""
+    secret = write_raster(path.parent / "secret.tif")
+    with rasterio.open(secret) as file:
+        place, crs, width, height = file.transform.to_gdal(), file.crs.to_wkt(), file.width, file.height
+    band = f"<SimpleSource><SourceFilename>{secret}</SourceFilename><SourceBand>1</SourceBand></SimpleSource>"
+    path.write_text(
+        f'<VRTDataset rasterXSize="{width}" rasterYSize="{height}"><SRS>{escape(crs)}</SRS>'
+        f"<GeoTransform>{', '.join(map(str, place))}</GeoTransform>"
+        f'<VRTRasterBand dataType="Float32" band="1">{band}</VRTRasterBand></VRTDataset>'
+    )
+    return path
+
+
+def virtual_polygons(path):
+    """A file that names another one as a GDAL virtual layer."""
+    secret = soil_map(path.parent / "secret.geojson", ["sand", "clay"])
+    source = f"<SrcDataSource>{secret}</SrcDataSource>"
+    path.write_text(f'<OGRVRTDataSource><OGRVRTLayer name="secret">{source}</OGRVRTLayer></OGRVRTDataSource>')
+    return path
+
+
+def pipeline(path):
+    """A file that states what GDAL shall read, after much space."""
+    secret = soil_map(path.parent / "secret.geojson", ["sand", "clay"])
+    command = f"gdal vector pipeline ! read {secret} ! make-valid"
+    path.write_text(" " * 600 + json.dumps({"type": "gdal_streamed_alg", "command_line": command}))
+    return path
+
+
+@pytest.mark.parametrize("make", [virtual_raster, virtual_polygons, pipeline])
+@pytest.mark.parametrize("ending", ["tif", "geojson", "json", "gpkg", "shp", "fgb", "png", "vrt"])
+def test_no_file_leads_to_another_one(tmp_path, make, ending):
+    path = make(tmp_path / f"a.{ending}")
+    with pytest.raises(InputError, match="cannot be read as"):
+        read(path)
+    with pytest.raises(InputError, match="cannot be read as"):
+        require_covariates([CovariateSource.parse(str(path))])
+
+
+def test_the_virtual_files_are_ones_that_gdal_follows(tmp_path):
+    with rasterio.open(virtual_raster(tmp_path / "a.tif")) as file:
+        assert np.ptp(file.read(1)) > 0
+    pyogrio = pytest.importorskip("pyogrio")
+    assert len(pyogrio.raw.read(virtual_polygons(tmp_path / "a.geojson"))[2]) == 2
 
 
 OF_THE_FIELD = ("has no value of 'a' in the field", "same value of 'a' everywhere", "single class")
