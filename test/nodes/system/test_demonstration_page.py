@@ -125,6 +125,8 @@ def test_a_demonstration_from_plan_to_download(tmp_path, browser):
             start_and_redirect(ada, bo, viewers)
             lose_the_link(ada, bo, link)
             stop_and_resume(ada, bo, viewers)
+            for viewer in viewers:
+                viewer.page.context.close()
             stop_without_a_link(ada, bo, link)
             go_home(ada)
             bo.shows("headline", "Finished: the robot was sent home")
