@@ -102,11 +102,9 @@ def main() -> None:
             pages.append(browser.new_context().new_page())
             pages[-1].goto(address)
         browser.close()
-    name = f"console_{given.time_factor:g}"
     settings = "a link of 1 Mbit/s with a latency of 100 ms to the first map, frames of the socket uncompressed"
-    results.publish(
-        name, ("the operator's page", f"{given.time_factor:g} times real time"), rows, settings, given.save
-    )
+    columns = ("the operator's page", f"{given.time_factor:g} times real time")
+    results.publish(f"console_{given.time_factor:g}", columns, rows, settings, given.save)
 
 
 if __name__ == "__main__":
