@@ -218,7 +218,17 @@ def go_home(ada):
     ada.page.locator("#set-home").fill("r04c05")
     ada.page.get_by_role("button", name="Change", exact=True).click()
     ada.shows("last-command", "home r04c05")
-    slide(ada.page, "Slide to drive home and end")
+    ada.wait(lambda: "changed" in ada.page.locator("#notice").inner_text())
+    said = "Not done: not yet"
+    for _ in range(20):  # a busy machine stops the robot: thirty seconds without a place pass in one
+        if "Not done: not yet" not in said:
+            break
+        ada.page.wait_for_timeout(1000)
+        ada.page.evaluate("document.getElementById('notice').textContent = ''")
+        slide(ada.page, "Slide to drive home and end")
+        ada.wait(lambda: re.search("sent home|Not done", ada.page.locator("#notice").inner_text()))
+        said = ada.page.locator("#notice").inner_text()
+    assert "sent home by Ada" in said
 
 
 def take_home(ada, folder):
