@@ -57,7 +57,7 @@ class Link:
         self._target, self._tls = port, tls
         self._server = socket.create_server(("127.0.0.1", 0))
         self.port = self._server.getsockname()[1]
-        self.is_lost = False
+        self.is_lost = self._ended = False
         self._open: set[socket.socket] = set()
 
     def __enter__(self) -> Link:
@@ -65,6 +65,7 @@ class Link:
         return self
 
     def __exit__(self, *exception: object) -> None:
+        self._ended = True
         self.lose()
         with contextlib.suppress(OSError):
             self._server.shutdown(socket.SHUT_RDWR)
@@ -89,7 +90,7 @@ class Link:
                     near = self._tls.wrap_socket(near, server_side=True)
                 far = socket.create_connection(("127.0.0.1", self._target))
             except OSError:
-                if self._server.fileno() < 0 or self._server.getsockname()[1] != self.port:
+                if self._ended:
                     return
                 continue
             if self.is_lost:
