@@ -21,6 +21,7 @@ from launch_ros.actions import Node
 from soilmoist_ros.exploration.planning.property_names import property_weights
 from soilmoist_ros.nodes.system.launching import (
     TOPICS,
+    enclave,
     foxglove_bridge,
     foxglove_server,
     parameters_from,
@@ -199,13 +200,6 @@ def bridge(context: LaunchContext) -> Node:
         namespace=namespace,
         parameters=[{**foxglove_bridge(host, port), "use_sim_time": simulated.lower() in ("true", "1")}],
         output="screen",
-    )
-
-
-def enclave(prefix: str, namespace: str, node: str) -> list[str]:
-    """ROS arguments that name the enclave of a node, as scripts/keystore makes it."""
-    return (
-        ["--enclave", "/".join(filter(None, [prefix.rstrip("/"), namespace.strip("/"), node]))] if prefix else []
     )
 
 

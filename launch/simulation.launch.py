@@ -30,6 +30,7 @@ from soilmoist_ros.nodes.system.demo_configuration import (
     write_configuration,
 )
 from soilmoist_ros.nodes.system.launching import (
+    enclave,
     foxglove_bridge,
     foxglove_server,
     parameters_from,
@@ -71,6 +72,11 @@ MISSION = {
     "params_file": ("", "parameters of all nodes (YAML); arguments override them"),
     "record": ("true", "false to record nothing"),
     "console": ("false", "true to serve the operator's page on port 8050"),
+    "enclaves": (
+        "",
+        "prefix of the nodes' security enclaves, /soilmoist with a keystore of scripts/keystore --rehearsal; "
+        "empty: none",
+    ),
     "foxglove": (
         "false",
         "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove; console: the operator's "
@@ -116,6 +122,8 @@ def team(
 
     if given("namespace"):
         raise InputError("several robots have the namespaces robot_1, robot_2, ...", "leave out namespace")
+    if given("enclaves"):
+        raise InputError("several simulated robots share nodes that no keystore knows", "rehearse with one robot")
     simulator = parameters_from("field_simulator", {name: given(name) for name in SIMULATOR})
     planner = parameters_from(
         "planner", {name: given(name) for name in ("strategy", "dwell", "hours", "navigator")}
@@ -213,6 +221,7 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         executable="field_simulator",
         name="field_simulator",
         namespace=given("namespace"),
+        ros_arguments=enclave(given("enclaves"), given("namespace"), "field_simulator"),
         parameters=[
             *filter(None, [given("params_file")]),
             parameters_from(

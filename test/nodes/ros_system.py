@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import rclpy
 import yaml
@@ -28,33 +29,52 @@ from soilmoist_ros.nodes.system.process_group import end_with_parent
 LIMIT_S = 180.0
 """Longest wait for an immediate event [s]; machines that run tests are busy."""
 
+ENCLAVES = "/soilmoist"
+"""Folder of all enclaves in a keystore."""
+SECURITY = ("ROS_SECURITY_KEYSTORE", "ROS_SECURITY_ENABLE", "ROS_SECURITY_STRATEGY")
+
+
+def security_environment(keystore: Path) -> dict[str, str]:
+    """Environment variables with which nodes run encrypted or not at all."""
+    return dict(zip(SECURITY, (str(keystore), "true", "Enforce"), strict=True))
+
 
 class RosSystem:
-    """Processes and an observer on an isolated domain. Use as a context manager."""
+    """Processes and an observer on an isolated domain. Use as a context manager.
 
-    def __init__(self, folder: Path) -> None:
+    :param make_keystore: makes the keystore of a domain for SROS 2. Every node then runs in the enclave of its
+        name, and the observer in that of the operator.
+    """
+
+    def __init__(self, folder: Path, make_keystore: Callable[[int], Path] | None = None) -> None:
         self.folder = folder
+        self.secured = make_keystore is not None
+        self._make_keystore = make_keystore
         self.processes: list[NodeProcess] = []
-        self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> RosSystem:
-        self.domain = self._stack.enter_context(free_domain())
-        self.environment = {
-            **os.environ,
-            **loopback_environment(self.domain),
-            "ROS_LOG_DIR": str(self.folder / "log"),
-            "ROS_PYTHON_CHECK_FIELDS": "1",
-            "PYTHONUNBUFFERED": "1",
-            "PYTHONFAULTHANDLER": "1",
-            "OPENBLAS_NUM_THREADS": "1",
-        }
-        os.environ.update(
-            {key: self.environment[key] for key in ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_LOG_DIR")}
-        )
-        self.context = Context()
-        rclpy.init(context=self.context, domain_id=self.domain)
-        self._stack.callback(self.context.try_shutdown)
-        self.node = Node("observer", context=self.context)
+        with contextlib.ExitStack() as made:
+            self.domain = made.enter_context(free_domain())
+            self.environment = {
+                **os.environ,
+                **loopback_environment(self.domain),
+                "ROS_LOG_DIR": str(self.folder / "log"),
+                "ROS_PYTHON_CHECK_FIELDS": "1",
+                "PYTHONUNBUFFERED": "1",
+                "PYTHONFAULTHANDLER": "1",
+                "OPENBLAS_NUM_THREADS": "1",
+            }
+            if self._make_keystore is not None:
+                self.environment |= security_environment(self._make_keystore(self.domain))
+            names = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_LOG_DIR", *SECURITY)
+            its = {name: self.environment[name] for name in names if name in self.environment}
+            made.enter_context(patch.dict(os.environ, its))
+            self.context = Context()
+            arguments = ["--ros-args", "--enclave", f"{ENCLAVES}/operator"] if self.secured else None
+            rclpy.init(args=arguments, context=self.context, domain_id=self.domain)
+            made.callback(self.context.try_shutdown)
+            self.node = Node("observer", context=self.context)
+            self._stack = made.pop_all()
         self._executor = MultiThreadedExecutor(2, context=self.context)
         self._executor.add_node(self.node)
         self._spinner = threading.Thread(target=self._spin, daemon=True)
@@ -94,7 +114,8 @@ class RosSystem:
         command = [sys.executable, "-m", f"soilmoist_ros.nodes.{executable}"]
         if os.sep in executable:
             command = [executable]
-        command += ["--ros-args", *extra]
+        enclave = f"{ENCLAVES}{namespace}/{executable}"
+        command += ["--ros-args", *(["--enclave", enclave] if self.secured else []), *extra]
         if namespace:
             command += ["-r", f"__ns:={namespace}"]
         for remap in remaps:

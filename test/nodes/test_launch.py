@@ -442,3 +442,12 @@ def test_each_node_gets_its_enclave(monkeypatch, tmp_path):
     enclaves = {action.ros_arguments[1] for action in launched}
     assert {"/soilmoist/r1/planner", "/soilmoist/r1/mapper", "/soilmoist/r1/salt/mapper"} <= enclaves
     assert not any(action.ros_arguments for action in stand_in.start(ROBOT, monkeypatch, {"out": str(tmp_path)}))
+
+
+def test_the_simulated_robot_gets_its_enclave_too(monkeypatch, tmp_path):
+    given = {"out": str(tmp_path), "enclaves": "/soilmoist"}
+    launched = stand_in.start(SIMULATION, monkeypatch, given)
+    enclaves = {action.ros_arguments[1] for action in launched}
+    assert {"/soilmoist/field_simulator", "/soilmoist/planner"} <= enclaves
+    with pytest.raises(InputError, match="rehearse with one robot"):
+        stand_in.start(SIMULATION, monkeypatch, {**given, "robots": "2"})

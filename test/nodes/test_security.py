@@ -10,7 +10,8 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from ros_system import RosSystem
+from rcl_interfaces.srv import ListParameters
+from ros_system import RosSystem, security_environment
 
 ROOT = Path(__file__).resolve().parents[2]
 POLICY = ROOT / "config" / "security" / "policy.xml"
@@ -35,6 +36,9 @@ USED = {
     "planner": [{**FIELD, **navigation} for navigation in PLANNERS],
     "recorder": [{}],
     "console": [{**FIELD, "port": 0}],
+    "field_simulator": [
+        {**FIELD, "logger_port": 0, "gnss_port": 0, "scenario": scenario} for scenario in ("", "thorvald")
+    ],
 }  # fmt: skip
 """Parameters with which a node makes all its topics and services."""
 ON_A_ROBOT = {("planner", "subscriber"): {"/topological_navigation/feedback"}, ("planner", "client"): {"/toLL"}}
@@ -54,13 +58,11 @@ def permitted(profile):
         for how in block.attrib:
             names = {full_name(one.text, namespace, node) for one in block}
             if block.tag == "actions":
-                assert how == "call"
-                found["client"] |= {
+                asking, hearing = {"call": ("client", "subscriber"), "execute": ("service", "publisher")}[how]
+                found[asking] |= {
                     f"{one}/_action/{part}" for one in names for part in ("send_goal", "cancel_goal", "get_result")
                 }
-                found["subscriber"] |= {
-                    f"{one}/_action/{part}" for one in names for part in ("feedback", "status")
-                }
+                found[hearing] |= {f"{one}/_action/{part}" for one in names for part in ("feedback", "status")}
             else:
                 found[KINDS[block.tag, how]] |= names
     return found  # fmt: skip
@@ -106,6 +108,7 @@ def test_the_policy_permits_what_a_node_uses_and_nothing_else(node, tmp_path):
             for other in beside:
                 ros.start(other, params=USED[other][0])
             ros.start(node, params=values or {"out": str(folder / "out")})
+            ros.call(ListParameters, f"/{node}/list_parameters")  # it answers when it has made all it makes
             for name, kinds in settled(ros, allowed).items():
                 for kind, names in kinds.items():
                     found[name][kind] |= names
@@ -120,6 +123,8 @@ def test_robots_get_enclaves_of_their_own_and_see_each_others_mission(load_scrip
     tree = load_script("keystore").policy(["/r1", "/r2"], ["salt"])
     enclaves = {one.attrib["path"]: one for one in tree.getroot().iter("enclave")}
     assert {"/soilmoist/r1/mapper", "/soilmoist/r1/salt/mapper", "/soilmoist/r2/console"} <= set(enclaves)
+    assert [path for path in enclaves if path.endswith("operator")] == ["/soilmoist/operator"], "one for all"
+    assert not any(path.endswith("field_simulator") for path in enclaves)
     kinds = permitted(next(enclaves["/soilmoist/r1/planner"].iter("profile")))
     assert {"/r2/mission", "/r1/salt/samples", "/r1/samples", "/diagnostics"} <= kinds["subscriber"]
     assert "/r1/salt/mapper/save" in kinds["client"]
@@ -134,16 +139,26 @@ def test_robots_get_enclaves_of_their_own_and_see_each_others_mission(load_scrip
     assert "/r1/salt/mapper/get_parameters" in of_recorder
 
 
+def test_only_keys_for_rehearsals_let_a_simulator_set_the_time(load_script):
+    policy = load_script("keystore").policy
+    for rehearsal in (False, True):
+        tree = policy(["/r1"], ["salt"], rehearsal).getroot()
+        profiles = {one.attrib["node"]: permitted(one) for one in tree.iter("profile")}
+        assert ("field_simulator" in profiles) == rehearsal
+        assert ("/clock" in profiles["planner"]["subscriber"]) == rehearsal
+    assert {"/clock", "/r1/salt/counts", "/r1/closest_node"} <= profiles["field_simulator"]["publisher"]
+
+
 def test_nobody_but_the_planner_may_send_goals_and_nobody_at_all_may_set_parameters_but_the_operator():
     tree = ElementTree.parse(POLICY).getroot()
-    callers = {one.attrib["path"] for one in tree.iter("enclave") if one.find(".//actions") is not None}
+    callers = {one.attrib["path"] for one in tree.iter("enclave") if one.find(".//actions[@call]") is not None}
     setters = {
         enclave.attrib["path"]
         for enclave in tree.iter("enclave")
         for block in enclave.iterfind(".//services[@request]")
         if any("set_param" in one.text or one.text == "*" for one in block)
     }
-    assert callers == {"/soilmoist/planner"}
+    assert callers == {"/soilmoist/planner", "/soilmoist/field_simulator"}, "the latter to its own navigation"
     assert setters == {"/soilmoist/operator"}
 
 
@@ -153,11 +168,7 @@ def test_a_node_refuses_to_run_in_the_open_where_security_is_enforced(keystore, 
         store = tmp_path / "keystore"
         if keystore != "missing":
             (store / "enclaves" / "soilmoist" / "mapper").mkdir(parents=True)
-        ros.environment |= {
-            "ROS_SECURITY_ENABLE": "true",
-            "ROS_SECURITY_STRATEGY": "Enforce",
-            "ROS_SECURITY_KEYSTORE": str(store),
-        }
+        ros.environment |= security_environment(store)
         mapper = ros.start("mapper", params=FIELD, extra=["--enclave", "/soilmoist/mapper"])
         assert mapper.wait() == 2
         assert "ROS cannot start the node" in mapper.output()

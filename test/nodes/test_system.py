@@ -41,6 +41,9 @@ LIMIT_S = 150.0
 class Robot:
     """A simulated robot with all its nodes, and its messages."""
 
+    SHARED = ("clock", "topological_map_2")
+    """Topics without a namespace, which are private to each robot here."""
+
     def __init__(self, ros, folder, namespace="", *, field="synthetic-high", simulator=(), record=True, **mission):
         self.ros, self.folder, self.namespace = ros, folder, namespace
         self.field = surrogate_field(field)
@@ -68,10 +71,9 @@ class Robot:
         self.start("sensor_driver", **files, **uris, **time)
 
     def start(self, name, /, **params):
-        """Start a node; topics that are absolute for a single robot are private to each robot here."""
+        """Start a node."""
         write_parameters(self.folder, name, params)
-        topics = ("clock", "topological_map_2") if self.namespace else ()
-        remaps = [f"/{topic}:={self.namespace}/{topic}" for topic in topics]
+        remaps = [f"/{topic}:={self.namespace}/{topic}" for topic in self.SHARED if self.namespace]
         self.processes[name] = self.ros.start(name, params=params, namespace=self.namespace, remaps=remaps)
 
     def alive(self):

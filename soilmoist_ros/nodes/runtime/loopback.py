@@ -15,8 +15,9 @@ DOMAINS = range(100, 0, -1)
 """Domains whose ports are below the ephemeral ports of Linux; people choose low ones."""
 PORTS_EACH = 250
 """Number of ports of a domain."""
-LAST_PORT = 7400 + PORTS_EACH - 1
-"""The last port of domain 0."""
+FIRST_PORT = 7400
+LAST_PORT = FIRST_PORT + PORTS_EACH - 1
+"""The first and the last port of domain 0."""
 
 
 @contextlib.contextmanager
@@ -53,4 +54,5 @@ def loopback_environment(domain: int) -> dict[str, str]:
         # This Fast DDS ignores the newer name of the variable.
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(config_folder() / "dds" / "loopback.xml"),
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+        "ROS_SECURITY_ENABLE": "false",  # keys hold in one domain, and nobody else reaches this one
     }

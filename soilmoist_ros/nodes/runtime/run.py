@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import signal
 import sys
 import time
@@ -38,12 +39,25 @@ _SECURITY: Final = (
     "start the node with its enclave (--ros-args --enclave /soilmoist/NODE, or enclaves:=/soilmoist in the launch "
     "file), from a keystore that scripts/keystore has made; the ROS 2 packages of PyPI have no security"
 )
+_PERMISSIONS: Final = (
+    "if Fast DDS names a topic above, the permissions of this node's enclave lack it: add it to the policy, and "
+    "make the keystore again (docs/safety.md)"
+)
+
+
+def _secured() -> bool:
+    return os.environ.get("ROS_SECURITY_ENABLE") == "true"
 
 
 def _without_ros(error: Exception) -> int:
     """Say why ROS does not start, and return the exit code: nothing may run without the security asked for."""
-    remedy = f" -> {_SECURITY}" if "ecurity" in str(error) or "SECURITY" in str(error) else ""
-    print(f"ROS cannot start the node: {' '.join(str(error).split())}{remedy}", file=sys.stderr, flush=True)
+    text = " ".join(str(error).split())
+    remedy = ""
+    if "security" in text.lower():
+        remedy = f" -> {_SECURITY}"
+    elif _secured():
+        remedy = f" -> {_PERMISSIONS}"
+    print(f"ROS cannot start the node: {text}{remedy}", file=sys.stderr, flush=True)
     return BAD_INPUT
 
 
@@ -138,7 +152,10 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     except SoilmoistError as error:
         print(f"{error}", file=sys.stderr, flush=True)
         code = BAD_INPUT
-    except _RCL_ERROR as error:
+    except (_RCL_ERROR, ValueError) as error:
+        # What rclpy raises for an action without permission is a ValueError.
+        if isinstance(error, ValueError) and not _secured():
+            raise
         code = _without_ros(error)
     finally:
         close = getattr(node, "close", None)

@@ -88,6 +88,13 @@ def remappings(topics: Mapping[str, str], further: str = "") -> list[tuple[str, 
     return rules
 
 
+def enclave(prefix: str, namespace: str, node: str) -> list[str]:
+    """ROS arguments that name a node's enclave, as ``scripts/keystore`` makes it; none for an empty prefix."""
+    return (
+        ["--enclave", "/".join(filter(None, [prefix.rstrip("/"), namespace.strip("/"), node]))] if prefix else []
+    )
+
+
 def foxglove_server(choice: str, console: bool) -> str:
     """What serves the viewer Foxglove: ``bridge``, ``console``, or nothing if empty.
 
