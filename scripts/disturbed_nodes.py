@@ -290,7 +290,7 @@ def judged(nodes: RealNodes, spans: Sequence[Span], acts: Acts, budget_s: float)
     judge = Judge(ground, budget_s, limits)
     disobedient = [one for one in spans if one.fault in (Fault.SERVER_DEAF, Fault.RUNS_ON, Fault.SERVER_DEAD)]
     witnessed = nodes.witnessed()
-    timeline = _Timeline(heard.statuses, late_s)
+    timeline = Timeline(heard.statuses, late_s)
     events: list[tuple[float, int, Callable[[], object]]] = []
     for (_, before), (at_s, place) in pairwise(witnessed.places):
         status = timeline.at(at_s)
@@ -346,8 +346,8 @@ def _samples(nodes: RealNodes, sources: Mapping[str, Sequence[CountRecord]]) -> 
     return whole.map.samples
 
 
-class _Timeline:
-    """What the mission said when; a state counts if it lasts.
+class Timeline:
+    """What the mission said when; a state counts if it lasts. A starved listener misses some states.
 
     :param said: states with their times [s]
     :param late_s: how late messages may be [s]
@@ -359,11 +359,12 @@ class _Timeline:
         self._late_s = late_s
 
     def at(self, at_s: float) -> MissionStatus | None:
-        """What it said from before a time until after it; a neutral phase if that changed."""
+        """What it said from before a time until after it; a neutral phase if phase or target changed."""
         first = bisect_left(self._times, at_s - self._late_s)
         last = bisect_right(self._times, at_s + self._late_s)
-        found = [status for _, status in self._said[max(first - 1, 0) : last]]
-        if not found:
+        if last == 0:
             return None
-        same = all(status.phase is found[0].phase for status in found)
-        return found[-1] if same else replace(found[-1], phase=Phase.PLANNING)
+        latest = self._said[last - 1][1]
+        around = [status for _, status in self._said[max(first - 1, 0) : last + 1]]
+        same = all((one.phase, one.target) == (latest.phase, latest.target) for one in around)
+        return latest if same else replace(latest, phase=Phase.PLANNING)

@@ -4,17 +4,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 
+from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
+from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.recording.record_log import RecordTail
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
 from soilmoist_ros.simulation.rehearsal.judge import Kind
 from soilmoist_ros.simulation.robot.scenario import Scenario
 
 TIME_FACTOR = 20.0
+COUNTING = MissionStatus(
+    now_s=0.0, phase=Phase.COUNTING, reason="counting", target=None, planned_dwell_s=0.0, dwell_s=0.0,
+    progress=0.0, time_used_s=0.0, time_left_s=0.0, distance_m=0.0, samples=0, counting_s=0.0,
+    raw_counts=0, failures=0, blacklisted=(), estimated_end_s=None,
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +86,19 @@ def test_a_log_that_lacks_a_record_and_a_robot_elsewhere_are_found(chaos, tmp_pa
     violations, _ = chaos.run(with_faults(chaos), 1, tmp_path / "run", TIME_FACTOR)
     found = {one.kind for one in violations}
     assert {Kind.LOST, Kind.MAP_DIFFERS, Kind.OUTSIDE, Kind.GOAL_OUTSIDE} <= found
+
+
+def test_states_that_a_starved_listener_missed_are_not_made_up(chaos):
+    from disturbed_nodes import Timeline
+
+    here, there = Stop("a", 0.0, 0.0), Stop("b", 4.3, 0.0)
+    said = [(float(at_s), replace(COUNTING, target=here)) for at_s in range(20)]
+    said += [(at_s, replace(COUNTING, target=there)) for at_s in (42.0, 43.0)]
+    timeline = Timeline(said, late_s=10.0)
+    assert timeline.at(-11.0) is None
+    assert timeline.at(5.0) == said[0][1]
+    assert timeline.at(30.0).phase is Phase.PLANNING, "it has driven from a to b, which nobody heard"
+    assert timeline.at(60.0) == said[-1][1]
 
 
 def test_seed_and_number_make_a_run(chaos):
