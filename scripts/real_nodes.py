@@ -176,7 +176,8 @@ class Operator:
         alarms = json.loads({pair.key: pair.value for pair in message.values}.get("alarms", "{}"))
         if alarms:  # the message does not say which of them stop the robot
             status = replace(status, needs_operator=True)
-        self.heard.statuses.append((status.now_s - self._start_s, status))
+        knows = math.isfinite(status.now_s)  # a planner that has just started has not heard the clock yet
+        self.heard.statuses.append((status.now_s - self._start_s if knows else self.now_s, status))
 
     def update_ms(self) -> float:
         """Mean time from a record to the merged samples since the last call [ms]; 0 without one."""

@@ -4,15 +4,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
+from diagnostic_msgs.msg import DiagnosticStatus
 
+from msg_adapters.mission import mission_to_message
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.nodes.runtime.qos import LATCHED
 from soilmoist_ros.recording.record_log import RecordTail
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
 from soilmoist_ros.simulation.rehearsal.judge import Kind
@@ -99,6 +103,20 @@ def test_states_that_a_starved_listener_missed_are_not_made_up(chaos):
     assert timeline.at(5.0) == said[0][1]
     assert timeline.at(30.0).phase is Phase.PLANNING, "it has driven from a to b, which nobody heard"
     assert timeline.at(60.0) == said[-1][1]
+
+
+def test_a_state_without_a_time_is_from_when_it_was_heard(chaos, ros):
+    from real_nodes import Operator
+
+    operator = Operator(ros.domain, start_s=1000.0)
+    try:
+        publisher = ros.node.create_publisher(DiagnosticStatus, "mission", LATCHED)
+        for now_s in (1005.0, math.nan):
+            publisher.publish(mission_to_message(replace(COUNTING, now_s=now_s)))
+            ros.wait_for(lambda now_s=now_s: str(operator.status and operator.status.now_s) == str(now_s))
+        assert {at_s for at_s, _ in operator.heard.statuses} == {5.0, 0.0}, "no clock has been heard: it begins"
+    finally:
+        operator.close()
 
 
 def test_seed_and_number_make_a_run(chaos):
