@@ -125,11 +125,14 @@ def slide(page: Any, text: str) -> None:
             page.mouse.move(box["x"] + 28, y)
             page.mouse.down()
             if knob.evaluate("knob => knob === document.activeElement"):
-                break
+                page.mouse.move(box["x"] + box["width"] / 2, y)
+                page.mouse.move(box["x"] + box["width"] - 4, y)
+                if knob.evaluate("knob => Number(knob.value)") >= 95:
+                    page.mouse.up()
+                    return
         except Error:  # the page has just been drawn anew, with another slide
             pass
         page.mouse.move(1, 1)  # the finger missed it, because the page has moved: what it came upon is not clicked
         page.mouse.up()
-    page.mouse.move(box["x"] + box["width"] / 2, y)
-    page.mouse.move(box["x"] + box["width"] - 4, y)
-    page.mouse.up()
+        page.wait_for_timeout(100)
+    raise AssertionError(f"no finger moves the slide {text!r} to its end")

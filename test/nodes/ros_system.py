@@ -62,6 +62,7 @@ class RosSystem:
                 "ROS_PYTHON_CHECK_FIELDS": "1",
                 "PYTHONUNBUFFERED": "1",
                 "PYTHONFAULTHANDLER": "1",
+                "PYTHONWARNINGS": "always:failed to send response",  # each time, and not the first one only
                 "OPENBLAS_NUM_THREADS": "1",
             }
             if self._make_keystore is not None:
