@@ -19,6 +19,7 @@ from unittest.mock import patch
 
 import rclpy
 import yaml
+from rclpy.action import ActionClient, ActionServer
 from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
@@ -90,6 +91,9 @@ class RosSystem:
         self._executor.wake()
         self._spinner.join(5)
         self._executor.shutdown(timeout_sec=2)
+        # They keep the node, which does not destroy them: it would hear the next tests as well.
+        for one in [one for one in self.node.waitables if isinstance(one, ActionClient | ActionServer)]:
+            one.destroy()
         self.node.destroy_node()
         self._stack.close()
 
