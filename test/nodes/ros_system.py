@@ -19,7 +19,7 @@ from unittest.mock import patch
 
 import rclpy
 import yaml
-from rclpy.action import ActionClient, ActionServer
+from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
@@ -92,8 +92,8 @@ class RosSystem:
         self._spinner.join(5)
         self._executor.shutdown(timeout_sec=2)
         # They keep the node, which does not destroy them: it would hear the next tests as well.
-        for one in [one for one in self.node.waitables if isinstance(one, ActionClient | ActionServer)]:
-            one.destroy()
+        for client in [one for one in self.node.waitables if isinstance(one, ActionClient)]:
+            client.destroy()
         self.node.destroy_node()
         self._stack.close()
 

@@ -158,9 +158,6 @@ class Goal:
         """Goals in the answer to a cancel request."""
         return self._wait(self._ask(self.handle.cancel_goal_async)).goals_canceling
 
-    def close(self):
-        self._client.destroy()
-
 
 def far_node(field):
     """Name and place of the node farthest from the start."""
@@ -249,7 +246,6 @@ def test_a_goal_ends_where_it_should(ros, field):
     way = simulated.graph.path(start, name)
     assert len(goal.routes) > 1
     assert goal.routes == [node for node in way if node in goal.routes]
-    goal.close()
 
 
 def test_a_goal_is_cancelled(ros, field):
@@ -257,7 +253,6 @@ def test_a_goal_is_cancelled(ros, field):
     goal = Goal(simulated, far_node(simulated)[0])
     assert len(goal.cancel()) == 1
     assert goal.end() == (GoalStatus.STATUS_CANCELED, False)
-    goal.close()
 
 
 def test_a_newer_goal_takes_over(ros, field):
@@ -268,8 +263,6 @@ def test_a_newer_goal_takes_over(ros, field):
     assert first.end() == (GoalStatus.STATUS_ABORTED, False)
     assert second.end() == (GoalStatus.STATUS_SUCCEEDED, True)
     assert not Goal(simulated, "nowhere").handle.accepted
-    first.close()
-    second.close()
 
 
 def test_the_surprises_of_thorvald(ros, field):
@@ -298,8 +291,6 @@ def test_the_surprises_of_thorvald(ros, field):
         asked[-1].end()
     assert plain
     assert [each.routes for each in asked] == [[]] * len(asked), "feedback comes on a plain topic instead"
-    for each in asked:
-        each.close()
 
 
 def test_a_server_that_dies_comes_back(ros, field, tmp_path):
@@ -312,8 +303,6 @@ def test_a_server_that_dies_comes_back(ros, field, tmp_path):
     again = Goal(simulated, simulated.graph.names[0])
     assert again.end() == (GoalStatus.STATUS_SUCCEEDED, True)
     assert not goal._result.done()
-    goal.close()
-    again.close()
 
 
 def test_a_server_dies_while_requests_wait(ros, field, tmp_path):

@@ -93,7 +93,6 @@ def test_a_goal_goes_to_another_process_and_its_result_comes_back(ros, goto_node
     assert drive(ros, client, goto_node.Goal(target="nowhere")) == (
         GoalStatus.STATUS_ABORTED, False, {"nowhere False"},
     )  # fmt: skip
-    client.destroy()
 
 
 def test_every_package_is_built_into_the_environment(goto_node):
