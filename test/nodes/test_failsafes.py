@@ -47,12 +47,13 @@ class FaultyWorld(World):
         self.quarantine = ""
         self.has_fix, self.noise = True, np.random.default_rng(1)
         self.fixing, self.shift_m, self.drift_m = True, 0.0, 0.0
-        self.charge, self.use = 0.9, 0.0
+        self.charge, self.use, self.has_battery = 0.9, 0.0, True
 
     def publish_fix(self):
         self.shift_m += self.drift_m
         self.charge = max(0.0, self.charge - self.use)
-        self.batteries.publish(battery_to_message(self.charge, math.nan, self.now_s))
+        if self.has_battery:
+            self.batteries.publish(battery_to_message(self.charge, math.nan, self.now_s))
         true = self.place
         noise_m = self.noise.normal(0.0, 0.02, 2)  # without noise, a robot that stands has a frozen receiver
         self.place = (true[0] - self.shift_m + float(noise_m[0]), true[1] + float(noise_m[1]))
@@ -264,6 +265,14 @@ def battery_empty(watched):
     returned(watched, Phase.IDLE)
 
 
+def battery_silent(watched):
+    watched.world.has_battery = False
+    watched.alarm(Cause.BATTERY_SILENT)
+    watched.world.has_battery = True
+    watched.all_over()
+    watched.works()
+
+
 def returned(watched, end=Phase.FINISHED):
     """The mission ends; then the battery is charged, and another one begins."""
     watched.stands(end)
@@ -276,7 +285,7 @@ def returned(watched, end=Phase.FINISHED):
 
 CAUSES = (
     outside, jump, relocated, speed, fix_old, records_old, map_old, counts_frame, counts_stamp,
-    counts_bad, navigation_silent, battery_low, reserve, battery_empty,
+    counts_bad, navigation_silent, battery_silent, battery_low, reserve, battery_empty,
 )  # fmt: skip
 
 

@@ -27,6 +27,7 @@ class Cause(StrEnum):
     NAVIGATION_SILENT = "navigation_silent"
     BATTERY_LOW = "battery_low"
     BATTERY_EMPTY = "battery_empty"
+    BATTERY_SILENT = "battery_silent"
     RESERVE = "reserve"
     FRAME_MISMATCH = "frame_mismatch"
     CLOCK_STEP = "clock_step"
@@ -119,6 +120,12 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             Response.ABORT,
             ("battery_empty", "battery_empty_v"),
             "fetch the robot and charge the battery",
+        ),
+        Cause.BATTERY_SILENT: Failsafe(
+            "the state of the battery was there, and has not come for the limit in a mission",
+            Response.WARN,
+            ("battery_silent_s",),
+            "look at the robot's own display, and check what publishes battery_state",
         ),
         Cause.RESERVE: Failsafe(
             "the time left, or the charge left at its mean use, is needed for the way home",

@@ -59,6 +59,7 @@ class WatchLimits:
     :param battery_empty: charge from which the robot stops [0..1]; 0 to ignore the charge
     :param battery_low_v: voltage from which the robot goes home [V]; 0 to ignore the voltage
     :param battery_empty_v: voltage from which the robot stops [V]; 0 to ignore the voltage
+    :param battery_silent_s: longest time without the state of a battery that was heard before [s]; 0: any
     :param clear_s: time for which a cause must be over before its alarm ends [s]
     :param min_checks: number of checks without a message after which silence counts, so that a busy computer first
         reads the messages that have come
@@ -78,6 +79,7 @@ class WatchLimits:
     battery_empty: float = 0.1
     battery_low_v: float = 0.0
     battery_empty_v: float = 0.0
+    battery_silent_s: float = 60.0
     clear_s: float = 10.0
     min_checks: int = 10
 
@@ -167,7 +169,8 @@ class Watch:
         self._trust = CountTrust(self.limits.counts_bad_s)
         self._logger_fault = ""
         self._charge = self._voltage_v = math.nan
-        self._drained = dict.fromkeys((Cause.BATTERY_LOW, Cause.BATTERY_EMPTY), 0)
+        self._drained: dict[tuple[Cause, str], int] = {}  # messages in a row, by cause and unit
+        self._charge_s = math.nan  # when the charge was heard last
         self._charged: tuple[float, float] | None = None  # time and charge at the start of the mission
 
     # What comes in -------------------------------------------------------------------------------------------
@@ -244,19 +247,22 @@ class Watch:
             self._hear("map", now_s)
 
     def battery(self, now_s: float, charge: float, voltage_v: float) -> None:
-        """The state of the battery has come.
+        """The state of the battery has come. What is unknown now stays what it was: it is no charged battery.
 
         :param now_s: time [s]
         :param charge: charge [0..1], NaN if unknown
         :param voltage_v: voltage [V], NaN if unknown
         """
         limits = self.limits
-        self._charge, self._voltage_v = charge, voltage_v
-        self._hear("battery", now_s)
-        if self._charged is None and math.isfinite(charge):
-            self._charged = now_s, charge
-        self._drain(Cause.BATTERY_LOW, limits.battery_low, limits.battery_low_v)
-        self._drain(Cause.BATTERY_EMPTY, limits.battery_empty, limits.battery_empty_v)
+        if math.isfinite(charge):
+            self._charge, self._charge_s = charge, now_s
+            self._charged = self._charged or (now_s, charge)
+        if math.isfinite(voltage_v):
+            self._voltage_v = voltage_v
+        if math.isfinite(charge) or math.isfinite(voltage_v):
+            self._hear("battery", now_s)
+        self._drain(Cause.BATTERY_LOW, charge, limits.battery_low, voltage_v, limits.battery_low_v)
+        self._drain(Cause.BATTERY_EMPTY, charge, limits.battery_empty, voltage_v, limits.battery_empty_v)
 
     def report(self, cause: Cause, text: str) -> None:
         """What is wrong about a cause from now on, with its values; empty if nothing is."""
@@ -370,6 +376,7 @@ class Watch:
             silent_s = self._silent_s(name, now_s) if missed else 0.0
             self.report(cause, f"{what} {silent_s:.0f} s{why}" if silent_s > limit_s else "")
         self.report(Cause.COUNTS_BAD, self._trust.fault(now_s))
+        self.report(Cause.BATTERY_SILENT, self._battery_fault(now_s, doing))
         self.report(Cause.FIX_FROZEN, self._frozen_fault(now_s, doing))
         self.report(Cause.NAVIGATION_SILENT, self._navigation_fault(now_s, doing))
         self.report(Cause.RESERVE, self._reserve_fault(now_s, doing))
@@ -385,6 +392,14 @@ class Watch:
             return ""
         frozen_s = heard.now_s - max(self._frozen[1], self._driving_since_s)
         return f"the place has not changed at all for {frozen_s:.0f} s" if frozen_s > limit_s else ""
+
+    def _battery_fault(self, now_s: float, doing: Doing) -> str:
+        limit_s = self.limits.battery_silent_s
+        silent_s = self._silent_s("battery", now_s) if doing.under_way else 0.0
+        if not 0 < limit_s < silent_s:
+            return ""
+        last = f"{self._charge:.0%}" if math.isfinite(self._charge) else f"{self._voltage_v:.1f} V"
+        return f"no state of the battery for {silent_s:.0f} s; the last one was {last}"
 
     def _navigation_fault(self, now_s: float, doing: Doing) -> str:
         limit_s = self.limits.navigation_silent_s
@@ -406,22 +421,32 @@ class Watch:
             return ""
         start_s, charge = self._charged
         used = charge - self._charge
-        if not (used >= MIN_USE and now_s > start_s):
+        if not (used >= MIN_USE and self._charge_s > start_s):
             return ""
-        left = self._charge - used / (now_s - start_s) * doing.way_home_s
+        use_hz = used / (self._charge_s - start_s)
+        charge = max(0.0, self._charge - use_hz * (now_s - self._charge_s))  # also while nobody says how it is
+        left = max(0.0, charge - use_hz * doing.way_home_s)
         if left >= self.limits.battery_empty:
             return ""
-        return f"the charge is {self._charge:.0%}, and {left:.0%} after the way home of {doing.way_home_s:.0f} s"
+        return f"the charge is {charge:.0%}, and {left:.0%} after the way home of {doing.way_home_s:.0f} s"
 
-    def _drain(self, cause: Cause, min_charge: float, min_voltage_v: float) -> None:
-        """Judge the battery by a limit of its charge and one of its voltage; 0 for no limit."""
+    def _drain(
+        self, cause: Cause, charge: float, min_charge: float, voltage_v: float, min_voltage_v: float
+    ) -> None:
+        """Judge what is known of the battery by a limit of its charge and one of its voltage; 0 for no limit."""
         low = bool(self._states[cause].text)
-        under_charge = self._charge < min_charge + RECHARGED * low and min_charge > 0
-        under_voltage = self._voltage_v < min_voltage_v * (1 + RECHARGED * low)
-        self._drained[cause] = self._drained[cause] + 1 if under_charge or under_voltage else 0
-        known = f"{self._charge:.0%}" if under_charge else f"{self._voltage_v:.1f} V"
-        if self._drained[cause] == 0 or self._drained[cause] >= MIN_BATTERY:
-            self.report(cause, f"the battery is at {known}" if self._drained[cause] else "")
+        texts = {"%": f"{self._charge:.0%}", "V": f"{self._voltage_v:.1f} V"}
+        for unit, value, limit, end in (
+            ("%", charge, min_charge, min_charge + RECHARGED),
+            ("V", voltage_v, min_voltage_v, min_voltage_v * (1 + RECHARGED)),
+        ):
+            if limit > 0 and math.isfinite(value):
+                under = value < (end if low else limit)
+                self._drained[cause, unit] = self._drained.get((cause, unit), 0) + 1 if under else 0
+        times = {unit: self._drained.get((cause, unit), 0) for unit in texts}
+        drained = [texts[unit] for unit, count in times.items() if count >= MIN_BATTERY]
+        if drained or not any(times.values()):
+            self.report(cause, f"the battery is at {drained[0]}" if drained else "")
 
     def _hear(self, name: str, now_s: float) -> None:
         self._heard[name] = _Heard(now_s)

@@ -87,6 +87,12 @@ WATCH_PARAMETERS: Final = (
     _row(
         "battery_empty_v", _WATCH.battery_empty_v, "voltage below which the battery is empty; 0 for no limit", "V"
     ),
+    _row(
+        "battery_silent_s",
+        _WATCH.battery_silent_s,
+        "longest time in a mission without the state of a battery that was heard before; 0 for no limit",
+        "s",
+    ),
     _row("clear_s", _WATCH.clear_s, "time for which a cause must be over before its alarm ends", "s"),
     *STAMP_LIMITS,
 )
@@ -128,6 +134,7 @@ def make_watch(parameters: Parameters) -> Watch:
             battery_empty=number("battery_empty"),
             battery_low_v=number("battery_low_v"),
             battery_empty_v=number("battery_empty_v"),
+            battery_silent_s=number("battery_silent_s"),
             clear_s=number("clear_s"),
         )
     except ValueError as error:

@@ -361,6 +361,17 @@ def test_a_battery_that_just_suffices_for_the_way_home(farm):
     assert farm.finished.code is MissionEnd.FAILSAFE
 
 
+def test_a_battery_that_says_nothing_any_more_is_a_warning(farm):
+    farm.charge = 0.8
+    farm.pass_by(1)
+    farm.charge = math.nan
+    farm.pass_by(70)
+    assert farm.alarms == {"battery_silent": Response.WARN}
+    assert "the last one was 80%" in farm.health.message
+    farm.charge = 0.78
+    goes_on(farm)
+
+
 def test_a_mismatch_of_frames_holds_until_it_is_over(farm):
     farm.control.watch.report(Cause.FRAME_MISMATCH, "the pose is 3.1 m east of the fix")
     farm.pass_by(1)

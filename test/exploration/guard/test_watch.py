@@ -332,6 +332,49 @@ def test_battery_by_its_voltage():
     assert observed.alarms == ["battery_low", "battery_empty"]
 
 
+@pytest.mark.parametrize("between", [1, 2, 5])
+def test_a_battery_of_which_messages_know_a_part_each(between):
+    """A charge comes now and then, with a voltage in between: that is no charged battery."""
+    observed = Observed()
+    for time in range(3):
+        assert observed.alarms == [], f"{time} messages with a low charge"
+        drain(observed, 0.24, times=1)
+        drain(observed, math.nan, 48.0, times=between)
+    assert observed.alarms == ["battery_low"]
+    drain(observed, math.nan, 48.0, times=30)
+    drain(observed, math.nan, times=30)
+    assert observed.overs == []
+    drain(observed, 0.9, times=20)
+    assert observed.overs == ["battery_low"]
+
+
+def test_a_low_voltage_and_a_charge_that_says_nothing_of_it():
+    observed = Observed(WatchLimits(battery_low_v=46.0))
+    drain(observed, 0.8, 45.5)
+    drain(observed, 0.8, times=30)
+    assert (observed.alarms, observed.overs) == (["battery_low"], [])
+    drain(observed, 0.8, 49.0, times=20)
+    assert observed.overs == ["battery_low"]
+
+
+@pytest.mark.parametrize(("charge", "volts", "last"), [(0.43, 48.0, "43%"), (math.nan, 46.5, "46.5 V")])
+def test_a_battery_that_says_nothing_any_more(charge, volts, last):
+    observed = Observed(doing=IDLE)
+    drain(observed, charge, volts, times=1)
+    observed.run(1000)
+    assert observed.alarms == [], "there is no mission"
+    observed.doing = MISSION
+    drain(observed, charge, volts, times=1)
+    drain(observed, math.nan, times=58)
+    assert observed.alarms == []
+    drain(observed, math.nan, times=3)
+    assert observed.alarms == ["battery_silent"]
+    assert observed.events[0].response is Response.WARN
+    assert observed.events[0].reason == f"no state of the battery for 61 s; the last one was {last}"
+    drain(observed, charge, volts, times=11)
+    assert observed.overs == ["battery_silent"]
+
+
 def test_a_limit_of_zero_ignores_the_battery():
     observed = Observed(WatchLimits(battery_low=0.0, battery_empty=0.0))
     drain(observed, 0.0)
@@ -352,7 +395,7 @@ def test_reserve_of_time():
 
 def test_reserve_of_charge():
     """10 % an hour: 40 % suffice for a way home of two hours, 30 % do not."""
-    observed = Observed(doing=replace(MISSION, way_home_s=7300.0))
+    observed = Observed(WatchLimits(battery_silent_s=0.0), doing=replace(MISSION, way_home_s=7300.0))
     observed.run(1)
     drain(observed, 0.6)
     for hour in (1, 2):
@@ -363,6 +406,19 @@ def test_reserve_of_charge():
     drain(observed, 0.3)
     assert observed.alarms == ["reserve"]
     assert "the charge is 30%, and" in observed.events[0].reason
+
+
+def test_reserve_of_charge_while_nobody_says_how_much_there_is():
+    """10 % an hour: two and a half hours after it was 60 % it is 35 %, and the way home takes 25 %."""
+    observed = Observed(WatchLimits(battery_silent_s=0.0), doing=replace(MISSION, way_home_s=9000.0)).run(1)
+    drain(observed, 0.7)
+    observed.run(3600 - 3)
+    drain(observed, 0.6)
+    observed.run(2 * 3600)
+    assert observed.alarms == []
+    observed.run(3600)
+    assert observed.alarms == ["reserve"]
+    assert "the charge is 35%, and 10% after" in observed.events[0].reason
 
 
 def test_a_cause_of_others_and_one_of_a_moment():
@@ -399,6 +455,7 @@ def test_responses_can_be_chosen(cause, response):
         Cause.MAP_OLD,
         Cause.NAVIGATION_SILENT,
         Cause.RESERVE,
+        Cause.BATTERY_SILENT,
         Cause.COUNTS_BAD,
     }
     if response is Response.IGNORE or cause in time_based:
