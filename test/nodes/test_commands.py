@@ -190,8 +190,10 @@ def test_another_field_is_chosen_between_missions_and_the_mapper_follows(ros, tm
     (tmp_path / "west.yaml").write_text(re.sub(r"polygon: .*", f"polygon: {west}", FIELD))
     maps = ros.collect(PointCloud2, "soil_map", LATCHED)
     counts = ros.node.create_publisher(PointCloud2, "counts", RECORDS)
+    # Of an hour ago: the robot is elsewhere now.
     records = [
-        CountRecord(START_S + n, 2.0 + 4 * (n % 9), 2.0 + 5 * (n // 9), 0.0, 40 + n, 10.0, 10.0) for n in range(45)
+        CountRecord(START_S - 3600.0 + 10 * n, 2.0 + 4 * (n % 9), 2.0 + 5 * (n // 9), 0.0, 40 + n, 10.0, 10.0)
+        for n in range(45)
     ]
 
     def cells():

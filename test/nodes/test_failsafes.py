@@ -45,7 +45,7 @@ class FaultyWorld(World):
         self.batteries = self.node.create_publisher(BatteryState, "battery_state", SENSOR)
         self.quarantined = self.node.create_publisher(PointCloud2, "quarantined_counts", RECORDS)
         self.quarantine = ""
-        self.has_fix, self.noise = True, np.random.default_rng(1)
+        self.noise = np.random.default_rng(1)
         self.fixing, self.shift_m, self.drift_m = True, 0.0, 0.0
         self.charge, self.use, self.has_battery = 0.9, 0.0, True
 

@@ -400,7 +400,7 @@ def test_a_bad_fix_before_an_abort_does_not_send_the_robot_away(ros, tmp_path):
         world.goal = poses[-1]
 
     with World(ros, rate=5.0) as world:
-        world.has_fix, world.place = True, (3.0, 3.0)
+        world.place = (3.0, 3.0)
         ros.node.create_subscription(PoseStamped, "goal_pose", take, 10)
         planning = Planning(ros, tmp_path, navigator="goal_pose", graph="free", hours=1.0)
         ros.wait_for(lambda: planning.call("start").success, message="all that a mission needs")

@@ -74,7 +74,7 @@ class World:
         self.navigations_map = navigations_map or make_map().to_json()
         self.now_s, self.place, self.goal = START_S, (-10.0, 5.0), None
         self.sensor = True
-        self.has_fix, self.bad_place = False, None  # most missions are driven by the places of records
+        self.bad_place = None
         self.frame, self.stamped_ahead_s, self.last_record_s = "map", 0.0, START_S
         self.counted = Counter()
         self.exposed = Counter()
@@ -131,8 +131,6 @@ class World:
         fix.header.stamp = to_time(self.now_s)
         place = self.bad_place or self.place
         fix.latitude, fix.longitude = (float(value) for value in FRAME.to_geographic([place])[0])
-        if self.has_fix:
-            fix.status.status = NavSatStatus.STATUS_FIX
         self.fixes.publish(fix)
 
     def publish_record(self):

@@ -45,6 +45,8 @@ class Verdict(StrEnum):
     """A message of this stamp has come before."""
     NO_PLACE = "no_place"
     """There are no coordinates."""
+    PAST = "past"
+    """It is where the robot was before its last plausible place: it was held up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +59,8 @@ class PlaceLimits:
     :param first_fixes: number of places that must agree before the first one is plausible, >= 1
     :param agree_fixes: number of places that must agree to replace those that they contradict, >= 1
     :param agree_s: time over which the latter must agree [s], >= 0
-    :param max_gap_s: time since the last plausible place up to which the robot may have moved on [s], >= 0
+    :param max_gap_s: time since the last plausible place up to which the robot may have moved on, and age up to
+        which a place is a new one [s], >= 0
     :raises ValueError: if a limit is out of its range
     """
 
@@ -85,7 +88,7 @@ class PlaceFix:
     :param y_m: north of the field's datum [m]
     :param sd_m: standard deviation of each coordinate [m], NaN if unknown
     :param stamp_s: time of the measurement on any clock that runs evenly [s], NaN if unknown
-    :param age_s: time from the measurement until it came [s]
+    :param age_s: time from the measurement until it came [s]; inf if unknown
     """
 
     now_s: float
@@ -99,6 +102,11 @@ class PlaceFix:
     def xy(self) -> tuple[float, float]:
         """The place [m]."""
         return self.x_m, self.y_m
+
+    @property
+    def measured_s(self) -> float:
+        """When it was measured, on the clock by which it came [s]; -inf if unknown."""
+        return self.now_s - self.age_s
 
 
 class PlaceFilter:
@@ -163,6 +171,8 @@ class PlaceFilter:
         self._stamp_s = fix.stamp_s
         if fix.sd_m > self.limits.max_sd_m:
             return Verdict.UNCERTAIN
+        if self.fix is not None and self._is_old(fix) and fix.measured_s < self.fix.measured_s:
+            return Verdict.PAST
         if self._track and self._within_reach(fix, self._track):
             self._accept(fix)
             return Verdict.PLAUSIBLE
@@ -199,9 +209,13 @@ class PlaceFilter:
         while self._time_s(self._candidates[0], fix) > WINDOW_S:
             self._candidates.popleft()
         if self.fix is None:
-            return self._agreeing >= self.limits.first_fixes
+            return self._agreeing >= self.limits.first_fixes and not self._is_old(fix)
         lasted = fix.now_s - self._agreeing_since_s >= self.limits.agree_s
         return lasted and self._agreeing >= self.limits.agree_fixes
+
+    def _is_old(self, fix: PlaceFix) -> bool:
+        """Whether a place is too old when it comes, or of unknown age."""
+        return fix.age_s > self.limits.max_gap_s
 
     def _within_reach(self, fix: PlaceFix, track: Iterable[PlaceFix]) -> bool:
         """Whether the robot can have come from all these places to another one."""

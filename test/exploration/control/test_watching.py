@@ -372,6 +372,28 @@ def test_a_battery_that_says_nothing_any_more_is_a_warning(farm):
     goes_on(farm)
 
 
+@pytest.mark.parametrize("heard", [0, 25], ids=["the first ones", "after others"])
+def test_records_of_long_ago_do_not_move_the_robot(farm, heard):
+    """A driver that was killed sends what is missing of the way so far, before its receiver has its first fix."""
+    farm.fixes = False
+    farm.pass_by(heard)
+    farm.sensor = False
+    farm.pass_by(7)
+    x_m, y_m = farm.place
+    missing = [
+        CountRecord(farm.now_s() - 900.0 + 10 * n, x_m + 7.0 * n, y_m, 0.0, 40, 10.0, 10.0) for n in range(1, 21)
+    ]
+    farm.control.records(missing)
+    farm.fixes = farm.sensor = True
+    alarms = set()
+    for _ in range(30):
+        farm.second()
+        alarms |= set(farm.alarms)
+    assert alarms <= {"fix_old"}, "the place is not another one"
+    assert not farm.status.needs_operator
+    assert int(farm.health.values["fixes past"]) >= len(missing)
+
+
 def test_a_mismatch_of_frames_holds_until_it_is_over(farm):
     farm.control.watch.report(Cause.FRAME_MISMATCH, "the pose is 3.1 m east of the fix")
     farm.pass_by(1)

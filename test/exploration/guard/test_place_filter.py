@@ -101,6 +101,26 @@ def test_messages_that_were_held_up_are_no_jump():
     assert places.speed_mps == pytest.approx(1.0)
 
 
+def test_what_was_held_up_is_a_step_after_the_last_place_and_nothing_before_it():
+    places = confirmed()
+    places.take(PlaceFix(100.0, 0.0, 0.0))
+    assert places.take(PlaceFix(120.0, 0.0, 7.0, age_s=21.0)) is Verdict.PAST
+    assert places.take(PlaceFix(120.0, 0.0, 9.0, age_s=math.inf)) is Verdict.PAST
+    assert places.fix.xy == (0.0, 0.0)
+    assert places.take(PlaceFix(120.0, 2.0, 0.0, age_s=18.0)) is Verdict.PLAUSIBLE
+    assert places.take(PlaceFix(120.0, 4.0, 0.0, age_s=1.0)) is Verdict.PLAUSIBLE
+
+
+def test_the_first_place_is_not_one_of_unknown_age():
+    """What a driver sends of the way so far when it starts again agrees with itself, too."""
+    places = PlaceFilter(LIMITS)
+    burst = [places.take(PlaceFix(5.0, 7.0 * n, 0.0, stamp_s=10.0 * n, age_s=math.inf)) for n in range(20)]
+    assert set(burst) == {Verdict.UNCONFIRMED}
+    now = [places.take(PlaceFix(6.0 + n, 500.0, 0.0, stamp_s=900.0 + n)) for n in range(3)]
+    assert now == [Verdict.UNCONFIRMED, Verdict.UNCONFIRMED, Verdict.PLAUSIBLE]
+    assert places.fix.xy == (500.0, 0.0)
+
+
 def test_a_wrong_stamp_does_not_excuse_a_jump():
     places = confirmed()
     places.take(PlaceFix(1.0, 0.0, 0.0, stamp_s=1.0))
