@@ -40,7 +40,7 @@ class MapWorker:
         self._done = done
         self._next: MapState | None = None
         self._last: MapState | None = None
-        self._closing = False
+        self._closing = self._left = False
         self._wake = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="map", daemon=True)
         self._thread.start()
@@ -53,17 +53,22 @@ class MapWorker:
                 self._wake.notify()
 
     def close(self, timeout_s: float = 10.0) -> None:
-        """Stop after the map that is being computed, if any; may be called twice."""
+        """Stop after the map that is being computed, if any; may be called twice.
+
+        :param timeout_s: time after which that map is not waited for, and nobody is told of it any more [s]
+        """
         with self._wake:
             self._closing = True
             self._wake.notify()
         self._thread.join(timeout_s)
+        self._left = True
 
     def _run(self) -> None:
         while (state := self._wait()) is not None:
             try:
                 soil_map = self._compute(state)
-                self._done(state, soil_map)
+                if not self._left:
+                    self._done(state, soil_map)
             except Exception as error:  # one state without a map must not end the maps of a mission
                 self.failure = f"no map of {len(state.samples)} samples: {error}"
                 _log.exception("the map of %d samples failed", len(state.samples))

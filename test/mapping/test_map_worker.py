@@ -71,6 +71,17 @@ def test_a_state_is_not_mapped_twice(bench):
     assert bench.computed == [1, 2]
 
 
+def test_nobody_is_told_of_a_map_that_comes_after_the_end(bench):
+    """The map of a field that was left must not be taken for one of the next field."""
+    bench.worker.submit(STATES[0])
+    assert bench.started.acquire(timeout=LIMIT_S)
+    bench.worker.close(0.01)
+    bench.go_on.release()
+    bench.worker.close(LIMIT_S)
+    assert bench.computed == [1]
+    assert not bench.done.acquire(blocking=False)
+
+
 def test_a_failure_is_kept_and_the_next_map_is_made_all_the_same(bench, caplog):
     bench.failing = {1}
     bench.worker.submit(STATES[0])
