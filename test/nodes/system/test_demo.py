@@ -14,6 +14,7 @@ import pytest
 import rasterio
 
 pytest.importorskip("rclpy")
+from soilmoist_ros.console.invitation import free_port
 from soilmoist_ros.recording.bag.point_cloud import points
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import read_parameters
@@ -34,6 +35,7 @@ def run_demo(out, *options):
 
 def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(tmp_path):
     out = tmp_path / "run"
+    port = free_port(0)  # another demonstration on this machine may take the usual one at the same moment
     said = run_demo(
         out,
         "--field",
@@ -47,12 +49,13 @@ def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(t
         "--strategy",
         "ivr",
         "--foxglove",
+        str(port),
     )
     assert said.startswith("console    http://127.0.0.1:")
-    assert "\nfoxglove   Open connection, Foxglove WebSocket: ws://127.0.0.1:" in said
+    assert f"\nfoxglove   Open connection, Foxglove WebSocket: ws://127.0.0.1:{port}\n" in said
     assert f"\nfoxglove   Import layout: {out / 'viewers' / 'foxglove.json'}\n" in said
     assert "/rough/soil_map" in (out / "viewers" / "foxglove.json").read_text()
-    assert "live view for Foxglove: ws://" in (out / "log" / "console.log").read_text()
+    assert f"live view for Foxglove: ws://127.0.0.1:{port}" in (out / "log" / "console.log").read_text()
     assert said.count("map        equals the robot's last one, bit for bit") == 2
 
     with BagReader(out / "bag") as bag:
