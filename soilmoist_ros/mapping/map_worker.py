@@ -40,7 +40,7 @@ class MapWorker:
         self._done = done
         self._next: MapState | None = None
         self._last: MapState | None = None
-        self._closing = self._left = False
+        self._closing = self._abandoned = False
         self._wake = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="map", daemon=True)
         self._thread.start()
@@ -55,19 +55,19 @@ class MapWorker:
     def close(self, timeout_s: float = 10.0) -> None:
         """Stop after the map that is being computed, if any; may be called twice.
 
-        :param timeout_s: time after which that map is not waited for, and nobody is told of it any more [s]
+        :param timeout_s: time after which that map is abandoned: ``done`` is not called for it [s]
         """
         with self._wake:
             self._closing = True
             self._wake.notify()
         self._thread.join(timeout_s)
-        self._left = True
+        self._abandoned = True
 
     def _run(self) -> None:
         while (state := self._wait()) is not None:
             try:
                 soil_map = self._compute(state)
-                if not self._left:
+                if not self._abandoned:
                     self._done(state, soil_map)
             except Exception as error:  # one state without a map must not end the maps of a mission
                 self.failure = f"no map of {len(state.samples)} samples: {error}"

@@ -71,7 +71,7 @@ def test_a_state_is_not_mapped_twice(bench):
     assert bench.computed == [1, 2]
 
 
-def test_nobody_is_told_of_a_map_that_comes_after_the_end(bench):
+def test_a_map_that_is_finished_after_the_end_is_not_published(bench):
     """The map of a field that was left must not be taken for one of the next field."""
     bench.worker.submit(STATES[0])
     assert bench.started.acquire(timeout=LIMIT_S)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Final
 
+from soilmoist_ros.exploration.guard.battery import Battery, BatteryLimit
 from soilmoist_ros.exploration.guard.count_trust import CountTrust
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.place_filter import PlaceFilter, PlaceFix, PlaceLimits, Verdict
@@ -28,15 +29,8 @@ MIN_JUMP_S: Final = 2.0
 """Minimum time over which implausible fixes come until the place counts as lost [s]."""
 FROZEN_M: Final = 1e-3
 """Places this close are the very same one [m]: a receiver that works has more noise."""
-MIN_BATTERY: Final = 3
-"""Number of messages in a row that must report a low battery: a peak load does not empty it."""
-RECHARGED: Final = 0.05
-"""A battery is no longer low this far above the limit: charge [-], or share of the voltage [-]."""
 RECORDS_APART: Final = 6.0
 """An alarm about single records ends after this multiple of the usual time, as they come every 10 s or so."""
-MIN_USE: Final = 0.02
-"""Charge that must have been used before its mean use is known [-]."""
-
 
 _LOST: Final = frozenset((Cause.OUTSIDE, Cause.JUMP, Cause.RELOCATED, Cause.SPEED))
 """While these are on, the way home is not known."""
@@ -168,10 +162,11 @@ class Watch:
         self._record_stamp_s = self._map_stamp_s = -math.inf
         self._trust = CountTrust(self.limits.counts_bad_s)
         self._logger_fault = ""
-        self._charge = self._voltage_v = math.nan
-        self._drained: dict[tuple[Cause, str], int] = {}  # messages in a row, by cause and unit
-        self._charge_s = math.nan  # when the charge was heard last
-        self._charged: tuple[float, float] | None = None  # time and charge at the start of the mission
+        self._battery = Battery()
+        self._battery_limits = {
+            Cause.BATTERY_LOW: BatteryLimit(self.limits.battery_low, self.limits.battery_low_v),
+            Cause.BATTERY_EMPTY: BatteryLimit(self.limits.battery_empty, self.limits.battery_empty_v),
+        }
 
     # What comes in -------------------------------------------------------------------------------------------
 
@@ -247,22 +242,17 @@ class Watch:
             self._hear("map", now_s)
 
     def battery(self, now_s: float, charge: float, voltage_v: float) -> None:
-        """The state of the battery has come. What is unknown now stays what it was: it is no charged battery.
+        """The state of the battery has come.
 
         :param now_s: time [s]
         :param charge: charge [0..1], NaN if unknown
         :param voltage_v: voltage [V], NaN if unknown
         """
-        limits = self.limits
-        if math.isfinite(charge):
-            self._charge, self._charge_s = charge, now_s
-            self._charged = self._charged or (now_s, charge)
-        if math.isfinite(voltage_v):
-            self._voltage_v = voltage_v
-        if math.isfinite(charge) or math.isfinite(voltage_v):
+        if self._battery.take(now_s, charge, voltage_v):
             self._hear("battery", now_s)
-        self._drain(Cause.BATTERY_LOW, charge, limits.battery_low, voltage_v, limits.battery_low_v)
-        self._drain(Cause.BATTERY_EMPTY, charge, limits.battery_empty, voltage_v, limits.battery_empty_v)
+        for cause, limit in self._battery_limits.items():
+            limit.take(charge, voltage_v)
+            self.report(cause, limit.fault)
 
     def report(self, cause: Cause, text: str) -> None:
         """What is wrong about a cause from now on, with its values; empty if nothing is."""
@@ -335,7 +325,7 @@ class Watch:
         for name, heard in self._heard.items():
             facts[f"age of {name} [s]"] = f"{now_s - heard.now_s:.1f}"
         if "battery" in self._heard:
-            facts |= {"charge": f"{self._charge:.2f}", "voltage [V]": f"{self._voltage_v:.1f}"}
+            facts |= {"charge": f"{self._battery.charge:.2f}", "voltage [V]": f"{self._battery.voltage_v:.1f}"}
         else:
             facts["charge"] = "not watched: no message has come"
         return facts
@@ -363,8 +353,7 @@ class Watch:
         if doing.under_way and not self._under_way:
             self._hear("record", now_s)
             self._hear("map", now_s)
-            if math.isfinite(self._charge):
-                self._charged = now_s, self._charge
+            self._battery.start(now_s)
         self._under_way = doing.under_way
         behind = doing.under_way and self._record_stamp_s > self._map_stamp_s
         fault = f" ({self._logger_fault})" if self._logger_fault else ""
@@ -398,8 +387,7 @@ class Watch:
         silent_s = self._silent_s("battery", now_s) if doing.under_way else 0.0
         if not 0 < limit_s < silent_s:
             return ""
-        last = f"{self._charge:.0%}" if math.isfinite(self._charge) else f"{self._voltage_v:.1f} V"
-        return f"no state of the battery for {silent_s:.0f} s; the last one was {last}"
+        return f"no state of the battery for {silent_s:.0f} s; the last one was {self._battery}"
 
     def _navigation_fault(self, now_s: float, doing: Doing) -> str:
         limit_s = self.limits.navigation_silent_s
@@ -417,36 +405,10 @@ class Watch:
             return ""
         if doing.time_left_s < doing.way_home_s:
             return f"the way home takes {doing.way_home_s:.0f} s and {doing.time_left_s:.0f} s are left"
-        if self._charged is None or not self.limits.battery_empty:
-            return ""
-        start_s, charge = self._charged
-        used = charge - self._charge
-        if not (used >= MIN_USE and self._charge_s > start_s):
-            return ""
-        use_hz = used / (self._charge_s - start_s)
-        charge = max(0.0, self._charge - use_hz * (now_s - self._charge_s))  # also while nobody says how it is
-        left = max(0.0, charge - use_hz * doing.way_home_s)
-        if left >= self.limits.battery_empty:
+        charge, left = self._battery.charges(now_s, doing.way_home_s)
+        if not left < self.limits.battery_empty:  # NaN while the use is not known
             return ""
         return f"the charge is {charge:.0%}, and {left:.0%} after the way home of {doing.way_home_s:.0f} s"
-
-    def _drain(
-        self, cause: Cause, charge: float, min_charge: float, voltage_v: float, min_voltage_v: float
-    ) -> None:
-        """Judge what is known of the battery by a limit of its charge and one of its voltage; 0 for no limit."""
-        low = bool(self._states[cause].text)
-        texts = {"%": f"{self._charge:.0%}", "V": f"{self._voltage_v:.1f} V"}
-        for unit, value, limit, end in (
-            ("%", charge, min_charge, min_charge + RECHARGED),
-            ("V", voltage_v, min_voltage_v, min_voltage_v * (1 + RECHARGED)),
-        ):
-            if limit > 0 and math.isfinite(value):
-                under = value < (end if low else limit)
-                self._drained[cause, unit] = self._drained.get((cause, unit), 0) + 1 if under else 0
-        times = {unit: self._drained.get((cause, unit), 0) for unit in texts}
-        drained = [texts[unit] for unit, count in times.items() if count >= MIN_BATTERY]
-        if drained or not any(times.values()):
-            self.report(cause, f"the battery is at {drained[0]}" if drained else "")
 
     def _hear(self, name: str, now_s: float) -> None:
         self._heard[name] = _Heard(now_s)

@@ -361,7 +361,7 @@ def test_a_battery_that_just_suffices_for_the_way_home(farm):
     assert farm.finished.code is MissionEnd.FAILSAFE
 
 
-def test_a_battery_that_says_nothing_any_more_is_a_warning(farm):
+def test_a_silent_battery_is_a_warning(farm):
     farm.charge = 0.8
     farm.pass_by(1)
     farm.charge = math.nan

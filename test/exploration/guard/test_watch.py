@@ -333,7 +333,7 @@ def test_battery_by_its_voltage():
 
 
 @pytest.mark.parametrize("between", [1, 2, 5])
-def test_a_battery_of_which_messages_know_a_part_each(between):
+def test_messages_with_either_charge_or_voltage(between):
     """A charge comes now and then, with a voltage in between: that is no charged battery."""
     observed = Observed()
     for time in range(3):
@@ -348,7 +348,7 @@ def test_a_battery_of_which_messages_know_a_part_each(between):
     assert observed.overs == ["battery_low"]
 
 
-def test_a_low_voltage_and_a_charge_that_says_nothing_of_it():
+def test_a_low_voltage_with_a_good_charge():
     observed = Observed(WatchLimits(battery_low_v=46.0))
     drain(observed, 0.8, 45.5)
     drain(observed, 0.8, times=30)
@@ -358,7 +358,7 @@ def test_a_low_voltage_and_a_charge_that_says_nothing_of_it():
 
 
 @pytest.mark.parametrize(("charge", "volts", "last"), [(0.43, 48.0, "43%"), (math.nan, 46.5, "46.5 V")])
-def test_a_battery_that_says_nothing_any_more(charge, volts, last):
+def test_a_silent_battery(charge, volts, last):
     observed = Observed(doing=IDLE)
     drain(observed, charge, volts, times=1)
     observed.run(1000)
@@ -408,7 +408,7 @@ def test_reserve_of_charge():
     assert "the charge is 30%, and" in observed.events[0].reason
 
 
-def test_reserve_of_charge_while_nobody_says_how_much_there_is():
+def test_reserve_of_charge_with_a_silent_battery():
     """10 % an hour: two and a half hours after it was 60 % it is 35 %, and the way home takes 25 %."""
     observed = Observed(WatchLimits(battery_silent_s=0.0), doing=replace(MISSION, way_home_s=9000.0)).run(1)
     drain(observed, 0.7)
