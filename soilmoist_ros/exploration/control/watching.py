@@ -79,7 +79,7 @@ class Watching:
 
     def doing(self, mission: Mission, navigator: Navigator) -> Doing:
         """What a mission and its navigation do now."""
-        state, rules = mission.state, mission.rules
+        state = mission.state
         place = state.position
         return Doing(
             under_way=state.under_way,
@@ -87,7 +87,7 @@ class Watching:
             going_home=state.ended is not None or state.phase is Phase.RETURNING,
             waiting_for=navigator.waiting_for,
             feedback_age_s=navigator.feedback_age_s,
-            time_left_s=max(0.0, rules.budget_s - state.time_used_s),
+            time_left_s=max(0.0, mission.current_rules.budget_s - state.time_used_s),
             way_home_s=0.0 if place is None or not state.under_way else self._way_home_s(mission, place),
         )
 

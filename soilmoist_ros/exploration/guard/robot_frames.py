@@ -109,6 +109,7 @@ class RobotFrames:
         self._map_fault = ""
         self._unchecked = ""
         self._agreed = False
+        self._disagreed = ""
 
     @property
     def waiting_for(self) -> str:
@@ -147,6 +148,8 @@ class RobotFrames:
             self._check.add(now_s, place, (tf.x_m, tf.y_m), delay_s)
             if self.move is None and self._settings.datum == ROBOT and (found := self._check.fitted()) is not None:
                 self._use(found)
+        if tf is not None and self.move is not None:
+            self._judge(self._check.verdict(now_s))
         self._unchecked = self._doubt(tf, now_s)
         return RobotPose(place, yaw_rad, fix.covariance_m2)
 
@@ -194,12 +197,14 @@ class RobotFrames:
         self._use(found)
         return True
 
-    def fault(self, now_s: float) -> str:
-        """Why the robot must not drive, in words; empty if nothing is known against it."""
-        if self.move is None:
-            return ""
-        verdict = self._check.verdict(now_s)
-        return self._map_fault or (verdict.message if verdict.agreement is Agreement.DISAGREE else "")
+    @property
+    def fault(self) -> str:
+        """Why the robot must not drive, in words; empty if nothing is known against it.
+
+        A disagreement of TF and fixes stays one until they agree: without TF, or without fixes, the navigation
+        still has the wrong frame.
+        """
+        return "" if self.move is None else self._map_fault or self._disagreed
 
     def health(self, now_s: float) -> Health:
         """State of the frames."""
@@ -220,6 +225,8 @@ class RobotFrames:
         message = verdict.message
         if self._map_fault or self.move is None:
             level, message = Level.ERROR if self._map_fault else Level.WARN, self._map_fault or self.waiting_for
+        elif self._disagreed and verdict.agreement is not Agreement.DISAGREE:
+            level, message = Level.ERROR, f"{self._disagreed}; since then {message}"
         elif self._settings.frame == self._settings.navigation_frame and not self.move.is_identity:
             level = max(level, Level.WARN)
             message += f"; {self._settings.frame} names two frames: give the navigation's another name"
@@ -246,11 +253,16 @@ class RobotFrames:
 
     def _doubt(self, tf: FramePose | None, now_s: float) -> str:
         """Why the frames are not trusted yet; empty without TF, and once they have agreed: then faults decide."""
-        if tf is None or self._agreed:
+        if self._agreed or (tf is None and not self._disagreed):
             return ""
-        verdict = self._check.verdict(now_s)
-        self._agreed = verdict.agreement is Agreement.AGREE
-        return "" if self._agreed else f"agreement of TF and fixes ({verdict.message})"
+        return f"agreement of TF and fixes ({self._disagreed or self._check.verdict(now_s).message})"
+
+    def _judge(self, verdict: FrameVerdict) -> None:
+        match verdict.agreement:
+            case Agreement.AGREE:
+                self._agreed, self._disagreed = True, ""
+            case Agreement.DISAGREE:
+                self._disagreed = verdict.message
 
     def _heading(self, tf: FramePose | None, now_s: float) -> float:
         """Heading in the plane of the field: by TF, else from the last fixes; NaN if unknown [rad]."""
@@ -260,4 +272,5 @@ class RobotFrames:
 
     def _use(self, move: PlaneMove) -> None:
         self.move = self._check.move = move
+        self._disagreed = ""
         self._datum = datum_text(self._frame, move)

@@ -86,7 +86,7 @@ class PlannerFrames:
         """
         self._take_transforms()
         self._ask()
-        return self.robot.fault(self._now_s())
+        return self.robot.fault
 
     def _take_transforms(self) -> None:
         if self._listener is not None:

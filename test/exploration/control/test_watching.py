@@ -13,6 +13,7 @@ import pytest
 from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
 from soilmoist_ros.exploration.mission.mission import Mission
@@ -359,6 +360,14 @@ def test_a_battery_that_just_suffices_for_the_way_home(farm):
     assert farm.charge > farm.control.watch.limits.battery_low, "earlier than by the charge alone"
     farm.run(lambda: farm.finished is not None, 400)
     assert farm.finished.code is MissionEnd.FAILSAFE
+
+
+def test_the_way_home_is_reckoned_with_the_time_that_the_operator_gives():
+    farm = Farm(budget_s=600.0).begin()
+    assert farm.control.request(OperatorRequest(Verb.CHANGE, hours=1.0)).code is ReplyCode.ACCEPTED
+    farm.pass_by(600)
+    assert (farm.alarms, farm.finished) == ({}, None)
+    assert farm.status.ended is None
 
 
 def test_a_silent_battery_is_a_warning(farm):

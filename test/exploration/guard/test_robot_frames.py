@@ -56,18 +56,38 @@ def test_without_tf_nothing_is_checked_and_nothing_refused():
     assert pose.place_m == pytest.approx((34.0, 10.0), abs=1e-3)
     assert pose.yaw_rad == pytest.approx(0.0, abs=1e-3)  # by the course over ground
     assert (robot.health(now_s).level, robot.health(now_s).message) == (Level.OK, "not checked: no TF")
-    assert robot.fault(now_s) == robot.waiting_for == ""
+    assert robot.fault == robot.waiting_for == ""
 
 
 def test_a_shifted_navigation_is_a_fault_with_numbers():
     robot = frames()
     _, now_s = drive(robot, PlaneMove(0.0, (0.0, 30.0)))
-    assert "TF places the robot 30.0 m north of its fix" in robot.fault(now_s)
-    assert robot.fault(now_s) in robot.waiting_for
+    assert "TF places the robot 30.0 m north of its fix" in robot.fault
+    assert robot.fault in robot.waiting_for
     health = robot.health(now_s)
     assert health.level is Level.ERROR
     assert health.values["TF minus fix, north [m]"] == "30.00"
-    assert health.message == robot.fault(now_s)
+    assert health.message == robot.fault
+
+
+def test_a_wrong_frame_stays_a_fault_until_it_is_seen_to_be_right():
+    robot = frames()
+    _, now_s = drive(robot)
+    _, now_s = drive(robot, PlaneMove(0.0, (12.0, 0.0)), start_s=now_s + 1.0)
+    assert "12.0 m east" in robot.fault
+    _, now_s = drive(robot, tf=False, steps=60, start_s=now_s + 1.0)
+    assert "12.0 m east" in (found := robot.fault), "the planner has lost TF; the navigation still drives by it"
+    health = robot.health(now_s)
+    assert (health.level, health.message) == (Level.ERROR, f"{found}; since then not checked: TF is 60 s old")
+    drive(robot, start_s=now_s + 1.0)
+    assert robot.fault == ""
+
+
+def test_a_wrong_frame_of_the_start_is_not_trusted_without_tf():
+    robot = frames()
+    _, now_s = drive(robot, PlaneMove(0.0, (12.0, 0.0)))
+    drive(robot, tf=False, steps=60, start_s=now_s + 1.0)
+    assert "12.0 m east" in robot.waiting_for
 
 
 def test_the_same_frame_agrees():
@@ -75,7 +95,7 @@ def test_the_same_frame_agrees():
     drive(robot, steps=3)
     assert robot.waiting_for == "agreement of TF and fixes (not checked yet: 3 pairs of TF and fix of 5)"
     _, now_s = drive(robot, start_s=3.0)
-    assert robot.fault(now_s) == robot.waiting_for == ""
+    assert robot.fault == robot.waiting_for == ""
     assert robot.health(now_s).message.startswith("TF and fix agree within 0.0 m")
     assert robot.health(now_s).level is Level.OK
 
@@ -85,7 +105,7 @@ def test_a_given_datum_agrees_and_gives_headings_in_the_field(yaw_deg):
     move = move_between(DATUM, OTHER, math.radians(yaw_deg))
     robot = frames(f"52.002,13.001,{yaw_deg}", navigation_frame="map", frame="field")
     pose, now_s = drive(robot, move)
-    assert robot.fault(now_s) == ""
+    assert robot.fault == ""
     assert pose.yaw_rad == pytest.approx(0.0, abs=1e-3)
     assert robot.health(now_s).values["datum of the navigation"].startswith("52.0020000,13.0010000")
     assert robot.health(now_s).level is Level.OK
@@ -107,20 +127,20 @@ def test_the_datum_of_the_navigations_map():
     robot.take_map_datum(OTHER)
     assert robot.waiting_for == ""
     _, now_s = drive(robot, move_between(DATUM, OTHER))
-    assert robot.fault(now_s) == ""
+    assert robot.fault == ""
 
 
 def test_a_map_of_another_datum_than_the_fields_is_a_fault_until_it_is_meant():
     robot = frames()
     robot.take_map_datum(LocalFrame(52.0, 13.0 + 100 / 68600))
-    assert "lies 100.1 m east of the field's: set navigation_datum: map" in robot.fault(0.0)
+    assert "lies 100.1 m east of the field's: set navigation_datum: map" in robot.fault
     robot.take_map_datum(LocalFrame(52.0, 13.0))
-    assert robot.fault(0.0) == ""
+    assert robot.fault == ""
     robot.take_map_datum(LocalFrame(-52.0, -167.0))
-    assert "is not of this field" in robot.fault(0.0)
+    assert "is not of this field" in robot.fault
     meant = frames("52.002,13.001")
     meant.take_map_datum(LocalFrame(52.5, 13.0))
-    assert meant.fault(0.0) == ""
+    assert meant.fault == ""
 
 
 @pytest.mark.parametrize("origin", [OTHER, LocalFrame(52.1, 13.2)])
@@ -137,7 +157,7 @@ def test_the_datum_of_the_robots_service(origin):
     wanted = move_between(DATUM, origin, about_m=(30.0, 20.0))
     assert robot.move.place((30.0, 20.0)) == pytest.approx(wanted.place((30.0, 20.0)), abs=0.01)
     _, now_s = drive(robot, wanted)
-    assert robot.fault(now_s) == ""
+    assert robot.fault == ""
 
 
 def test_the_datum_from_a_drive_by_hand():
@@ -147,7 +167,7 @@ def test_the_datum_from_a_drive_by_hand():
     assert robot.move is None
     _, now_s = drive(robot, move, steps=30, start_s=15.0)
     assert robot.move.place((30.0, 20.0)) == pytest.approx(move.place((30.0, 20.0)), abs=0.1)
-    assert robot.fault(now_s) == ""
+    assert robot.fault == ""
 
 
 def test_tf_that_ends_or_is_not_connected_is_named():
@@ -169,8 +189,8 @@ def test_a_delay_counts_only_while_the_robot_moves():
         robot.take_transforms([Transform("map", "base_link", (x, y, 0.0), stamp_s=second - 3.0)], float(second))
         robot.take_fix(fix((place_m, 0.0), stamp_s=second), float(second))
         if second == 19:
-            assert robot.fault(19.0) == ""  # TF is 3 s late
-    assert robot.fault(39.0) == ""
+            assert robot.fault == ""  # TF is 3 s late
+    assert robot.fault == ""
     assert robot.health(46.0).message == "not checked: TF is 10 s old"  # by its stamp; it came 7 s ago
 
 
@@ -179,7 +199,7 @@ def test_a_robot_is_where_its_base_is():
     robot = frames(arms=arms)
     pose, now_s = drive(robot, arms=arms)
     assert pose.place_m == pytest.approx((34.0, 10.0), abs=1e-3)
-    assert robot.fault(now_s) == ""
+    assert robot.fault == ""
     by_course = frames(arms=arms)
     pose, _ = drive(by_course, arms=arms, tf=False)
     assert pose.place_m == pytest.approx((34.0, 10.0), abs=1e-2)
