@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -101,9 +102,13 @@ class Planner(Node):
         self.create_timer(TICK_S, self._tick, clock=steady)
         self.create_timer(SHOW_S, self._show, clock=steady)
 
-    def close(self) -> None:
-        """Stop the robot."""
+    def leave(self) -> Callable[[], bool]:
+        """Stop the robot; the function says whether its navigation has heard of it."""
         self._control.close()
+        return lambda: not self._control.navigator.stop_unheard
+
+    def close(self) -> None:
+        """Close the files, and end the threads."""
         self._frames.close()
         self._stored.close()
         self._keepout.close()

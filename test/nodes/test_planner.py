@@ -357,6 +357,18 @@ def test_bad_messages_do_no_harm(ros, tmp_path):
             assert part in planning.process.output()
 
 
+@pytest.mark.parametrize("accepts_after_s", [0.0, 0.8])
+def test_a_planner_that_ends_stops_the_robot(ros, tmp_path, accepts_after_s):
+    """Also one to which the navigation has not answered yet: it would drive without a planner."""
+    with World(ros, rate=2.0) as world, VirtualNavigation(ros, world) as navigation:
+        navigation.accepts_after_s = accepts_after_s
+        planning = Planning(ros, tmp_path, autostart=True, hours=2.0)
+        ros.wait_for(navigation.asked.is_set if accepts_after_s else lambda: world.goal, message="a goal")
+        assert planning.process.stop() == 0
+        ros.wait_for(lambda: navigation.ends, message="the end of the goal")
+        assert navigation.ends == ["canceled"]
+
+
 def test_a_mission_survives_its_planner(ros, tmp_path):
     journal = {"journal_dir": str(tmp_path / "journal"), "hours": 2.0, "dwell": "fmi:300"}
     with World(ros, rate=5.0) as world, VirtualNavigation(ros, world) as navigation:

@@ -163,7 +163,7 @@ class VirtualNavigation:
 
     * ``cancels``: ``aborts`` (as the robot's does: looks rejected, ends aborted) or ``properly``
     * ``lies``: reports success without moving; ``denies``: moves, but the result says no success
-    * ``rejects``: accepts no goal; ``blocked``: names of stops where it aborts
+    * ``rejects``: accepts no goal; ``accepts_after_s``: takes its time to accept one; ``blocked``: names of stops where it aborts
     """
 
     kind, name = GotoNode, "topological_navigation"
@@ -172,13 +172,14 @@ class VirtualNavigation:
         self.world, name = world, name or self.name
         self.cancels, self.lies, self.denies, self.rejects, self.blocked = "aborts", False, False, False, set()
         self.goals, self.ends, self.most_at_once = [], [], 0
+        self.accepts_after_s, self.asked = 0.0, threading.Event()
         self._running, self._stopped, self._alive, self._spinning = 0, set(), True, True
         self.places = {stop.name: (stop.x_m, stop.y_m) for stop in (*STOPS, SHED)}
         self.node = Node("navigation", context=ros.context, namespace=namespace)
         self.feedback = self.node.create_publisher(self.kind.Feedback, f"{name}/feedback", SENSOR)
         self.server = ActionServer(
             self.node, self.kind, name, self.execute, callback_group=ReentrantCallbackGroup(),
-            goal_callback=lambda goal: GoalResponse.REJECT if self.rejects else GoalResponse.ACCEPT,
+            goal_callback=self.on_goal,
             cancel_callback=self.on_cancel,
         )  # fmt: skip
         self.executor = MultiThreadedExecutor(4, context=ros.context)
@@ -210,6 +211,11 @@ class VirtualNavigation:
         while self._spinning:
             with contextlib.suppress(Exception):  # the client of an answer may be gone
                 self.executor.spin_once(timeout_sec=0.05)
+
+    def on_goal(self, goal):
+        self.asked.set()
+        time.sleep(self.accepts_after_s)
+        return GoalResponse.REJECT if self.rejects else GoalResponse.ACCEPT
 
     def on_cancel(self, handle):
         self._stopped.add(bytes(handle.goal_id.uuid))

@@ -177,7 +177,6 @@ class MissionControl:
         self._interrupted = ""
         self._last_command = "", math.nan
         self._resume_when_ready = False
-        self._closed = False
         self._start(mission or Mission(rules))
         named = (PropertyMap(name, weight) for name, weight in properties.items())
         self._queue = PlanningQueue(map_wait_s, (OWN, *named))
@@ -463,8 +462,7 @@ class MissionControl:
 
     def ended(self, ended: Ended) -> None:
         """The navigator reports the end of a goal."""
-        if not self._closed:
-            self._feed.ended(self._clock.now_s(), ended)
+        self._feed.ended(self._clock.now_s(), ended)
 
     def tick(self) -> None:
         """Time has passed; to be called several times a second."""
@@ -499,7 +497,7 @@ class MissionControl:
 
     def close(self) -> None:
         """Stop the robot: nobody would know what to do when it arrives."""
-        self._closed = True
+        self._feed.close()
         if self._mission.state.goal is not None:
             self.navigator.cancel(self._mission.state.goal.goal_id)
         self._planning.close()
@@ -641,7 +639,7 @@ class MissionControl:
 
     def _plan_if_due(self) -> None:
         job, access = self._queue.due(self._clock.now_s(), self._feed.place), self._access
-        if job is None:
+        if job is None or self._feed.closed:
             return
         assert access is not None, "a mission does not start before it knows where the robot may go"
         for fault in self._queue.faults if job.request.kind is PlanKind.EXPLORE else ():

@@ -78,10 +78,18 @@ class MissionFeed:
         self._answers: list[Answer] = []
         self._lock = RLock()
         self._busy = False
+        self.closed = False
+
+    def close(self) -> None:
+        """Take in no further event: the process ends, and the mission stays as it is."""
+        with self._lock:
+            self.closed = True
 
     def give(self, event: Event) -> None:
         """Let the mission take in an event."""
         with self._lock:
+            if self.closed:
+                return
             self._events.append(event)
             if self._busy:
                 return
@@ -97,6 +105,8 @@ class MissionFeed:
     def command(self, command: Command) -> Answer:
         """Ask the mission for something."""
         with self._lock:
+            if self.closed:
+                return Answer(command.verb, False, "the planner ends")
             self._answers.clear()
             self.give(command)
             return self._answers[0]

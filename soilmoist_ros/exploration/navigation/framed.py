@@ -44,6 +44,11 @@ class FramedNavigator:
         """See :class:`Navigator`."""
         return self._navigator.feedback_age_s
 
+    @property
+    def stop_unheard(self) -> bool:
+        """See :class:`Navigator`."""
+        return self._navigator.stop_unheard
+
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
         move = self._move

@@ -11,6 +11,8 @@ The answers of such a navigation cannot all be believed:
 * Goals share their state in the server. So a goal is sent only after the end of the one before is known.
 * The server may come late, die in mid-goal, or not answer. So everything has a time limit, and a goal whose end
   was never heard of is cancelled again until the server says that it is over or unknown.
+* A server may drive before its acceptance is heard. So a goal without an answer is cancelled at once, and again as
+  soon as it is accepted: the server may not have known it before.
 * Two servers of one name would both drive the robot, and both answer. So no goal is sent until one is left.
 
 A goal of the mission may have way points. Each of them is a goal for the server, sent after the arrival at the one
@@ -60,10 +62,12 @@ class CancelSent:
 
     :param goal_id: id of the goal
     :param ours: whether this client sent it; otherwise it is one of before, and all goals are to be cancelled
+    :param accepted: whether the server had accepted it before; otherwise it may not know it yet
     """
 
     goal_id: int
     ours: bool
+    accepted: bool = True
 
 
 Request = SendGoal | CancelSent | Ended
@@ -103,6 +107,7 @@ class _Goal:
     since_s: float
     cancel: bool = False
     asked_s: float = -math.inf
+    heard: bool = False  # the server knows of the cancellation
     reported: bool = False
     away_m: float = math.nan
     positions: int = 0
@@ -162,7 +167,7 @@ class GoalClient:
             goal = _Goal(goal_id, (), _Step.SENT, now_s, cancel=True, reported=True)
             self._goals[goal_id] = goal
         if accepted:
-            goal.step, goal.since_s = _Step.ACTIVE, now_s
+            goal.step, goal.since_s, goal.asked_s = _Step.ACTIVE, now_s, -math.inf
         else:
             self._over(goal, Outcome.FAILED, "the navigation rejected the goal")
         return self._go_on(now_s)
@@ -187,12 +192,23 @@ class GoalClient:
             self._over(goal, Outcome.FAILED, f"the navigation {_said(status, success, why)}")
         return self._go_on(now_s)
 
-    def cancel_answered(self, goal_id: int, code: int, now_s: float) -> tuple[Request, ...]:
-        """The server has answered a cancellation, with a code as action_msgs numbers it."""
+    def cancel_answered(self, goal_id: int, code: int, now_s: float, accepted: bool = True) -> tuple[Request, ...]:
+        """The server has answered a cancellation.
+
+        :param goal_id: id of the goal
+        :param code: as action_msgs numbers it
+        :param now_s: time [s]
+        :param accepted: that of the :class:`CancelSent`
+        """
         goal = self._goals.get(goal_id)
+        if goal is None:
+            return self._go_on(now_s)
         not_running = code in (CancelAnswer.UNKNOWN_GOAL, CancelAnswer.ALREADY_ENDED)
-        # an answer to the goal itself may still be on its way
-        if goal is not None and not_running and (goal.step is _Step.ACTIVE or goal.reported):
+        if accepted or not not_running:
+            goal.heard = True
+        # an answer to the goal itself may still be on its way, or have overtaken this one
+        given_up = goal.step is _Step.SENT and goal.reported
+        if not_running and (given_up or (goal.step is _Step.ACTIVE and accepted)):
             self._over(goal, Outcome.CANCELED, "cancelled; the navigation is not working on it any more")
         return self._go_on(now_s)
 
@@ -214,6 +230,11 @@ class GoalClient:
             self._server_seen_s = now_s
         return self._go_on(now_s)
 
+    @property
+    def stop_unheard(self) -> bool:
+        """Whether the server may not have heard of a cancellation yet."""
+        return self._servers > 0 and any(goal.cancel and not goal.heard for goal in self._goals.values())
+
     # What follows --------------------------------------------------------------------------------------------
 
     def _arrived(self, goal: _Goal, stop: Stop, now_s: float) -> None:
@@ -227,10 +248,10 @@ class GoalClient:
         for goal in list(self._goals.values()):
             self._meet_limits(goal, now_s)
         for goal in self._goals.values():
-            known = goal.step is _Step.ACTIVE or (goal.step is _Step.SENT and goal.reported)
-            if goal.cancel and known and self._servers and now_s - goal.asked_s >= CANCEL_AGAIN_S:
+            on_server = goal.step in (_Step.SENT, _Step.ACTIVE)
+            if goal.cancel and on_server and self._servers and now_s - goal.asked_s >= CANCEL_AGAIN_S:
                 goal.asked_s = now_s
-                self._out.append(CancelSent(goal.goal_id, bool(goal.ahead)))
+                self._out.append(CancelSent(goal.goal_id, bool(goal.ahead), goal.step is _Step.ACTIVE))
         if self._servers == 1 and len(self._goals) == 1:
             goal = next(iter(self._goals.values()))
             if goal.step is _Step.WAITING:

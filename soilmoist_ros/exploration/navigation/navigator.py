@@ -57,6 +57,11 @@ class Navigator(Protocol):
         """Time since the last feedback about the goal in progress [s]; nan without a goal or any feedback."""
         ...
 
+    @property
+    def stop_unheard(self) -> bool:
+        """Whether the navigation may not have heard of a cancellation yet: a process that ends waits a moment."""
+        ...
+
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """Take the robot to a stop.
 

@@ -100,6 +100,12 @@ class ActionNavigator(ABC):
         # Simulated time may run faster or slower than the computer's: neither is silence of the navigation.
         return math.nan if heard is None else min(time.monotonic() - heard[0], self._track.now_s - heard[1])
 
+    @property
+    def stop_unheard(self) -> bool:
+        """See :class:`Navigator`."""
+        with self._lock:
+            return self._client.stop_unheard
+
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
         with self._lock:
@@ -194,7 +200,7 @@ class ActionNavigator(ABC):
         if answer is not None:
             # The answer for all goals has no result for a single goal.
             code = int(answer.return_code) if request.ours else CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
-            self._step(self._client.cancel_answered, request.goal_id, code)
+            self._step(self._client.cancel_answered, request.goal_id, code, then=(request.accepted,))
 
 
 def action_class(name: str, field: str) -> Any:

@@ -11,6 +11,7 @@ from typing import Final
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
+from rclpy.task import Future
 
 from msg_adapters.plan import pose_stamped
 from msg_adapters.point_cloud import FRAME
@@ -50,6 +51,7 @@ class GoalPoseNavigator:
         self._client = client
         self._report = report
         self._lock = Lock()
+        self._asked: Future | None = None
         self._poses = node.create_publisher(PoseStamped, TOPIC, DEFAULT)
         self._cancels = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
         node.get_logger().warning(
@@ -82,6 +84,11 @@ class GoalPoseNavigator:
     def feedback_age_s(self) -> float:
         """See :class:`Navigator`; there is no feedback."""
         return float("nan")
+
+    @property
+    def stop_unheard(self) -> bool:
+        """See :class:`Navigator`; nobody answers a pose."""
+        return self._asked is not None and not self._asked.done()
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
@@ -117,6 +124,8 @@ class GoalPoseNavigator:
                     place = (request.x_m, request.y_m)
                     self._poses.publish(pose_stamped(*place, now_s, self._frame, request.heading_rad))
                 case CancelAll():
-                    self._cancels.call_async(CancelGoal.Request())  # without an id it cancels all goals
+                    self._asked = self._cancels.call_async(
+                        CancelGoal.Request()
+                    )  # without an id it cancels all goals
                 case Ended():
                     self._report(request)

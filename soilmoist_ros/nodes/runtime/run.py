@@ -31,6 +31,8 @@ from soilmoist_ros.nodes.runtime.memory import return_memory
 _SWITCH_S: Final = 5e-4
 """Longest wait of a callback for Python's lock while another thread computes [s]; each takes it several times, and
 Python's own 5 ms would add up to a late abort."""
+_LAST_ORDERS_S: Final = 2.0
+"""Longest time for what a node drives to hear that it is to stop [s]."""
 _LAST_MESSAGES_S: Final = 3.0
 """Longest wait for the receivers of the last messages; launch files end a node by force after 5 s more [s]."""
 BAD_INPUT: Final = 2
@@ -82,6 +84,26 @@ def _load_less() -> None:
         load_when_used(name)
 
 
+def _spin(node: Node, executor: Executor, timeout_s: float) -> None:
+    try:
+        executor.spin_once(timeout_sec=timeout_s)
+    except ExternalShutdownException:
+        pass  # rclpy is not ok any more
+    except Exception:  # a bug in one callback must not end a mission
+        node.get_logger().error(f"a callback failed; the node continues\n{traceback.format_exc()}")
+
+
+def _leave(node: Node, executor: Executor) -> None:
+    """Let a node stop what it drives, and go on until that has heard of it: a lost request is asked again."""
+    leave = getattr(node, "leave", None)
+    if leave is None:
+        return
+    heard = leave()
+    deadline = time.monotonic() + _LAST_ORDERS_S
+    while not heard() and rclpy.ok() and time.monotonic() < deadline:
+        _spin(node, executor, 0.05)
+
+
 def _deliver(node: Node) -> None:
     """Wait until the receivers have the last messages: with the process, those under way would be lost."""
     deadline = time.monotonic() + _LAST_MESSAGES_S
@@ -110,8 +132,9 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     * an action client must not send goals to two servers of one name: both answer, and the process crashes
     * a signal ends the process after the present callback, or after half a second without one
 
-    A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process. The
-    process lasts until reliable receivers have its last messages, at most 3 s.
+    A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process. Before
+    the end ``leave()`` may stop what the node drives; callbacks go on until the function that it returns is true, at
+    most 2 s. The process lasts until reliable receivers have its last messages, at most 3 s.
     Exit codes: 0 after SIGINT or SIGTERM or when the node has finished, 2 for bad input.
 
     :param make_node: makes the node
@@ -143,12 +166,8 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
         log.follow(node)
         executor.add_node(node)
         while not stopping and rclpy.ok() and not getattr(node, "finished", False):
-            try:
-                executor.spin_once(timeout_sec=0.5)
-            except ExternalShutdownException:
-                break
-            except Exception:  # a bug in one callback must not end a mission
-                node.get_logger().error(f"a callback failed; the node continues\n{traceback.format_exc()}")
+            _spin(node, executor, 0.5)
+        _leave(node, executor)
     except SoilmoistError as error:
         print(f"{error}", file=sys.stderr, flush=True)
         code = BAD_INPUT

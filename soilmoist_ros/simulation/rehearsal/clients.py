@@ -41,6 +41,7 @@ class ActionNavigator:
     """
 
     on_the_way = caution = ""
+    stop_unheard = False  # rehearsals end with the world
 
     def __init__(
         self,
@@ -137,6 +138,7 @@ class PoseNavigator:
     """
 
     on_the_way = caution = ""
+    stop_unheard = False  # rehearsals end with the world
     feedback_age_s = nan
 
     def __init__(

@@ -242,7 +242,10 @@ def test_closing_stops_the_robot_and_nothing_follows():
     around.control.close()
     assert around.goals[-1] == (goal_id, None)
     around.control.ended(Ended(goal_id, Outcome.CANCELED, ""))
+    around.control.tick()
+    assert not around.control.command(Verb.RESUME).accepted
     assert around.status.phase is Phase.TRAVELLING
+    assert around.goals[-1] == (goal_id, None)
 
 
 def test_of_two_robots_with_one_target_the_later_in_order_gives_way():

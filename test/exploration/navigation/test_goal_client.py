@@ -117,9 +117,32 @@ def test_an_acceptance_that_comes_too_late_is_cancelled():
     client.go(1, (A,), 0.0)
     given_up = client.tick(1, 3.0)
     assert outcomes(given_up) == [Outcome.FAILED]
-    assert CancelSent(1, True) in given_up
-    client.cancel_answered(1, 2, 3.1)
+    assert CancelSent(1, True, accepted=False) in given_up
+    client.cancel_answered(1, 2, 3.1, accepted=False)
     assert client.answered(1, True, 4.0) == (CancelSent(1, False),), "not known by name any more: all goals"
+
+
+def test_a_goal_without_an_answer_is_cancelled_at_once_and_again_when_it_is_accepted():
+    client = GoalClient(3.0)
+    client.tick(1, 0.0)
+    client.go(1, (A,), 0.0)
+    assert client.cancel(1, 0.2) == (CancelSent(1, True, accepted=False),)
+    assert client.tick(1, 0.4) == ()
+    assert client.cancel_answered(1, 2, 0.5, accepted=False) == (), "the server has not seen the goal yet"
+    assert client.stop_unheard
+    assert client.answered(1, True, 0.6) == (CancelSent(1, True),), "now it drives"
+    assert client.cancel_answered(1, 2, 0.7, accepted=False) == (), "an answer that was overtaken proves nothing"
+    assert client.stop_unheard
+    assert client.cancel_answered(1, 0, 0.8) == ()
+    assert not client.stop_unheard
+    assert outcomes(client.ended(1, ABORTED, False, 0.9)) == [Outcome.CANCELED]
+
+
+def test_a_stop_that_nobody_can_hear_is_not_waited_for():
+    client = client_with_goal()
+    client.tick(0, 1.0)
+    client.cancel(1, 1.1)
+    assert not client.stop_unheard
 
 
 def test_cancelled_before_it_was_sent():
@@ -186,6 +209,7 @@ EVENTS = st.one_of(
     st.tuples(st.just("answered"), st.booleans()),
     st.tuples(st.just("ended"), st.sampled_from([0, 4, 5, 6]), st.booleans()),
     st.tuples(st.just("cancel_answered"), st.integers(0, 3)),
+    st.tuples(st.just("overtaken")),
     st.tuples(st.just("moved"), st.sampled_from([(0.0, 0.0), (20.0, 0.0)])),
     st.tuples(st.just("tick"), st.booleans()),
 )
@@ -196,7 +220,7 @@ class Server:
 
     def __init__(self):
         self.asked, self.running, self.accepted = 0, 0, False
-        self.cancelled, self.ended = set(), []
+        self.cancelled, self.ended, self.early = set(), [], False
 
     def take(self, requests):
         for request in requests:
@@ -205,13 +229,17 @@ class Server:
                 assert request.goal_id == self.asked
                 assert request.goal_id not in self.cancelled
                 assert request.goal_id not in self.ended
-                self.running, self.accepted = request.goal_id, False
+                self.running, self.accepted, self.early = request.goal_id, False, False
+            elif isinstance(request, CancelSent):
+                self.early |= not request.accepted
             elif isinstance(request, Ended):
                 assert request.goal_id not in self.ended, "an end is reported once"
                 self.ended.append(request.goal_id)
 
     def can(self, kind):
         """Whether the server may say this now: it answers a goal once, and then ends it once."""
+        if kind == "overtaken":
+            return self.running > 0 and self.early and self.accepted
         return kind not in ("answered", "ended", "cancel_answered") or (
             self.running > 0 and self.accepted != (kind == "answered")
         )
@@ -238,6 +266,10 @@ def test_whatever_happens_every_goal_ends_once_and_one_runs_at_a_time(events):
             if server.asked and server.asked not in server.ended:
                 server.cancelled.add(server.asked)
                 server.take(client.cancel(server.asked, now_s))
+        elif kind == "overtaken":  # it did not know the goal, which it has accepted since
+            if server.can(kind):
+                server.early = False
+                server.take(client.cancel_answered(server.running, 2, now_s, accepted=False))
         elif server.can(kind):
             about = () if kind in ("moved", "tick") else (server.running,)
             server.said(kind, values[0])
