@@ -85,6 +85,8 @@ class Planner(Node):
         self._autostart = self._values.flag("autostart") and self._stored.starts
         if self._stored.mission is not None:
             self._control.take_up(self._stored.mission, self._stored.resumes)
+        if self._stored.left_driving:
+            self._control.navigator.cancel(0)  # no goal of this mission: whatever drives the robot
         graph = self._values.text("graph")
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")

@@ -10,6 +10,7 @@ from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.stored import state_from_json
 from soilmoist_ros.exploration.mission.types import MissionRules
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
 from soilmoist_ros.recording.process_mark import ProcessMark
 
@@ -19,7 +20,7 @@ class StoredMission:
 
     A planner that a launch file starts again after a crash goes on by itself, unless the mission was paused or
     stopped by people, or its journal lacks entries that a full disk refused. After a power cut, an end on request
-    or repeated crashes ``resume`` decides.
+    or repeated crashes ``resume`` decides. A mission that it forgets may have left the robot driving.
 
     :param folder: folder of the journal; ``None`` for no journal
     :param rules: what governs the mission from now on
@@ -37,6 +38,8 @@ class StoredMission:
         whether it goes on as soon as all that it needs is there
     starts : bool
         whether a new mission may start by itself: not if one ended before a crash
+    left_driving : bool
+        whether the robot may still be driving to a goal of a mission that is forgotten
     problems : tuple[str, ...]
         problems of the journal, in words
     """
@@ -44,18 +47,27 @@ class StoredMission:
     def __init__(self, folder: Path | None, rules: MissionRules, resume: str, respawn_limit_s: float) -> None:
         self.journal: Journal | None = None
         self._mark: ProcessMark | None = None
+        self.mission: Mission | None = None
+        self.left_driving = False
         found, crashed = LoadedJournal(None, (), ()), False
         if folder is not None:
             mark = ProcessMark(folder, respawn_limit_s)  # first: opening the journal changes its time
             crashed = mark.after_crash
-            if crashed or resume != "fresh":
+            forgets = resume == "fresh" and not crashed
+            try:
                 found = load_journal(folder)
+                self.mission = _interrupted(rules, found)
+            except InputError as error:
+                if not forgets:
+                    raise
+                found, self.left_driving = LoadedJournal(None, (), (str(error),)), True
+            if forgets and self.mission is not None:
+                self.left_driving = self.mission.state.goal is not None
+                self.mission = None
             self.journal = Journal.open(folder)
             mark.begin()
             self._mark = mark
-        events = (entry.payload for entry in found.entries if entry.kind == EVENT)
         self.problems = found.problems
-        self.mission: Mission | None = interrupted_mission(rules, found.snapshot, events, found.complete)
         waits = self.mission is not None and self.mission.state.waits_for_people
         trusted = found.complete and not waits
         self.resumes = self.mission is not None and trusted and (crashed or resume == "auto")
@@ -67,3 +79,8 @@ class StoredMission:
         if self.journal is not None and self._mark is not None:
             self._mark.end()
             self.journal.close()
+
+
+def _interrupted(rules: MissionRules, found: LoadedJournal) -> Mission | None:
+    events = (entry.payload for entry in found.entries if entry.kind == EVENT)
+    return interrupted_mission(rules, found.snapshot, events, found.complete)

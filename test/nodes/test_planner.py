@@ -12,9 +12,11 @@ pytest.importorskip("topological_navigation_msgs")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
+from rclpy.action import ActionClient
 from sensor_msgs.msg import NavSatFix, PointCloud2
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
+from topological_navigation_msgs.action import GotoNode
 from virtual_navigation import FIELD, STOPS, VirtualNavigation, World, make_map
 from visualization_msgs.msg import MarkerArray
 
@@ -401,6 +403,24 @@ def test_a_mission_survives_its_planner(ros, tmp_path):
         fresh = Planning(ros, tmp_path, resume="fresh", **journal)
         fresh.wait(lambda status: "waiting for start" in status.reason)
         assert fresh.status.samples == 0
+
+
+def test_what_drives_the_robot_without_a_mission_is_stopped(ros, tmp_path):
+    """The goal of a mission that is forgotten, and one that somebody else has sent."""
+    journal = {"journal_dir": str(tmp_path / "journal"), "hours": 2.0}
+    with World(ros, rate=2.0) as world, VirtualNavigation(ros, world) as navigation:
+        planning = Planning(ros, tmp_path, autostart=True, **journal)
+        ros.wait_for(lambda: world.goal, message="a goal")
+        planning.process.kill()
+        fresh = Planning(ros, tmp_path, resume="fresh", **journal)
+        ros.wait_for(lambda: navigation.ends == ["canceled"], message="the end of the forgotten goal")
+        fresh.wait_phase(Phase.IDLE)
+
+        somebody = ActionClient(ros.node, GotoNode, "topological_navigation")
+        somebody.send_goal_async(GotoNode.Goal(target=STOPS[-1].name))
+        ros.wait_for(lambda: world.goal, message="the goal of somebody")
+        ros.node.create_publisher(Bool, "emergency_stop", LATCHED).publish(Bool(data=True))
+        ros.wait_for(lambda: navigation.ends == ["canceled"] * 2, message="the end of this goal")
 
 
 def test_a_bad_fix_before_an_abort_does_not_send_the_robot_away(ros, tmp_path):

@@ -163,7 +163,8 @@ class VirtualNavigation:
 
     * ``cancels``: ``aborts`` (as the robot's does: looks rejected, ends aborted) or ``properly``
     * ``lies``: reports success without moving; ``denies``: moves, but the result says no success
-    * ``rejects``: accepts no goal; ``accepts_after_s``: takes its time to accept one; ``blocked``: names of stops where it aborts
+    * ``rejects``: accepts no goal; ``accepts_after_s``: takes its time to accept one
+    * ``blocked``: names of stops where it aborts
     """
 
     kind, name = GotoNode, "topological_navigation"

@@ -5,16 +5,19 @@
 import errno
 import os
 import time
+from contextlib import closing
 from dataclasses import replace
 
 import pytest
 
-from soilmoist_ros.exploration.mission.events import RESTART, AlarmOver, Command, GoalFailed, Moved, Tick
+from soilmoist_ros.exploration.mission.events import RESTART, AlarmOver, Command, GoalFailed, Moved, Planned, Tick
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import Alarm, MissionRules, Phase, Response, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.recording.journal import ENTRIES
+from soilmoist_ros.exploration.strategies.strategy import Choice
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.recording.journal import ENTRIES, Journal
 from soilmoist_ros.recording.stored_mission import StoredMission
 
 RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60"))
@@ -98,6 +101,18 @@ def test_after_an_end_on_request_resume_decides(tmp_path, resume, resumes, found
     run(tmp_path, STARTED, end=True)
     again = start(tmp_path, resume)
     assert (again.resumes, again.mission is not None, again.starts) == (resumes, found, not found)
+
+
+def test_a_mission_that_is_forgotten_may_have_left_the_robot_driving(tmp_path):
+    plan = Planned(3.0, 1, Choice(Stop("a", 20.0, 0.0), "a test"))
+    run(tmp_path / "driving", (*STARTED, plan), end=True)
+    run(tmp_path / "standing", STARTED, end=True)
+    run(tmp_path / "unreadable", STARTED).journal.close()
+    with closing(Journal.open(tmp_path / "unreadable")) as journal:
+        journal.snapshot("a mission of a later version")
+    left = {folder.name: start(folder, "fresh", 0.0).left_driving for folder in tmp_path.iterdir()}
+    assert left == {"driving": True, "standing": False, "unreadable": True}
+    assert not start(tmp_path / "driving", "ask").left_driving, "it is taken up, which stops the robot"
 
 
 def test_long_after_a_crash_resume_decides(tmp_path):

@@ -61,7 +61,10 @@ class GoTo:
 class CancelGoal:
     """Stop the robot; answer with :class:`GoalFailed` (or :class:`GoalReached`) when the goal has ended.
 
-    The mission repeats it until the robot is known to stand. In an emergency the goal may have ended already.
+    The mission repeats it until the robot is known to stand. In an emergency, and at an
+    abort without a mission, the goal may have ended already, or be that of somebody else.
+
+    :param goal_id: the mission's last goal, 0 before the first one
     """
 
     goal_id: int

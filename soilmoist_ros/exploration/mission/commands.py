@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
+from soilmoist_ros.exploration.mission.actions import CancelGoal
 from soilmoist_ros.exploration.mission.events import RESTART, Command
 from soilmoist_ros.exploration.mission.moves import Moves, xy
 from soilmoist_ros.exploration.mission.state import MissionState, QueuedStop, Todo, changed_rules, replace
@@ -94,11 +95,14 @@ class Commands(Moves):
         return True, self.state.reason
 
     def abort(self, command: Command) -> tuple[bool, str]:
-        """Stop, and end the mission where the robot is."""
-        if self.state.phase is Phase.FINISHED:
-            self.enter(Phase.IDLE, "waiting for start")
-        if self.state.phase is not Phase.IDLE:
-            self.abandon(MissionEnd.ABORTED, f"aborted by {command.by}")
+        """Stop, and end the mission where the robot is; without a mission, stop whatever drives the robot."""
+        reason = f"aborted by {command.by}"
+        if self.state.under_way:
+            self.abandon(MissionEnd.ABORTED, reason)
+        else:
+            if self.state.phase is Phase.FINISHED:
+                self.enter(Phase.IDLE, "waiting for start")
+            self.do(CancelGoal(self.state.goals, reason))
         return True, self.state.reason
 
     def skip(self, command: Command) -> tuple[bool, str]:

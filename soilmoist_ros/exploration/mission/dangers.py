@@ -53,8 +53,8 @@ class Dangers(Moves):
             return
         reason = f"emergency stop{after_colon(source)}"
         goal = self.state.goal
-        if self.state.goals and (goal is None or goal.cancelled_s is not None):
-            self.do(CancelGoal(self.state.goals, reason))  # the others are cancelled by the pause
+        if goal is None or goal.cancelled_s is not None:  # the others are cancelled by the pause
+            self.do(CancelGoal(self.state.goals, reason))  # also if the goal is of somebody else
         resume = self.to_resume
         if self.state.under_way and resume is not None:
             self.hold(resume, f"{reason}; release it, then resume or abort")

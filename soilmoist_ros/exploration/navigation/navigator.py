@@ -73,7 +73,7 @@ class Navigator(Protocol):
         ...
 
     def cancel(self, goal_id: int) -> None:
-        """Stop the robot; also for goals of a mission before this process."""
+        """Stop the robot; also for goals of a mission before this process, and 0 for those of anybody."""
         ...
 
     def moved(self, place: tuple[float, float], now_s: float) -> None:

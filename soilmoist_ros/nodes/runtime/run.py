@@ -132,9 +132,9 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     * an action client must not send goals to two servers of one name: both answer, and the process crashes
     * a signal ends the process after the present callback, or after half a second without one
 
-    A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process. Before
-    the end ``leave()`` may stop what the node drives; callbacks go on until the function that it returns is true, at
-    most 2 s. The process lasts until reliable receivers have its last messages, at most 3 s.
+    A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process.
+    Before, ``leave()`` may stop what the node drives; callbacks go on until the function that it returns is true,
+    at most 2 s. The process lasts until reliable receivers have its last messages, at most 3 s.
     Exit codes: 0 after SIGINT or SIGTERM or when the node has finished, 2 for bad input.
 
     :param make_node: makes the node

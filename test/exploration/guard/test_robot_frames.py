@@ -126,7 +126,7 @@ def test_the_datum_of_the_navigations_map():
     assert robot.health(0.0).level is Level.ERROR
     robot.take_map_datum(OTHER)
     assert robot.waiting_for == ""
-    _, now_s = drive(robot, move_between(DATUM, OTHER))
+    drive(robot, move_between(DATUM, OTHER))
     assert robot.fault == ""
 
 
@@ -156,7 +156,7 @@ def test_the_datum_of_the_robots_service(origin):
     assert rounds == (1 if origin is OTHER else 2)
     wanted = move_between(DATUM, origin, about_m=(30.0, 20.0))
     assert robot.move.place((30.0, 20.0)) == pytest.approx(wanted.place((30.0, 20.0)), abs=0.01)
-    _, now_s = drive(robot, wanted)
+    drive(robot, wanted)
     assert robot.fault == ""
 
 
@@ -165,7 +165,7 @@ def test_the_datum_from_a_drive_by_hand():
     robot = frames("robot", frame="field")
     drive(robot, move, steps=15)
     assert robot.move is None
-    _, now_s = drive(robot, move, steps=30, start_s=15.0)
+    drive(robot, move, steps=30, start_s=15.0)
     assert robot.move.place((30.0, 20.0)) == pytest.approx(move.place((30.0, 20.0)), abs=0.1)
     assert robot.fault == ""
 
@@ -197,7 +197,7 @@ def test_a_delay_counts_only_while_the_robot_moves():
 def test_a_robot_is_where_its_base_is():
     arms = LeverArms(antenna_m=(0.8, 0.3))
     robot = frames(arms=arms)
-    pose, now_s = drive(robot, arms=arms)
+    pose, _ = drive(robot, arms=arms)
     assert pose.place_m == pytest.approx((34.0, 10.0), abs=1e-3)
     assert robot.fault == ""
     by_course = frames(arms=arms)

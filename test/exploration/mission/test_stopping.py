@@ -211,8 +211,7 @@ def test_an_emergency_stop_holds_until_an_operator_resumes(phase):
     driver = in_phase(phase)
     goals = driver.count_of(GoTo)
     driver.send(EmergencyStop, True, "button").settle()
-    if driver.mission.state.goals:
-        assert driver.count_of(CancelGoal) >= 1, "whatever the navigation is doing, it is asked to stop"
+    assert driver.count_of(CancelGoal) >= 1, "whatever the navigation is doing, it is asked to stop"
     assert driver.phase is Phase.PAUSED
     assert driver.mission.status.emergency
     assert not driver.command("resume").answer.accepted
@@ -233,6 +232,19 @@ def test_every_emergency_stop_must_be_released():
 def test_an_emergency_stop_of_an_idle_robot_forbids_the_start():
     driver = Driver().send(Moved, 0.0, 0.0).send(EmergencyStop, True, "button").command("start")
     assert not driver.answer.accepted
+    assert driver.phase is Phase.IDLE
+
+
+@pytest.mark.parametrize("missions", [0, 1])
+def test_without_a_mission_a_stop_and_an_abort_stop_whatever_drives_the_robot(missions):
+    driver = Driver().send(Moved, 0.0, 0.0)
+    for _ in range(missions):
+        driver.command("start").plan(EAST).command("abort").send(GoalFailed, 1, "cancelled")
+    before = driver.count_of(CancelGoal)
+    driver.send(EmergencyStop, True, "button")
+    assert (driver.count_of(CancelGoal), driver.last(CancelGoal).goal_id) == (before + 1, missions)
+    driver.command("abort")
+    assert (driver.count_of(CancelGoal), driver.answer.accepted) == (before + 2, True)
     assert driver.phase is Phase.IDLE
 
 
