@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -160,7 +160,8 @@ class FieldAccess:
             fence = Fence(field, rules.robot_radius_m, rules.beyond_m)
             self._fenced = FencedGraph(graph, fence, rules.outside, home, place, max(rules.beyond_m, 1.0))
             self.fence, self.warning = self._fenced.fence, self._fenced.warning
-            self.travel = GraphTravel(self._fenced.graph, motion, self.fence.area)
+            enters = partial(self.fence.may_enter, entry_m=rules.entry_m)
+            self.travel = GraphTravel(self._fenced.graph, motion, enters)
             self.stops = self._fenced.stops
         if self.home is not None and (refusal := self.refusal(self.home)):
             raise InputError(f"the home {home} is not allowed: {refusal}", "choose another home")

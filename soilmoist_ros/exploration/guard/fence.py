@@ -24,6 +24,12 @@ _STEP_M = 0.5
 """Step along a route at which its distance from the allowed area is measured [m]."""
 
 
+_ENTRIES = 20
+"""As many of the nearest places are judged for a robot that stands outside."""
+_LEAVING = 2.0
+"""A robot leaves a no-go area, with its margin, on a way of at most this multiple of the shortest one."""
+
+
 class Fence:
     """Where the robot's centre may be: in the field, and not in a no-go area.
 
@@ -136,8 +142,26 @@ class Fence:
         what = "is outside the field" if is_place else "leaves the field"
         return self._text(what, line, left if not left.is_empty else line, "outside")
 
+    def may_enter(self, place: ArrayLike, xy: ArrayLike, entry_m: float) -> Flags:
+        """Whether a robot may drive straight from its place to others, shape (k,); outside only to the nearest.
+
+        :param place: where the robot is, shape (2,) [m]
+        :param xy: where it may drive to, shape (k, 2) [m]
+        :param entry_m: as for :meth:`refusal_of_entry` [m]
+        """
+        here, there = np.asarray(place, float), np.asarray(xy, float).reshape(-1, 2)
+        if self.contains(here)[0]:
+            return np.asarray(self.area.allows(here, there), bool)
+        found = np.zeros(len(there), bool)
+        for number in np.argsort(np.hypot(*(there - here).T))[:_ENTRIES].tolist():
+            found[number] = not self.refusal_of_entry(here, there[number], entry_m)
+        return found
+
     def refusal_of_entry(self, place: ArrayLike, first: ArrayLike, entry_m: float) -> str:
         """As :meth:`refusal`, for the straight line on which a robot outside drives back in.
+
+        A robot at the edge of a no-go area, or in its margin, leaves it outwards by about the shortest way. One
+        that is deeper in the area than the margin does not move: it is not where its fix says, or it is stuck.
 
         :param place: where the robot is, shape (2,) [m]
         :param first: where it drives to, shape (2,) [m]
@@ -152,12 +176,25 @@ class Fence:
         if outside_m > entry_m:
             return f"the robot stands {outside_m:.1f} m outside, more than {entry_m:g} m: {self.refusal(line[:1])}"
         driven = shapely.LineString(line)
-        entered = [area for area in self._no_go_areas if not area.contains(shapely.Point(line[0]))]
         outside = driven.difference(self.area.shape.buffer(TOLERANCE_M))
         far_m = np.hypot(*(shapely.get_coordinates(outside) - line[0]).T).max(initial=0.0)
         too_far = far_m > entry_m + self.margin_m + _ROUNDING_M
-        if too_far or any(driven.intersection(area).length > TOLERANCE_M for area in entered):
-            return self.refusal(line)
+        return self.refusal(line) if too_far else self._refusal_to_leave(line)
+
+    def _refusal_to_leave(self, line: Array) -> str:
+        """Why a straight line that begins in no-go areas, or in their margin, does not lead out of them."""
+        import shapely
+
+        here, driven = shapely.Point(line[0]), shapely.LineString(line)
+        for number, (area, wide) in enumerate(zip(self._no_go_areas, self._no_go, strict=True), 1):
+            deep_m = area.exterior.distance(here) if area.contains(here) else 0.0
+            if deep_m > self.margin_m + TOLERANCE_M:
+                return f"the robot stands {deep_m:.1f} m deep in no-go area {number}"
+            out_m = wide.exterior.distance(here) if wide.contains(here) else 0.0
+            deeper = wide.buffer(-out_m - TOLERANCE_M, join_style="mitre")
+            inside_m = driven.intersection(wide).length
+            if driven.intersects(deeper) or inside_m > _LEAVING * out_m + TOLERANCE_M:
+                return self.refusal(line)
         return ""
 
     def _widened(self, area: DrivableArea, corridor_m: float) -> DrivableArea:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -19,6 +19,7 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import squared_distances
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 
@@ -326,14 +327,16 @@ class GraphTravel(_Model):
 
     :param graph: nodes and edges; stops have the names of its nodes
     :param motion: how the robot moves
-    :param area: where the robot may drive: it enters the graph at the nearest node to which a straight line stays
-        inside, if there is one
+    :param enters: whether a robot at a place, shape (2,), may drive straight to others, shape (k, 2): it enters
+        the graph at the nearest node of those, if there is one
     """
 
-    def __init__(self, graph: TravelGraph, motion: RobotMotion, area: DrivableArea | None = None) -> None:
+    def __init__(
+        self, graph: TravelGraph, motion: RobotMotion, enters: Callable[[Array, Array], Flags] | None = None
+    ) -> None:
         self.graph = graph
         self.motion = motion
-        self._area = area
+        self._enters = enters
 
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
         """See :class:`TravelModel`."""
@@ -399,9 +402,9 @@ class GraphTravel(_Model):
         """Node at which a robot enters the graph."""
         nearest = self.graph.nearest(place)
         xy = self.graph.xy
-        if self._area is None or self._area.allows(place, xy[self.graph.index(nearest)])[0]:
+        if self._enters is None or self._enters(place, xy[[self.graph.index(nearest)]])[0]:
             return nearest
-        free = self._area.allows(place, xy)
+        free = self._enters(place, xy)
         if not free.any():
             return nearest
         return self.graph.names[int(np.argmin(np.where(free, np.hypot(*(xy - place).T), np.inf)))]

@@ -47,7 +47,7 @@ def travel_and_stops(
     fenced = fenced_map(field, mission_map(field, grid, settings.graph))
     if fenced.warning:
         _log.warning(fenced.warning)
-    return GraphTravel(fenced.graph, motion, fenced.fence.area), fenced.stops
+    return GraphTravel(fenced.graph, motion, fenced.fence.area.allows), fenced.stops
 
 
 _cell_stops = lru_cache(maxsize=4)(cell_stops)

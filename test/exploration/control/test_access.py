@@ -64,6 +64,44 @@ def test_a_robot_a_little_outside_drives_straight_back_in_and_one_far_outside_is
     assert len(access.way((20.1, 20.0), Stop("s", 10.0, 6.0)).corners) == 3, "out of the pond it stands in"
 
 
+DITCH = np.array([[28, 0], [30, 0], [30, 36], [28, 36]], float)
+BANKS = {"w": (24, 20), "e": (31, 20), "nw": (24, 38), "ne": (34, 38)}
+BESIDE = Field("beside a ditch", LocalFrame(53.0, 0.0), SQUARE, (DITCH,), 4.0)
+
+
+@pytest.mark.parametrize(("x_m", "first"), [(26.0, "w"), (27.9, "w"), (28.1, "w"), (30.4, "e"), (30.8, "e")])
+@pytest.mark.parametrize("ways", [("w nw ne e",), None], ids=["graph", "free"])
+def test_a_robot_at_a_ditch_leaves_it_on_its_own_side(x_m, first, ways):
+    access = FieldAccess(BESIDE, RobotMotion(), ways and graph(BANKS, *ways), RADIUS)
+    there = Stop("w" if first == "e" else "e", *map(float, BANKS["w" if first == "e" else "e"]))
+    way = access.way((x_m, 20.0), there).corners
+    if ways:
+        assert way[1].tolist() == list(BANKS[first]), "the node on the other side may be nearer"
+    assert shapely.LineString(way).intersection(shapely.Polygon(DITCH)).length <= max(0.0, x_m - 28.0) * 2
+
+
+@pytest.mark.parametrize("by_name", [False, True])
+def test_a_robot_deep_in_a_no_go_area_is_left_to_people(by_name):
+    rules = AccessRules(robot_radius_m=0.75, by_name=by_name)
+    access = FieldAccess(BESIDE, RobotMotion(), graph(BANKS, "w nw ne e"), rules)
+    for x_m in (28.8, 29.0, 29.2):
+        with pytest.raises(InputError, match=r"the robot stands (0\.8|1\.0) m deep in no-go area 1"):
+            access.way((x_m, 20.0), Stop("w", 24.0, 20.0))
+
+
+def test_the_way_back_into_the_field_keeps_the_margin_of_no_go_areas():
+    near = Field(
+        "near", LocalFrame(53.0, 0.0), SQUARE, (np.array([[2, 20], [6, 20], [6, 30], [2, 30]], float),), 4.0
+    )
+    access = FieldAccess(near, RobotMotion(), graph({"n": (4, 33), "m": (4, 38)}, "n m"), RADIUS)
+    for y_m, first in ((26.3, [4, 38]), (33.0, [4, 33])):
+        way = access.way((-0.5, y_m), Stop("m", 4.0, 38.0)).corners
+        assert way[1].tolist() == first
+        assert shapely.LineString(way).distance(shapely.Polygon(near.no_go[0])) >= 0.75
+    with pytest.raises(InputError, match="enters no-go area 1"):
+        access.way((-0.5, 22.0), Stop("m", 4.0, 38.0))
+
+
 def test_routes_on_a_graph_are_sent_by_name_only_where_the_navigation_takes_them_too():
     access = FieldAccess(FIELD, RobotMotion(), MAP, AccessRules(robot_radius_m=0.75, by_name=True))
     assert "1 in a no-go area (p)" in access.warning
@@ -114,10 +152,16 @@ def test_all_that_is_sent_is_inside(seed, outline, kind, by_name):
     place, sent = ground.start, 0
     for number in rng.integers(len(access.stops), size=6):
         stop = access.stops[number]
+        place = tuple(np.add(place, rng.uniform(-1.5, 1.5, 2) * (rng.random() < 0.5)))
         try:
             way = access.way(place, stop)
         except InputError:
             continue
+        first = shapely.LineString([place, *way.corners[:2]][-2:])
+        for ring in ground.field.no_go:
+            wide, here = shapely.Polygon(ring).buffer(0.7499, join_style="mitre"), shapely.Point(place)
+            out_m = wide.exterior.distance(here) if wide.contains(here) else 0.0
+            assert first.intersection(wide).length <= 2 * out_m + 1e-3
         driven = shapely.LineString([*way.corners, way.corners[-1]][1:])
         assert driven.length == 0 or driven.intersection(no_go).length == 0
         assert driven.length == 0 or driven.difference(border).length == 0
