@@ -90,8 +90,11 @@ class Planner(Node):
         graph = self._values.text("graph")
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
-        actions = self._values.texts("edge_actions") if self._values.text("navigator") == "goto_node" else ()
-        self._inputs = PlannerInputs(self, self._control, self._frames, map_topic, others, properties, actions)
+        by_name = self._values.text("navigator") == "goto_node"
+        actions = self._values.texts("edge_actions") if by_name else ()
+        self._inputs = PlannerInputs(
+            self, self._control, self._frames, map_topic, others, properties, actions, by_name
+        )
         if graph == "free":
             self._control.use_graph(None)
         elif graph != "topic":

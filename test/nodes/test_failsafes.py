@@ -17,8 +17,9 @@ pytest.importorskip("topological_navigation_msgs")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from ros_system import RosSystem
 from sensor_msgs.msg import BatteryState, PointCloud2
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from virtual_navigation import FIELD, VirtualNavigation, World
+from virtual_navigation import FIELD, VirtualNavigation, World, make_map
 
 from msg_adapters.battery import battery_to_message
 from msg_adapters.counts import quarantined_to_message
@@ -246,6 +247,16 @@ def navigation_silent(watched):
     watched.works()
 
 
+def map_changed(watched):
+    """The planner takes over the new map while the robot stands, so that the mission can go on."""
+    maps = [make_map(), make_map(without=("n00", "n01"))]
+    watched.world.maps.publish(String(data=maps[0].to_json()))  # the same again
+    watched.world.maps.publish(String(data=maps[1].to_json()))
+    watched.alarm(Cause.MAP_CHANGED)
+    watched.stands(Phase.PAUSED)
+    watched.resumes()
+
+
 def reserve(watched):
     watched.world.use = 0.01
     watched.alarm(Cause.RESERVE)
@@ -285,7 +296,7 @@ def returned(watched, end=Phase.FINISHED):
 
 CAUSES = (
     outside, jump, relocated, speed, fix_old, records_old, map_old, counts_frame, counts_stamp,
-    counts_bad, navigation_silent, battery_silent, battery_low, reserve, battery_empty,
+    counts_bad, navigation_silent, map_changed, battery_silent, battery_low, reserve, battery_empty,
 )  # fmt: skip
 
 

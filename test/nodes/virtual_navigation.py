@@ -53,10 +53,15 @@ SHED = Stop("shed", -10.0, 5.0)
 CADENCE_S, SPEED_MPS = 10.0, 1.0
 
 
-def make_map(move=None):
-    """A lattice in the field, with an edge to a shed outside; in the frame of a navigation that is moved."""
+def make_map(move=None, without=()):
+    """A lattice in the field, with an edge to a shed outside; in the frame of a navigation that is moved.
+
+    :param move: from the plane of the field
+    :param without: two nodes that no edge connects
+    """
     ends = [(a.name, b.name) for a in STOPS for b in STOPS if math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) == 10]
     ends += [("shed", "n00"), ("n00", "shed")]
+    ends = [edge for edge in ends if set(edge) != set(without)]
     graph = TravelGraph.from_edges([*STOPS, SHED], ends).moved(move or PlaneMove())
     return make_topological_map(graph, "test", datetime(2026, 1, 1))
 

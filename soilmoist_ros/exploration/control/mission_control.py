@@ -250,8 +250,11 @@ class MissionControl:
 
     @property
     def takes_graph(self) -> bool:
-        """Whether :meth:`use_graph` may be called: not in mid-mission, unless none has been used yet."""
-        return self._access is None or not self.under_way
+        """Whether :meth:`use_graph` may be called: in mid-mission only while it is paused and the robot stands.
+
+        Or if none has been used yet.
+        """
+        return self._access is None or not self.under_way or self._mission.state.phase is Phase.PAUSED
 
     def missing(self) -> tuple[str, ...]:
         """What is missing before a mission can start."""

@@ -30,6 +30,7 @@ class Cause(StrEnum):
     BATTERY_SILENT = "battery_silent"
     RESERVE = "reserve"
     FRAME_MISMATCH = "frame_mismatch"
+    MAP_CHANGED = "map_changed"
     CLOCK_STEP = "clock_step"
     COUNTS_FRAME = "counts_frame"
     COUNTS_STAMP = "counts_stamp"
@@ -138,6 +139,12 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             Response.HOLD,
             ("frame_limit_m",),
             "check the datum of the field file and of the navigation",
+        ),
+        Cause.MAP_CHANGED: Failsafe(
+            "a navigation that chooses the way itself has another map than the one that the ways are checked by",
+            Response.PAUSE,
+            (),
+            "the new map is used once the robot stands: look at it, then resume or abort",
         ),
         Cause.CLOCK_STEP: Failsafe(
             "the clock was set; durations are not affected",

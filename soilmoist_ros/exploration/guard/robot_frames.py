@@ -170,6 +170,11 @@ class RobotFrames:
         if self._settings.datum == MAP:
             if self.move is None:
                 self._use(move)
+            elif math.dist(move.place(self._centre_m), self.move.place(self._centre_m)) > self._settings.limit_m:
+                self._map_fault = (
+                    f"the datum {datum_text(self._frame, move)} of the navigation's map was {self._datum} before: "
+                    "start the planner again"
+                )
         elif self._settings.datum == FIELD:
             (x, y), (field_x, field_y) = move.place(self._centre_m), self._centre_m
             away_m = math.dist((x, y), (field_x, field_y))

@@ -70,6 +70,10 @@ class TopologicalMap:
         except (TypeError, KeyError, ValueError):
             return None
 
+    def has_ways_of(self, other: TopologicalMap) -> bool:
+        """Whether nodes, edges and datum are those of another map; names and dates of the maps may differ."""
+        return bool(self.document["nodes"] == other.document["nodes"]) and self.datum == other.datum
+
     def unknown_actions(self, known: Sequence[str]) -> str:
         """Which edges a navigation refuses since it does not know their action; empty if there are none.
 

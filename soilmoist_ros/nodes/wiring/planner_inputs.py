@@ -44,6 +44,7 @@ class PlannerInputs:
     :param others: namespaces of the planners of other robots on the field; this node's namespace is ignored
     :param properties: namespaces of the mappers of further properties
     :param edge_actions: actions of edges that the navigation knows; all if empty
+    :param by_name: whether the navigation chooses the way by its own map
     """
 
     def __init__(
@@ -55,12 +56,16 @@ class PlannerInputs:
         others: Sequence[str] = (),
         properties: Iterable[str] = (),
         edge_actions: Sequence[str] = (),
+        by_name: bool = False,
     ) -> None:
         self._edge_actions = edge_actions
+        self._by_name = by_name
         self._node = node
         self._control = control
         self._frames = frames
-        self._map: TopologicalMap | None = None
+        self._map: TopologicalMap | None = None  # in use
+        self._newer: TopologicalMap | None = None  # to be used, as soon as that is possible
+        self._map_fault = ""
         self._faults: dict[str, str] = {}
         self._records = PlannerRecords(node, control, self._read_counts)
         node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
@@ -130,13 +135,18 @@ class PlannerInputs:
             self._ignore(f"{name}/mission", error)
 
     def _on_map(self, message: String) -> None:
-        if not self._control.takes_graph:
-            self._node.get_logger().warning("a new map of the navigation came in mid-mission: the old one is kept")
-            return
         try:
-            self.use_map(parse_topological_map(message.data))
+            found = parse_topological_map(message.data)
         except InputError as error:
             self._ignore("the map of the navigation", error)
+            return
+        if self._map is not None and found.has_ways_of(self._map):
+            self._newer = None  # it is published again, or is back
+            return
+        self._newer, self._map_fault = found, ""
+        if not self._control.takes_graph:
+            self._warn_once("a new map of the navigation came in mid-mission: it is used once the robot stands")
+        self._use_newer()
 
     def use_map(self, found: TopologicalMap) -> None:
         """Use the travel graph of the navigation's map, as soon as the navigation's datum is known.
@@ -147,18 +157,34 @@ class PlannerInputs:
             self._warn_once(f"the navigation may refuse to drive: {unknown}; see the parameter edge_actions")
         self._frames.robot.take_map_datum(found.datum)
         move = self._frames.robot.move
-        self._map = found if move is None else None
+        self._newer = found if move is None else None
         if move is not None:
             self._control.use_graph(found.graph.moved(move.inverse))
+            self._map = found
 
     def tick(self) -> None:
-        """Check the frames, and use a map that waits for the navigation's datum; to be called every second."""
+        """Check the frames, and use a map that waits; to be called every second."""
         self._control.watch.report(Cause.FRAME_MISMATCH, self._frames.tick())
-        if self._map is not None and self._frames.robot.move is not None:
-            try:
-                self.use_map(self._map)
-            except InputError as error:
-                self._ignore("the map of the navigation", error)
+        if self._newer is not None and self._frames.robot.move is not None:
+            self._use_newer()
+        self._control.watch.report(Cause.MAP_CHANGED, self._map_changed)
+
+    @property
+    def _map_changed(self) -> str:
+        if self._map is None or self._newer is None or not self._by_name:
+            return ""
+        why = f", which cannot be used ({self._map_fault})" if self._map_fault else ""
+        return f"the navigation has another map than the planner{why}"
+
+    def _use_newer(self) -> None:
+        newer = self._newer
+        if newer is None or self._map_fault or not self._control.takes_graph:
+            return
+        try:
+            self.use_map(newer)
+        except InputError as error:
+            self._newer, self._map_fault = newer, str(error)
+            self._ignore("the map of the navigation", error)
 
     def _warn_once(self, text: str) -> None:
         if self._faults.get("warning") != text:

@@ -445,6 +445,19 @@ def test_quarantined_records_do_not_count_and_too_many_of_them_wait_for_an_opera
     goes_on(farm)
 
 
+def test_another_map_of_the_navigation_is_used_once_the_robot_stands(farm):
+    assert not farm.control.takes_graph
+    farm.control.watch.report(Cause.MAP_CHANGED, "the navigation has another map than the planner")
+    farm.pass_by(1)
+    assert "another map" in stands_because_of(farm, "map_changed")
+    assert farm.control.takes_graph
+    farm.control.use_graph(None)
+    farm.control.watch.report(Cause.MAP_CHANGED, "")
+    farm.run(lambda: not farm.alarms, 100)
+    assert farm.control.command(Verb.RESUME).accepted
+    goes_on(farm)
+
+
 def test_counts_of_another_frame_are_shown(farm):
     farm.control.watch.note(Cause.COUNTS_FRAME, "1 points in frame 'odom' instead of 'map'")
     farm.pass_by(1)

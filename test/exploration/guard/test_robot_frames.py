@@ -130,6 +130,14 @@ def test_the_datum_of_the_navigations_map():
     assert robot.fault == ""
 
 
+def test_another_datum_of_a_later_map_is_a_fault_until_it_is_back():
+    robot = frames("map")
+    for datum, fault in ((DATUM, ""), (OTHER, "start the planner again"), (DATUM, "")):
+        robot.take_map_datum(datum)
+        assert robot.fault.endswith(fault)
+        assert bool(robot.fault) == bool(fault)
+
+
 def test_a_map_of_another_datum_than_the_fields_is_a_fault_until_it_is_meant():
     robot = frames()
     robot.take_map_datum(LocalFrame(52.0, 13.0 + 100 / 68600))

@@ -210,3 +210,13 @@ def test_edges_with_actions_that_the_navigation_does_not_know_are_named():
     found = parse(content).unknown_actions(["NavigateToPose"])
     assert "1 of" in found
     assert f"(move_base): {edge['edge_id']}" in found
+
+
+def test_ways_are_the_same_whatever_the_map_is_called():
+    content = document()
+    found = parse(content)
+    assert parse({**content, "name": "another"}).has_ways_of(found)
+    assert not parse({**content, "meta": {"datum_latitude": 1.0, "datum_longitude": 2.0}}).has_ways_of(found)
+    content = document()
+    content["nodes"][0]["node"]["edges"].pop()
+    assert not parse(content).has_ways_of(found)
