@@ -115,11 +115,12 @@ class MapState:
         place to place: as they were when that was last due; ``None`` for ``fit_samples``
     :param given_fit: variogram fitted elsewhere, used instead
     :param timed: the samples by place and time; ``None`` if no drift is looked for
-    :param fit_timed: the same, as they were when a drift was last due, and the time then [s]
+    :param fit_timed: these and the samples, as they were when a drift was last due, and the time then [s]
     :param model_samples: with knowledge, the samples to which what earlier surveys determine too is fitted:
         as they were when that was last due; ``None`` for ``fit_samples``
     :param began_s: end of the first record [s since 1970-01-01 UTC], 0 before
-    :param given_change: how the mean rate of ``timed`` changed, if that was found elsewhere: used instead
+    :param given_change: how the mean rate of ``timed`` changed, if that was found elsewhere: used instead, and
+        ``timed`` as it is
     """
 
     records: int = 0
@@ -129,10 +130,17 @@ class MapState:
     search_samples: Samples | None = None
     given_fit: VariogramFit | None = None
     timed: TimedSamples | None = None
-    fit_timed: tuple[TimedSamples, float] | None = None
+    fit_timed: tuple[TimedSamples, Samples, float] | None = None
     model_samples: Samples | None = None
     began_s: float = 0.0
     given_change: Change | None = None
+
+    @cached_property
+    def mapped_timed(self) -> TimedSamples | None:
+        """``timed`` at the places of the samples, of which a map with a drift is made."""
+        if self.timed is None or self.given_change is not None:
+            return self.timed
+        return self.timed.at(self.samples)
 
 
 @dataclass(frozen=True)
@@ -278,7 +286,7 @@ class FieldMap:
             or earlier.fit_timed is None
             or _has_grown(earlier.fit_timed[0].samples, timed.samples, growth=CHANGE_GROWTH)
         ):
-            fit_timed = timed, record.stamp_s
+            fit_timed = timed, samples, record.stamp_s
         else:
             fit_timed = earlier.fit_timed
         model, known = earlier.model_samples, 0 if self._joint is None else self._joint.fitted_samples
@@ -347,7 +355,7 @@ class FieldMap:
             for record, spread in zip(records, spreads, strict=True):
                 self._timed.add_record(record, spread)
             timed = self._timed_samples
-        fit_timed = None if timed is None else (timed, end_s)
+        fit_timed = None if timed is None else (timed, samples, end_s)
         self.state = MapState(
             len(records), end_s, samples, samples, timed=timed, fit_timed=fit_timed, began_s=began_s
         )
@@ -478,7 +486,7 @@ class FieldMap:
         fit, settings = self.fit(state), self.settings
         if fit is None:
             return None
-        timed = state.timed
+        timed = state.mapped_timed
         changing = None if timed is None else Changing(timed, self._change(state, fit), state.stamp_s)
         most = sys.maxsize if settings.for_planning else settings.max_exact_samples
         with self._computing:
@@ -574,12 +582,12 @@ class FieldMap:
             return state.given_change
         if state.fit_timed is None or len(state.samples) > self.settings.max_exact_samples:
             return NO_CHANGE
-        timed, now_s = state.fit_timed
+        timed, samples, now_s = state.fit_timed
         known = self._last_change
         if known is None or known[0] is not timed:
             found = NO_CHANGE
             if self._finds_drift:
-                found = find_change(timed, now_s, fit.variogram, fit.noise_rate, fit.prior)
+                found = find_change(timed, now_s, fit.variogram, fit.noise_rate, fit.prior, samples)
             known = self._last_change = timed, replace(found, error=self.knowledge.reference)
         return known[1]
 
@@ -596,9 +604,9 @@ class FieldMap:
 
 def drifting(state: MapState, soil_map: SoilMap) -> Changing | None:
     """The drift that the map of a state allows for, and its samples; ``None`` without a drift."""
-    if state.timed is None or soil_map.change.drift is None:
+    if soil_map.change.drift is None or state.mapped_timed is None:
         return None
-    return Changing(state.timed, soil_map.change, state.stamp_s)
+    return Changing(state.mapped_timed, soil_map.change, state.stamp_s)
 
 
 def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:

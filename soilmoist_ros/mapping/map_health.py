@@ -42,7 +42,7 @@ def map_health(field_map: FieldMap, worker: MapWorker, now_s: float) -> Health:
             "standard deviation of the rate": fit.local_text,
             "mean rate [counts/s]": f"{fit.mean_rate:.4g}",
         }
-    rain = "" if soil_map is None else soil_map.change.rain(mapped.stamp_s)
+    rain = "" if soil_map is None else soil_map.change.rain(max(now_s, mapped.stamp_s))
     if soil_map is not None:
         values |= {"change of the mean rate": soil_map.change.text or "none", RAIN: rain}
     level, message = _verdict(field_map, worker, rain)

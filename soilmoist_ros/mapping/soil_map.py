@@ -47,8 +47,8 @@ class SoilMap:
     :param grid: the field's grid
     :param rate: corrected count rate [counts/s]
     :param variance: its kriging variance [(counts/s)^2]
-    :param samples: the samples behind the map, as given; with a drift those by place and time, and their exposures
-        make the rates those at the time of the map
+    :param samples: the samples behind the map, as given; with a drift those by place and time, merged at each
+        place, and their exposures make the rates those at the time of the map
     :param variogram: the variogram used
     :param fit: how it was fitted; ``None`` if it was given
     :param mean_rate: mean rate m* of the samples [counts/s]; their noise has it unless the fit has a local rate
@@ -219,7 +219,7 @@ def make_soil_map(
     :param compute: computes the tiles, as there
     :param raster: of the same grid and nugget; makes the map if it can, from what it has kept
     :param changing: the samples by place and time, how their mean changed, and the time of the map [s]; a drift
-        needs at most ``max_exact_samples``
+        needs at most ``max_exact_samples``, and the samples by time at the places of the samples
     :raises ValueError: without samples
     """
     fit = variogram if isinstance(variogram, VariogramFit) else None

@@ -136,6 +136,8 @@ def test_the_health_shows_what_the_map_rests_on():
     assert health().level is Level.WARN
     assert health().message == health().values["rain"]
     assert "the rate fell by (10 ± 2) % within minutes, 10 min ago; if it rains, wait" in health().message
+    later = map_health(field_map, worker, now_s=1400.0)
+    assert (later.level, later.values["rain"]) == (Level.OK, ""), "half an hour later, though no record came"
     for _ in range(3):
         field_map.add(CountRecord(90.0, NAN, NAN, NAN, 40, 10.0, 9.0))
     assert health().level is Level.WARN

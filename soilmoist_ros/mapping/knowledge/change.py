@@ -9,7 +9,7 @@ the surveys is large where the pattern persists. The difference of two separate 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,6 +82,7 @@ def field_change(
     other: int,
     curve: MoistureCurve | None = None,
     maps: Mapping[int, tuple[Array, Array]] | None = None,
+    shared: Callable[[Array], Array] | None = None,
 ) -> FieldChange:
     """The change of a field from one survey to another.
 
@@ -91,22 +92,27 @@ def field_change(
     :param other: index of the earlier one
     :param curve: calibration; that of both, so its error shifts both alike
     :param maps: rates and variances of both surveys in the cells, if they are known already
+    :param shared: errors that the samples of the later survey share, such as those of a drift, as errors of the
+        rate at places of shape (g, 2): one standard deviation of each, shape (g, k) [counts/s]; none by default
     """
-    cells = grid.cells
+    cells, some = grid.cells, mean_cells(grid)
+    errors, mean_errors = (np.zeros((len(xy), 1)) if shared is None else shared(xy) for xy in (cells, some))
+    error_variance = (errors**2).sum(axis=1)
     rate, variance = kriging.predict(cells, survey, other)
+    variance += error_variance
     sd = np.sqrt(variance)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(sd > 0, rate / sd, np.where(rate == 0, 0.0, np.sign(rate) * np.inf))
     sure = discoveries(two_sided(z), FALSE_SHARE) * np.sign(rate)
-    some = mean_cells(grid)
     equal = np.full(len(some), 1.0 / len(some))
     mean, mean_variance = kriging.mean(some, {survey: equal, other: -equal})
+    mean_variance += mean_variance_of(mean_errors, equal)
     vwc, vwc_sd = np.full((2, len(cells)), np.nan)
     mean_vwc = None
     if curve is not None:
         now, then = (kriging.predict(cells, one) if maps is None else maps[one] for one in (survey, other))
-        vwc, vwc_sd = _moisture_change(now, then, variance, curve)
-        mean_vwc = _mean_moisture_change(kriging, some, survey, other, curve, float(vwc.mean()))
+        vwc, vwc_sd = _moisture_change((now[0], now[1] + error_variance), then, variance, curve)
+        mean_vwc = _mean_moisture_change(kriging, some, survey, other, curve, float(vwc.mean()), mean_errors)
     raster = grid.to_raster
     return FieldChange(
         raster(rate), raster(sd), raster(vwc), raster(vwc_sd), raster(sure),
@@ -149,6 +155,15 @@ def mean_cells(grid: FieldGrid) -> Array:
     return cells[:: max(1, -(-len(cells) // MAX_MEAN_CELLS))]
 
 
+def mean_variance_of(errors: Array, weights: Array) -> float:
+    """Variance of a weighted mean over places by errors that the places share [(counts/s)^2].
+
+    :param errors: one standard deviation of each error at the places, shape (g, k) [counts/s]
+    :param weights: shape (g,)
+    """
+    return float(((weights @ errors) ** 2).sum())
+
+
 def moisture_slope(curve: MoistureCurve, rate: Array) -> Array:
     """Change of the moisture with the rate, by differences [m^3/m^3 per count/s]; 0 at the soil's limits."""
     step = _SLOPE_STEP * np.maximum(rate, 1e-9)
@@ -172,9 +187,15 @@ def _moisture_change(
 
 
 def _mean_moisture_change(
-    kriging: JointKriging, some: Array, survey: int, other: int, curve: MoistureCurve, value: float
+    kriging: JointKriging,
+    some: Array,
+    survey: int,
+    other: int,
+    curve: MoistureCurve,
+    value: float,
+    errors: Array,
 ) -> Estimate:
     """Change of the mean moisture; its error to first order."""
     slopes = {one: moisture_slope(curve, kriging.predict(some, one)[0]) / len(some) for one in (survey, other)}
     _, variance = kriging.mean(some, {survey: slopes[survey], other: -slopes[other]})
-    return Estimate(value, math.sqrt(variance))
+    return Estimate(value, math.sqrt(variance + mean_variance_of(errors, slopes[survey])))

@@ -87,6 +87,20 @@ class TimedSamples:
         few = Samples(one.xy[some], one.counts[some], one.exposure_s[some], one.spread[some])
         return TimedSamples(few, self.time_s[some])
 
+    def nearest(self, places: Samples) -> NDArray[np.intp]:
+        """Number of the place nearest to each sample, shape (n,)."""
+        from scipy.spatial import cKDTree
+
+        return np.asarray(cKDTree(places.xy).query(self.samples.xy)[1], np.intp)
+
+    def at(self, places: Samples) -> TimedSamples:
+        """The same as if counted at the nearest places and over their areas.
+
+        So all records of a stop are of one place, at whatever time, and however their positions jitter.
+        """
+        near, one = self.nearest(places), self.samples
+        return TimedSamples(Samples(places.xy[near], one.counts, one.exposure_s, places.spread[near]), self.time_s)
+
     def joined(self, samples: Samples, time_s: float) -> TimedSamples:
         """These samples, and others of one time [s]."""
         return TimedSamples(self.samples.joined(samples), np.append(self.time_s, np.full(len(samples), time_s)))
@@ -273,6 +287,7 @@ def find_change(
     variogram: Variogram,
     rate: float | LocalRate | None = None,
     prior: FieldPrior | None = None,
+    places: Samples | None = None,
 ) -> Change:
     """How the mean rate changed, as far as the counts show it.
 
@@ -284,14 +299,19 @@ def find_change(
     :param variogram: variogram of the rate
     :param rate: rate in the noise of the samples, as :class:`PoissonKriging`
     :param prior: what is known of the field besides
+    :param places: samples of all times; those by time that are nearest to the same one share what is of no other
+        place. By default those of exactly one place do
     """
     timed = timed.thinned(MAX_SAMPLES)
     samples, time_s = timed.samples, timed.time_s
-    if len(samples) < MIN_SAMPLES or not np.ptp(time_s) or len(merge_exactly(samples)[0]) < MIN_SAMPLES:
+    if len(samples) < MIN_SAMPLES or not np.ptp(time_s):
+        return NO_CHANGE
+    places, place = merge_exactly(samples) if places is None else (places, timed.nearest(places))
+    if len(np.unique(place)) < MIN_SAMPLES:
         return NO_CHANGE
     rate = noise_rate(samples) if rate is None else rate
     try:
-        system = _unmerged(samples, variogram, rate, prior)
+        system = _unmerged(samples, variogram, rate, prior, places, place)
     except IllConditionedError:
         return NO_CHANGE
     begin_s = float(time_s.min())
@@ -303,22 +323,31 @@ def find_change(
 
 
 def _unmerged(
-    samples: Samples, variogram: Variogram, rate: float | LocalRate, prior: FieldPrior | None
+    samples: Samples,
+    variogram: Variogram,
+    rate: float | LocalRate,
+    prior: FieldPrior | None,
+    places: Samples,
+    place: NDArray[np.intp],
 ) -> KrigingSystem:
-    """The kriging system without a drift; samples of exactly one place stay apart, being of several times."""
+    """The kriging system without a drift; samples of one place stay apart, being of several times.
+
+    :param places: whose micro-scale variation the samples have
+    :param place: number of the place of each sample, shape (n,)
+    """
     from scipy.linalg.lapack import dpotrf
 
     xy, n = samples.xy, len(samples)
-    place = merge_exactly(samples)[1]
     amplitude = variogram.amplitude_at(xy)
     matrix = sample_correlation(variogram, xy, samples.spread) * variogram.structured_sill
-    matrix += variogram.nugget * (place[:, None] == place)
+    same = place[:, None] == place
+    matrix += variogram.nugget * same
     noise = noise_rates(rate, xy) / samples.exposure_s
     features = np.empty((0, 0))
     if prior is not None:
         features = prior.at(xy, samples.spread)
         matrix += prior.covariance(features, features)
-        noise = noise + prior.own_variance(xy)
+        matrix += np.broadcast_to(prior.own_variance(places.xy), len(places))[place] * same
     matrix[np.diag_indices(n)] += noise if amplitude is None else noise / amplitude**2
     factor, info = dpotrf(matrix, lower=1, clean=1)
     if info:

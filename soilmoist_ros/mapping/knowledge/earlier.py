@@ -67,7 +67,8 @@ def samples_at_end(
         spread=samples.spread,
         local_noise=True,
     )
-    drift = find_change(timed, records[-1].stamp_s, fit.variogram, fit.noise_rate).drift
+    end_s = records[-1].stamp_s
+    drift = find_change(timed, end_s, fit.variogram, fit.noise_rate, places=samples).drift
     if drift is None:
         return samples
     exposure_s = one.exposure_s * drift.factor(timed.time_s)

@@ -60,7 +60,9 @@ class LocalRate:
         ones, rate = cho_solve(factor, np.column_stack([np.ones(len(pools)), pools.rate_cps])).T
         mean = float(rate.sum() / ones.sum())
         coefficients = variogram.structured_sill * (rate - mean * ones)
-        return cls(variogram, mean, MIN_SHARE * mean_rate, pools.xy, coefficients)
+        # Without a count the kriged rate is 0 everywhere, and the mean rate all that is known.
+        least = MIN_SHARE * mean_rate if places.counts.any() else mean_rate
+        return cls(variogram, mean, least, pools.xy, coefficients)
 
     def __call__(self, xy: Array) -> Array:
         """Rates at places of shape (n, 2) [m], shape (n,) [counts/s].

@@ -25,7 +25,8 @@ PAUSE_S: Final = 5.0
 SHARE: Final = 20
 """The pause is at least this multiple of the time that a change takes."""
 PART: Final = "change"
-
+_Queued = tuple[FieldSurvey, SoilMap | None, float]
+"""A map, the field that it is of, and the end of its last record [s since 1970-01-01 UTC]."""
 
 WAITING: Final = Health(PART, Level.OK, "waiting for enough samples for a map")
 
@@ -43,7 +44,7 @@ class ChangeOutput:
         self._publisher = node.create_publisher(PointCloud2, "change", LATCHED)
         self._said = WAITING
         self._closing = False
-        self._maps: Batches[tuple[SoilMap | None, float]] = Batches(self._compute, PART)
+        self._maps: Batches[_Queued] = Batches(self._compute, PART)
 
     @property
     def health(self) -> list[Health]:
@@ -63,20 +64,19 @@ class ChangeOutput:
         :param stamp_s: end of its last record [s since 1970-01-01 UTC]
         """
         if self._survey.earlier:
-            self._maps.put((soil_map, stamp_s))
+            self._maps.put((self._survey, soil_map, stamp_s))
 
     def close(self) -> None:
         """Publish the change of the last map, then end."""
         self._closing = True
         self._maps.close()
 
-    def _compute(self, maps: Sequence[tuple[SoilMap | None, float]]) -> None:
-        soil_map, stamp_s = maps[-1]
+    def _compute(self, maps: Sequence[_Queued]) -> None:
+        survey, soil_map, stamp_s = maps[-1]
         began_s = time.monotonic()
-        survey = self._survey
         found = None if soil_map is None else run_change(soil_map, stamp_s, survey.earlier)
         change = None if found is None else found.change
-        if survey is not self._survey:
+        if survey is not self._survey:  # the field was left while the map waited, or meanwhile
             return
         self._publisher.publish(change_to_message(survey.map.grid, change, stamp_s, self._frame))
         if found is not None:

@@ -10,8 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from soilmoist_ros.mapping.knowledge.change import Estimate, FieldChange, field_change, mean_cells
+from soilmoist_ros.mapping.knowledge.change import (
+    Estimate,
+    FieldChange,
+    field_change,
+    mean_cells,
+    mean_variance_of,
+)
 from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging, Persistence, estimate_persistence
+from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 
@@ -64,13 +71,17 @@ def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun])
     stamps = [stamp_s, *(run.survey.stamp_s for run in used)]
     persistence = estimate_persistence(soil_map.variogram, surveys, stamps)
     kriging = JointKriging(soil_map.variogram, surveys, persistence.matrix(stamps))
+    # With a drift or a reference sensor, the samples are as at the end of the survey: but for a common error.
+    shared = soil_map.made_by.shared if isinstance(soil_map.made_by, PoissonKriging) else None
     some = mean_cells(soil_map.grid)
+    errors = np.zeros((len(some), 1)) if shared is None else shared(some)
     equal = np.full(len(some), 1.0 / len(some))
     means = {}
     for number, run in enumerate(used, 1):
         value, variance = kriging.mean(some, {0: equal, number: -equal})
-        means[run.survey.name] = Estimate(value, math.sqrt(variance))
+        means[run.survey.name] = Estimate(value, math.sqrt(variance + mean_variance_of(errors, equal)))
     alone = JointKriging(soil_map.variogram, surveys[:1], np.eye(1))
-    sd, sd_alone = (math.sqrt(float(one.predict(some, 0)[1].mean())) for one in (kriging, alone))
-    change = field_change(kriging, soil_map.grid, 0, 1, soil_map.curve)
+    of_cell = (errors**2).sum(axis=1)
+    sd, sd_alone = (math.sqrt(float((one.predict(some, 0)[1] + of_cell).mean())) for one in (kriging, alone))
+    change = field_change(kriging, soil_map.grid, 0, 1, soil_map.curve, shared=shared)
     return RunChange(used[0], change, persistence, means, sd, sd_alone, not before)

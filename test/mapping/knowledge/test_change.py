@@ -70,6 +70,21 @@ def test_a_change_backwards_is_the_negative():
     np.testing.assert_array_equal(forth.significant, -back.significant)
 
 
+def test_errors_that_the_samples_share_add_to_the_change():
+    rng = np.random.default_rng(2)
+    surveys = [survey(rng, pattern), survey(rng, irrigated)]
+    kriging = JointKriging(VARIOGRAM, surveys, Persistence(0.8).matrix([0.0, 0.0]))
+    plain = field_change(kriging, GRID, 1, 0, CURVE)
+    found = field_change(kriging, GRID, 1, 0, CURVE, shared=lambda xy: np.full((len(xy), 2), (0.3, 0.4)))
+    np.testing.assert_array_equal(found.rate, plain.rate)
+    np.testing.assert_allclose(found.rate_sd**2 - plain.rate_sd**2, 0.5**2)
+    slope = moisture_slope(CURVE, GRID.to_raster(kriging.predict(GRID.cells, 1)[0]))
+    np.testing.assert_allclose(found.vwc_sd**2 - plain.vwc_sd**2, (0.5 * slope) ** 2)
+    assert found.mean_rate.sd**2 - plain.mean_rate.sd**2 == pytest.approx(0.5**2)
+    assert found.mean_vwc.sd**2 - plain.mean_vwc.sd**2 == pytest.approx((0.5 * slope.mean()) ** 2)
+    assert sum(found.shares) < sum(plain.shares)
+
+
 def test_without_a_calibration_only_the_rate_changes():
     rng = np.random.default_rng(3)
     kriging = JointKriging(VARIOGRAM, [survey(rng, pattern), survey(rng, irrigated)], np.eye(2))

@@ -25,6 +25,8 @@ from soilmoist_ros.mapping.knowledge.drift import (
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples.merging import SampleMerger
 from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.soil_map import make_soil_map
+from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -248,6 +250,60 @@ def test_a_series_at_one_place_has_no_drift_in_space():
     one = timed.samples
     here = TimedSamples(Samples(np.zeros_like(one.xy), one.counts, one.exposure_s), timed.time_s)
     assert find_change(here, HOURS * 3600, VARIOGRAM) == Change()
+
+
+def test_a_stop_of_hours_has_no_drift_in_space():
+    """However the positions of the receiver jitter."""
+    rng = np.random.default_rng(1)
+    field_map = FieldMap(GRID)
+    for number in range(1, 361):
+        x_m, y_m = rng.normal((30, 25), 0.02).tolist()
+        counts = int(rng.poisson(240 * (1 - 0.15 * number / 360)))
+        field_map.add(CountRecord(60.0 * number, x_m, y_m, 0.0, counts, 60.0, 60.0))
+    assert len(field_map.state.timed.samples) == 72
+    assert field_map.update().change == Change()
+
+
+@pytest.mark.parametrize("at_once", [False, True])
+def test_a_map_with_a_drift_is_of_the_places_of_the_samples(at_once):
+    """A stop has one micro-scale variation, and the number of samples its limit."""
+    timed, _ = survey(1, 0.3)
+    field_map = FieldMap(GRID, FieldMapSettings(max_exact_samples=40))
+    if at_once:
+        field_map.set_records(records(timed))
+    else:
+        for record in records(timed):
+            field_map.add(record)
+    soil_map = field_map.update()
+    assert soil_map.change.drift is not None
+    assert (len(field_map.state.timed.samples), len(field_map.samples)) == (90, 30)
+    mapped, given = soil_map.samples, field_map.samples
+    np.testing.assert_array_equal(np.unique(mapped.xy, axis=0), np.unique(given.xy, axis=0))
+    assert mapped.counts.sum() == given.counts.sum()
+    inside = GRID.mask
+    assert (soil_map.variance[inside] > make_soil_map(given, GRID, soil_map.fit).variance[inside]).all()
+
+
+def test_visits_near_one_place_share_its_micro_scale_variation():
+    timed = survey(2, 0.1)[0]
+    one, stops = timed.samples, np.tile(np.round(timed.samples.xy[:30]), (3, 1))
+    nodes = TimedSamples(Samples(stops, one.counts, one.exposure_s), timed.time_s)
+    near = TimedSamples(Samples(stops + 1e-7 * np.arange(90)[:, None], one.counts, one.exposure_s), timed.time_s)
+    uneven = Variogram("matern32", nugget=0.2, range_m=20.0, sill=0.4)
+    places = Samples(stops[:30], one.counts[:30], one.exposure_s[:30])
+    exact, shared, alone = (
+        find_change(each, HOURS * 3600, uneven, places=at).drift
+        for each, at in ((nodes, None), (near, places), (near, None))
+    )
+    np.testing.assert_allclose(shared.shares, exact.shares, rtol=1e-4, atol=1e-9)
+    assert exact.change_sd < 0.8 * alone.change_sd
+    own = FieldPrior(
+        lambda xy: np.zeros((len(xy), 1)), *np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1),
+        own=lambda xy: np.full(len(xy), uneven.nugget),
+    )  # fmt: skip
+    even = Variogram("matern32", nugget=0.0, range_m=20.0, sill=0.2)
+    known = find_change(near, HOURS * 3600, even, prior=own, places=places).drift
+    np.testing.assert_allclose(known.shares, shared.shares, rtol=1e-9, atol=1e-12)
 
 
 def test_visits_of_exactly_one_place_stay_apart():

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, PoissonKriging, Samples, Variogram
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
+from soilmoist_ros.mapping.samples.samples import noise_rate
 from soilmoist_ros.mapping.variogram.local_rate import MAX_POOLS, LocalRate
 
 VARIOGRAM = Variogram("matern32", 0.01, 15.0, 1.0)
@@ -55,9 +56,10 @@ def test_the_rate_at_a_place_does_not_depend_on_the_others(n, places, variogram,
     assert local.least > 0
 
 
-def test_nothing_counted_leaves_a_noise():
-    local = LocalRate.of(Samples([(0, 0), (9, 0)], [0, 0], [10.0, 10.0]), VARIOGRAM)
-    assert (local(np.array([(0.0, 0.0), (4.0, 4.0)])) > 0).all()
+def test_nothing_counted_leaves_the_noise_of_half_a_count():
+    samples = Samples([(0, 0), (9, 0)], [0, 0], [10.0, 10.0])
+    local = LocalRate.of(samples, VARIOGRAM)
+    np.testing.assert_array_equal(local(np.array([(0.0, 0.0), (4.0, 4.0)])), noise_rate(samples))
 
 
 @pytest.mark.parametrize("variogram", [VARIOGRAM, TURNED])

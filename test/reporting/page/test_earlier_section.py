@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping.knowledge.change import Estimate
+from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.soil_map import make_soil_map
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.earlier.run_change import MAX_SAMPLES, RunChange, run_change
 from soilmoist_ros.reporting.files.summary import summary
@@ -55,6 +57,26 @@ def test_a_later_survey_is_only_compared_if_there_is_no_earlier_one(the_map):
     assert isinstance(found, RunChange)
     assert found.since.survey.name == "may"
     assert run_change(the_map, NOW_S, []) is None
+
+
+def test_the_change_is_less_certain_after_a_drift(the_map):
+    runs, samples = [earlier(the_map, "may", 7.0)], the_map.samples
+    timed = TimedSamples(samples, np.linspace(0, 3600, len(samples)))
+    change = Change(Drift(0.99, False, (0.0, 3600.0), (0.0, 0.0), ((0.1, 0.1),)))
+    still = make_soil_map(samples, the_map.grid, the_map.variogram)
+    drifted = make_soil_map(samples, the_map.grid, the_map.variogram, changing=Changing(timed, change, 3600.0))
+    certain, found = (run_change(one, NOW_S, runs) for one in (still, drifted))
+    added = 0.1 * still.mean_rate  # all rates may be too high alike
+    assert found.means["may"].value == pytest.approx(certain.means["may"].value)
+    for one, other in (
+        (found.means["may"].sd, certain.means["may"].sd),
+        (found.change.mean_rate.sd, certain.change.mean_rate.sd),
+        (found.sd, certain.sd),
+        (found.sd_alone, certain.sd_alone),
+    ):
+        assert np.sqrt(one**2 - other**2) == pytest.approx(added, rel=0.01)
+    wider = np.sqrt(found.change.rate_sd**2 - certain.change.rate_sd**2)[the_map.grid.mask]
+    np.testing.assert_allclose(wider, added, rtol=0.01)
 
 
 def test_too_many_samples_have_no_change(the_map):
