@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.retention import NUMBER, next_number
 from soilmoist_ros.recording.bag.writer import BagGoneError, BagWriter, is_being_written
 from soilmoist_ros.recording.mcap.metadata import Topic
 
@@ -324,19 +325,20 @@ def check_name(name: str) -> None:
 
 
 def next_bag(out: Path, name: str, distribution: str) -> BagWriter:
-    """The next bag of a recorder. The name gets a number if the bag exists.
+    """The next bag of a recorder. The name gets a number if the bag exists; another number is in its notes.
 
     :param out: folder for bags
     :param name: name of the bag; the time of day if empty
     :param distribution: name of the ROS distribution
     :raises InputError: if another recorder is writing a bag of the name, or none can be made
+    :raises OSError: if the folder cannot be read
     """
     base = name or time.strftime("run_%Y-%m-%d_%H-%M-%S", time.gmtime())
     folder, number = out / base, 1
     while folder.exists() and not is_being_written(folder / f"{folder.name}_0.mcap"):
         number += 1
         folder = out / f"{base}_{number}"
-    return BagWriter(folder, distribution)
+    return BagWriter(folder, distribution, {NUMBER: str(next_number(out))})
 
 
 def free_bytes(folder: Path) -> int | None:

@@ -15,6 +15,7 @@ from typing import Any, Final, Protocol
 import zstandard
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.retention import CLOSED_S, NUMBER
 from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance, TooMuchError
 from soilmoist_ros.recording.mcap.definitions import Definition
 from soilmoist_ros.recording.mcap.metadata import Extent, Topic, qos_from_yaml
@@ -108,14 +109,16 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def recorder_notes(path: Path) -> dict[str, str]:
-    """What the recorder of a bag has noted, such as lost messages; empty if there is nothing that can be read."""
+    """What the recorder of a bag has noted as lost; empty if there is nothing that can be read."""
     if not (path / "metadata.yaml").is_file():
         return {}
     try:
         found = read_metadata(path).get("custom_data")
     except (InputError, ValueError, OSError):
         return {}
-    return {str(name): str(value) for name, value in found.items()} if isinstance(found, dict) else {}
+    if not isinstance(found, dict):
+        return {}
+    return {str(name): str(value) for name, value in found.items() if name not in (NUMBER, CLOSED_S)}
 
 
 def _listed(folder: Path, stack: contextlib.ExitStack) -> tuple[list[Path], bool]:

@@ -251,6 +251,15 @@ def test_an_unnamed_bag_has_the_name_of_its_time(tmp_path):
     assert bag.folder.name.startswith(time.strftime("run_%Y-", time.gmtime()))
 
 
+def test_bags_are_numbered_and_numbers_and_times_are_no_losses(tmp_path):
+    for number in (1, 2):
+        bag = next_bag(tmp_path, "run", "jazzy")
+        bag.close({"closed_s": "1780000000"})
+        noted = YAML(typ="safe").load(bag.folder / "metadata.yaml")["rosbag2_bagfile_information"]["custom_data"]
+        assert noted == {"number": str(number), "closed_s": "1780000000"}
+        assert bag_info(bag.folder).notes == {}
+
+
 def test_space_is_that_of_the_nearest_folder_there_is(tmp_path):
     assert free_bytes(tmp_path / "not" / "yet") > 0
 
