@@ -12,7 +12,9 @@ import math
 import os
 import tempfile
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -28,9 +30,10 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.recording import map_sources
 from soilmoist_ros.recording.journal import ENTRIES, Journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
-from soilmoist_ros.recording.map_sources import OWN, MapSources, open_session
+from soilmoist_ros.recording.map_sources import OWN, SESSION, MapSources, open_session
 from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail
 from soilmoist_ros.recording.stored_counts import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
@@ -317,6 +320,25 @@ def test_a_session_goes_on_while_its_mission_is_interrupted(tmp_path):
     sources.merge(sources.missed(OLD_S))
     assert field_map.state.records == 0, "the journal of the mission before is not part of this map"
     sources.close()
+
+
+def test_a_clock_that_was_set_back_does_not_resume_an_earlier_session(tmp_path, monkeypatch):
+    root, folder = tmp_path / "records", tmp_path / "journal"
+    (root / "20270101_090000_000000").mkdir(parents=True)
+    (root / "20270101_090000_000000" / SESSION).write_text("no JSON")
+    opened = []
+    for month in (7, 3):
+        monkeypatch.setattr(map_sources, "datetime", Mock(now=lambda month=month: datetime(2026, month, 1, 9)))
+        opened.append(open_session(root, folder, fresh=False))
+    mission, start = Mission(RULES), Command(1.78e9, Verb.START)
+    with Journal.open(folder) as pages:
+        journal = MissionJournal(pages)
+        for event in (Moved(1.77e9, 0.0, 0.0), start):
+            journal.note(mission, event)
+            mission.step(event)
+            journal.keep(mission)
+    assert [session.name[:6] for session in opened] == ["202607", "202603"]
+    assert open_session(root, folder, fresh=False) == opened[-1]
 
 
 def test_counts_are_read_from_a_bag_that_was_cut(tmp_path):
