@@ -31,7 +31,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.recording import map_sources
-from soilmoist_ros.recording.journal import ENTRIES, Journal
+from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.map_sources import OWN, SESSION, MapSources, open_session
 from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail
@@ -382,6 +382,35 @@ def test_records_that_a_full_disk_refuses_are_written_when_it_has_space_again(tm
     log.write(records[4:])
     assert not log.waits
     assert RecordTail(tmp_path / DRIVER, "map").read().records == records
+    log.close()
+
+
+def test_records_of_a_sync_that_failed_are_written_again_and_count_once(tmp_path, monkeypatch):
+    records, log, tail = published(6), RecordLog(tmp_path / DRIVER, "map"), RecordTail(tmp_path / DRIVER, "map")
+    path, dropped = tmp_path / DRIVER / ENTRIES, [False, True]
+    log.write(records[:2])
+    synced = path.read_bytes()
+    found = tail.read().records
+
+    def fail(_):
+        if dropped.pop():
+            os.truncate(path, len(synced))  # what the system did not get to the disk is gone after a power cut
+        raise OSError(errno.EIO, "Input/output error")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fdatasync", fail)
+        for one in records[2:4]:
+            with pytest.raises(OSError, match="Input/output"):
+                log.write([one])
+            assert log.waits
+            found += tail.read().records
+    log.write(records[4:5])
+    assert not log.waits
+    found += tail.read().records
+    log.write(records[5:])
+    assert found + tail.read().records == records
+    assert RecordTail(tmp_path / DRIVER, "map").read().records == records
+    assert [entry.seq for entry in load_journal(tmp_path / DRIVER).entries] == [1, 2, 3, 4, 5, 6]
     log.close()
 
 
