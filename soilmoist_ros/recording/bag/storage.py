@@ -206,6 +206,11 @@ class _Sqlite:
 
     def __init__(self, path: Path, packed: bool) -> None:
         self._packed = packed
+        log = path.with_name(f"{path.name}-wal")
+        if log.is_file() and log.stat().st_size:  # to read both, SQLite would write
+            message = f"{log.name} has messages that it lacks: it is being recorded, or its recorder was killed"
+            merge = 'sqlite3 COPY.db3 "PRAGMA wal_checkpoint(TRUNCATE)"'
+            raise InputError(message, f"copy both files, and merge the copies: {merge}", path)
         uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
         self._base = sqlite3.connect(uri, uri=True, check_same_thread=False)
         self._base.execute("PRAGMA trusted_schema=OFF")
@@ -233,7 +238,7 @@ class _Sqlite:
         for number, count, first, last in rows:
             if number in self._topics:
                 self.content.counts[self._topics[number].name] += count
-                had = self.content.extent.with_message(first).with_message(last)
+                had = self.content.extent.with_message(_time_ns(first)).with_message(_time_ns(last))
                 self.content.extent = Extent(had.messages + count - 2, had.start_ns, had.end_ns)
 
     def messages(self, topics: Collection[str]) -> Iterator[Message]:
@@ -245,10 +250,17 @@ class _Sqlite:
             if not isinstance(data, bytes):
                 raise ValueError("a message has no data")
             data = _message(data) if self._packed else data
-            yield wanted[number].name, wanted[number].definition.type_name, time_ns, data
+            yield wanted[number].name, wanted[number].definition.type_name, _time_ns(time_ns), data
 
     def close(self) -> None:
         self._base.close()
+
+
+def _time_ns(value: Any) -> int:
+    """A time of SQLite, whose columns may have values of any type [ns since 1970-01-01 UTC]."""
+    if type(value) is not int or value < 0:
+        raise ValueError(f"a message has the time {value!r:.30}")
+    return value
 
 
 class _Ros1:
