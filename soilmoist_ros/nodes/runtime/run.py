@@ -25,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.foundation.lazy import load_when_used
+from soilmoist_ros.foundation.plain_values import printable
 from soilmoist_ros.nodes.runtime.core_log import CoreLog
 from soilmoist_ros.nodes.runtime.memory import return_memory
 
@@ -150,7 +151,7 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
             except Exception:  # a bug in one callback must not end a mission
                 node.get_logger().error(f"a callback failed; the node continues\n{traceback.format_exc()}")
     except SoilmoistError as error:
-        print(f"{error}", file=sys.stderr, flush=True)
+        print(printable(str(error)), file=sys.stderr, flush=True)
         code = BAD_INPUT
     except (_RCL_ERROR, ValueError) as error:
         # What rclpy raises for an action without permission is a ValueError.
