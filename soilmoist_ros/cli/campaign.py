@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, current, put, say, warn, wrote
+from soilmoist_ros.cli.answers.answer import answering, current, echo, put, say, warn, wrote
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.names import Name
 from soilmoist_ros.cli.options.output_options import confirmed, figures_option, output_options, prepare_output
@@ -68,7 +68,7 @@ def command(
         with _progress() as progress:
             outcome = run_campaign(plan, out, simulate_mission, workers, scheduler, progress)
     except CampaignInterrupted as stopped:
-        click.echo(str(stopped), err=True)
+        echo(str(stopped), err=True)
         sys.exit(130)
     for remark in outcome.remarks:
         warn(f"note: {remark}")
@@ -77,7 +77,7 @@ def command(
         put(differences=_differences(out))
     say(f"missions   {outcome.computed} simulated, {outcome.reused} reused, {len(outcome.failures)} failed")
     for failure in outcome.failures:
-        click.echo(f"failed: {failure}", err=True)
+        echo(f"failed: {failure}", err=True)
     with progress_bar() as progress_of:
         progress_of("writing the report", 1.0)
         report = write_campaign_report(plan, out, outcome.failures, outcome.rows)
@@ -116,7 +116,7 @@ def _progress() -> Iterator[Progress]:
         nonlocal last
         tenth, now_s = 10 * state.done // max(state.total, 1), time.monotonic()
         if last is None or (tenth, state.note) != last[:2] or now_s > last[2] + LINE_S:
-            click.echo(f"... {state}", err=True)
+            echo(f"... {state}", err=True)
             last = (tenth, state.note, now_s)
 
     yield plain

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, say, warn, wrote
+from soilmoist_ros.cli.answers.answer import answering, echo, say, warn, wrote
 from soilmoist_ros.cli.answers.live import live_view
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option
@@ -181,7 +181,7 @@ def command(
     except KeyboardInterrupt:
         if replay is None:
             remedy = f"soilmoist replay {out} --out {out}-map maps the recording"
-            click.echo(f"interrupted: all nodes have stopped; {remedy}", err=True)
+            echo(f"interrupted: all nodes have stopped; {remedy}", err=True)
             sys.exit(130)
 
 

@@ -187,13 +187,14 @@ def command(kind: str | None) -> None:
 def _print(kind: str, items: list[Item]) -> None:
     from rich.table import Table
 
-    from soilmoist_ros.recording.bag.tables import print_plain
+    from soilmoist_ros.recording.bag.tables import plain_text, print_plain
 
     keys = list(dict.fromkeys(key for item in items for key in item.traits))
     table = Table("name", "what it is", *(key.replace("_", " ") for key in keys), box=None, pad_edge=False)
     table.columns[0].no_wrap = True
     for item in items:
-        table.add_row(item.name, item.about, *(_text(item.traits.get(key)) for key in keys))
+        cells = (item.name, item.about, *(_text(item.traits.get(key)) for key in keys))
+        table.add_row(*map(plain_text, cells))
     print_plain(tables(), table)
     say("")
     say(f"A name is given to: {KINDS[kind].used_by}.")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, say, wrote
+from soilmoist_ros.cli.answers.answer import answering, echo, say, wrote
 from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_notes, rate_error
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option
@@ -87,7 +87,7 @@ def command(
             say(f"page       {page.address} stays until Ctrl-C")
             page.wait()
         elif page is not None and page.stopped:
-            click.echo("interrupted: the results are those of the mission until then", err=True)
+            echo("interrupted: the results are those of the mission until then", err=True)
             sys.exit(130)
     if run is None:
         sys.exit(1)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import click
 
-from soilmoist_ros.cli.answers.answer import reporting_errors
+from soilmoist_ros.cli.answers.answer import echo, reporting_errors
 from soilmoist_ros.cli.answers.live import json_lines, live_view
 from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.foundation.errors import InputError
@@ -49,7 +49,7 @@ def command(
         for name in names:
             folder = layouts / name if len(names) > 1 else layouts
             for path in write_layouts(place, name, properties, folder):
-                click.echo(f"wrote {path}", err=as_json)
+                echo(f"wrote {path}", err=as_json)
         return
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")

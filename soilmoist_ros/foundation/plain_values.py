@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Values that JSON has words for, and texts that no spreadsheet computes."""
+"""Values that JSON has words for, and texts that no spreadsheet computes and no terminal obeys."""
 
 from __future__ import annotations
 
@@ -45,6 +45,19 @@ def text_of_csv(cell: str) -> str:
     ('=1', 'stop 3')
     """
     return cell[1:] if cell.startswith("'") and cell[1:].startswith(_FORMULA) else cell
+
+
+def printable(text: str) -> str:
+    r"""The text with what cannot be printed as escapes; line feeds and tabs stay.
+
+    >>> printable("north\x1b]0;title\x07 \u202e5 m\u00b3")
+    'north\\x1b]0;title\\x07 \\u202e5 m³'
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        one if one.isprintable() or one in "\n\t" else one.encode("unicode_escape").decode() for one in text
+    )
 
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "'", "\uff1d", "\uff0b", "\uff0d", "\uff20")

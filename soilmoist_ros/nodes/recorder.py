@@ -31,8 +31,16 @@ from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.recording.bag.recorder import BagRecorder, check_name, free_bytes, next_bag
 from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
-from soilmoist_ros.recording.bag.retention import Excess, Limits, delete_bags, excess_text, find_excess
+from soilmoist_ros.recording.bag.retention import (
+    CLOSED_S,
+    Excess,
+    Limits,
+    delete_bags,
+    excess_text,
+    find_excess,
+)
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
+from soilmoist_ros.recording.clock_watch import ClockWatch, is_synchronised
 from soilmoist_ros.recording.mcap.definitions import find_definition
 from soilmoist_ros.recording.mcap.metadata import Qos, Request, Topic, request_for
 from soilmoist_ros.recording.run_configuration import RunConfiguration
@@ -48,6 +56,7 @@ _OTHER_PUBLISHERS_S: Final = 1.0
 _DIAGNOSTICS_S: Final = 1.0
 _CONFIGURATION_S: Final = 1.0
 _LIMITS_S: Final = 60.0
+_CLOCK_S: Final = 60.0
 _OPEN_S: Final = 5.0
 _QUIET_S: Final = 0.1
 """Time without messages after which the bag is closed [s]."""
@@ -72,8 +81,10 @@ class Recorder(Node):
             int(number("queue_mb") * 1e6),
             file_bytes=number("file_mb") * 1e6 or math.inf,
             file_s=number("file_min") * 60 or math.inf,
-            notes=lambda: {f"messages of {name} lost on the way": str(n) for name, n in self._lost().items()},
+            notes=self._notes,
         )
+        self._clock_watch = ClockWatch()
+        self._look_at_clock()
         self._limits = Limits(number("keep_gb") * 1e9 or math.inf, number("keep_days") * 86_400 or math.inf)
         self._deletes = self._settings.flag("delete_oldest")
         self._splits = bool(number("file_mb") or number("file_min"))
@@ -96,6 +107,7 @@ class Recorder(Node):
         self.create_timer(_DISCOVERY_S, self._discover, clock=steady)
         self.create_timer(_OTHER_PUBLISHERS_S, lambda: self._discover(known=True), clock=steady)
         self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady)
+        self.create_timer(_CLOCK_S, self._look_at_clock, clock=steady)
         if self._limits.exist:
             self._aside.do(self._keep_limits, "the limits of bags")
             self.create_timer(
@@ -162,14 +174,27 @@ class Recorder(Node):
     def _lost(self) -> dict[str, int]:
         return dict(self._gaps.lost)
 
+    def _look_at_clock(self) -> float:
+        """Look whether the time of day is right; returns it [s since 1970-01-01 UTC]."""
+        now_s = time.time()
+        self._clock_watch.look(now_s, time.monotonic(), is_synchronised())
+        return now_s
+
+    def _notes(self) -> dict[str, str]:
+        """What to note in a bag that is closed now."""
+        now_s = self._look_at_clock()
+        closed = {CLOSED_S: str(int(now_s))} if self._clock_watch.right else {}
+        return closed | {f"messages of {name} lost on the way": str(n) for name, n in self._lost().items()}
+
     def _keep_limits(self) -> None:
         """Find what is beyond the limits, and delete it if that is wanted."""
+        now_s, right = self._look_at_clock(), self._clock_watch.settled
         try:
-            excess = find_excess(self._out, self._limits, time.time())
+            excess = find_excess(self._out, self._limits, now_s, right)
             if excess.bags and self._deletes:
                 for bag in delete_bags(excess.bags):
                     self.get_logger().warning(f"{bag} is deleted: it was beyond keep_days or keep_gb")
-                excess = find_excess(self._out, self._limits, time.time())
+                excess = find_excess(self._out, self._limits, now_s, right)
         except OSError:
             return
         if excess.left_bytes < 0 and self._deletes:

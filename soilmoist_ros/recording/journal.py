@@ -54,6 +54,7 @@ class Journal:
         self._descriptor = descriptor
         self._size_bytes = size_bytes
         self._seq = seq
+        self._synced = (size_bytes, seq)
         self._complete = (folder / _COMPLETE).exists()
 
     @classmethod
@@ -118,6 +119,8 @@ class Journal:
             raise
         self._size_bytes += len(line)
         self._seq = entry.seq
+        if durable:
+            self._synced = (self._size_bytes, self._seq)
         return entry.seq
 
     def sync(self) -> None:
@@ -126,6 +129,17 @@ class Journal:
         :raises OSError: if the disk refuses them
         """
         os.fdatasync(self._descriptor)
+        self._synced = (self._size_bytes, self._seq)
+
+    def undo(self) -> None:
+        """Remove the entries since the last sync: after one that failed, only writing them again is safe.
+
+        The system takes them for written then, and a later sync succeeds without them.
+
+        :raises OSError: if the disk refuses it; the journal stays as it was
+        """
+        os.ftruncate(self._descriptor, self._synced[0])
+        self._size_bytes, self._seq = self._synced
 
     def snapshot(self, state_json: str) -> None:
         """Write the state after all entries so far, so that only later ones need to be replayed.
@@ -135,7 +149,7 @@ class Journal:
         :param state_json: the state; any text
         :raises OSError: if the disk refuses it; the previous snapshot stays
         """
-        os.fdatasync(self._descriptor)
+        self.sync()
         write_whole(self.folder / _SNAPSHOT, encode(Entry(self._seq, "snapshot", {"state": state_json})))
         if not self._complete:
             write_whole(self.folder / _COMPLETE, b"")
@@ -153,6 +167,7 @@ class Journal:
         write_whole(self.folder / _BEFORE, (self.folder / ENTRIES).read_bytes())
         os.ftruncate(self._descriptor, 0)
         self._size_bytes = 0
+        self._synced = (0, self._seq)
 
     def doubt(self) -> None:
         """An entry is missing: what is on the disk is not the state, until the next snapshot."""

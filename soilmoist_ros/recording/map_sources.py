@@ -40,14 +40,16 @@ def open_session(root: Path, journal: Path | None, fresh: bool) -> Path:
     from soilmoist_ros.exploration.mission.journal import is_under_way
 
     found = load_journal(journal, whole=True) if journal is not None else LoadedJournal(None, (), ())
-    earlier = sorted(path.parent for path in root.glob(f"*/{SESSION}"))
+    # By number: names are times of day, and the clock may have been set back.
+    earlier = sorted((_number(path), path.parent) for path in root.glob(f"*/{SESSION}"))
     if earlier and not fresh and is_under_way(found.snapshot, (entry.payload for entry in found.entries)):
-        return earlier[-1]
+        return earlier[-1][1]
     folder = root / f"{datetime.now():%Y%m%d_%H%M%S_%f}"
     try:
         folder.mkdir(parents=True)
         seq = max((entry.seq for entry in found.entries), default=0)
-        write_whole(folder / SESSION, json.dumps({"journal_seq": seq}).encode())
+        number = 1 + max((number for number, _ in earlier), default=0)
+        write_whole(folder / SESSION, json.dumps({"journal_seq": seq, "number": number}).encode())
     except OSError as error:
         remedy = "choose a folder on a disk that is writable and has space"
         raise InputError(f"no records can be written here: {error.strerror}", remedy, folder) from None
@@ -188,6 +190,14 @@ class MapSources:
         if not self.problem:
             _log.error(problem)
         self.problem = problem
+
+
+def _number(path: Path) -> int:
+    """Number of a session, from its file: 0 if that is damaged, or of an older version."""
+    try:
+        return int(read_json(path.read_bytes())["number"])
+    except (OSError, ValueError, LookupError, TypeError):
+        return 0
 
 
 def _journal_seq(session: Path) -> int:

@@ -31,7 +31,8 @@ _log = logging.getLogger(__name__)
 class RecordLog:
     """A log of records that is being written; one disk sync for each call.
 
-    Records that the disk refuses wait in memory, and are written with the next ones.
+    Records that the disk refuses wait in memory, and are written with the next ones: again with the same bytes, so
+    that a reader that has them already continues after them.
 
     :param folder: folder of the log; made if missing
     :param frame: frame of the records
@@ -49,12 +50,13 @@ class RecordLog:
         :param records: new records; none to try again those that the disk has refused
         :raises OSError: if the disk refuses them
         """
+        if self._waiting:
+            self._journal.undo()  # a record that is in the log twice would count twice
         self._waiting += records
-        while self._waiting:
-            content = {"frame": self._frame, **_plain(self._waiting[0])}
-            self._journal.append(RECORD, content, durable=False)
-            self._waiting.popleft()
+        for record in self._waiting:
+            self._journal.append(RECORD, {"frame": self._frame, **_plain(record)}, durable=False)
         self._journal.sync()
+        self._waiting.clear()
 
     def reset(self, until_s: float) -> None:
         """Start again: earlier records in this log, and records of other logs up to a stamp [s], are void.

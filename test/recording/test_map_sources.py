@@ -12,7 +12,9 @@ import math
 import os
 import tempfile
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -28,9 +30,10 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.recording.journal import ENTRIES, Journal
+from soilmoist_ros.recording import map_sources
+from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
-from soilmoist_ros.recording.map_sources import OWN, MapSources, open_session
+from soilmoist_ros.recording.map_sources import OWN, SESSION, MapSources, open_session
 from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail
 from soilmoist_ros.recording.stored_counts import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
@@ -319,6 +322,25 @@ def test_a_session_goes_on_while_its_mission_is_interrupted(tmp_path):
     sources.close()
 
 
+def test_a_clock_that_was_set_back_does_not_resume_an_earlier_session(tmp_path, monkeypatch):
+    root, folder = tmp_path / "records", tmp_path / "journal"
+    (root / "20270101_090000_000000").mkdir(parents=True)
+    (root / "20270101_090000_000000" / SESSION).write_text("no JSON")
+    opened = []
+    for month in (7, 3):
+        monkeypatch.setattr(map_sources, "datetime", Mock(now=lambda month=month: datetime(2026, month, 1, 9)))
+        opened.append(open_session(root, folder, fresh=False))
+    mission, start = Mission(RULES), Command(1.78e9, Verb.START)
+    with Journal.open(folder) as pages:
+        journal = MissionJournal(pages)
+        for event in (Moved(1.77e9, 0.0, 0.0), start):
+            journal.note(mission, event)
+            mission.step(event)
+            journal.keep(mission)
+    assert [session.name[:6] for session in opened] == ["202607", "202603"]
+    assert open_session(root, folder, fresh=False) == opened[-1]
+
+
 def test_counts_are_read_from_a_bag_that_was_cut(tmp_path):
     many = published(8)
     write_bag(tmp_path / "bag", many)
@@ -360,6 +382,35 @@ def test_records_that_a_full_disk_refuses_are_written_when_it_has_space_again(tm
     log.write(records[4:])
     assert not log.waits
     assert RecordTail(tmp_path / DRIVER, "map").read().records == records
+    log.close()
+
+
+def test_records_of_a_sync_that_failed_are_written_again_and_count_once(tmp_path, monkeypatch):
+    records, log, tail = published(6), RecordLog(tmp_path / DRIVER, "map"), RecordTail(tmp_path / DRIVER, "map")
+    path, dropped = tmp_path / DRIVER / ENTRIES, [False, True]
+    log.write(records[:2])
+    synced = path.read_bytes()
+    found = tail.read().records
+
+    def fail(_):
+        if dropped.pop():
+            os.truncate(path, len(synced))  # what the system did not get to the disk is gone after a power cut
+        raise OSError(errno.EIO, "Input/output error")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fdatasync", fail)
+        for one in records[2:4]:
+            with pytest.raises(OSError, match="Input/output"):
+                log.write([one])
+            assert log.waits
+            found += tail.read().records
+    log.write(records[4:5])
+    assert not log.waits
+    found += tail.read().records
+    log.write(records[5:])
+    assert found + tail.read().records == records
+    assert RecordTail(tmp_path / DRIVER, "map").read().records == records
+    assert [entry.seq for entry in load_journal(tmp_path / DRIVER).entries] == [1, 2, 3, 4, 5, 6]
     log.close()
 
 

@@ -15,6 +15,7 @@ import click
 
 from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
 from soilmoist_ros.foundation.lazy import not_installed
+from soilmoist_ros.foundation.plain_values import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -48,18 +49,26 @@ def current() -> Answer:
     return Answer() if context is None else context.meta.setdefault(_KEY, Answer())
 
 
+def echo(text: str, *, err: bool) -> None:
+    """Print a line that may have words of files in it; every line for people goes through here.
+
+    :param err: whether it goes to standard error
+    """
+    click.echo(printable(text), err=err)
+
+
 def say(text: str) -> None:
     """Print a line of the result."""
     answer = current()
     if not answer.quiet:
-        click.echo(text, err=answer.as_json)
+        echo(text, err=answer.as_json)
 
 
 def warn(text: str) -> None:
     """Print a line that must not be missed: with ``--quiet`` and ``--json`` it goes to standard error."""
     answer = current()
     answer.values.setdefault("warnings", []).append(text)
-    click.echo(text, err=answer.as_json or answer.quiet)
+    echo(text, err=answer.as_json or answer.quiet)
 
 
 def put(**values: Any) -> None:
@@ -162,13 +171,13 @@ def _run(command: Callable[[], None]) -> tuple[int, tuple[Mistake, ...]]:
             raise not_installed(error) from None
     except InputError as error:
         for mistake in error.mistakes:
-            click.echo(f"error: {mistake}", err=True)
+            echo(f"error: {mistake}", err=True)
         return 2, error.mistakes
     except SoilmoistError as error:
-        click.echo(f"error: {error}", err=True)
+        echo(f"error: {error}", err=True)
         return 1, (Mistake(str(error)),)
     except KeyboardInterrupt:
-        click.echo("interrupted: nothing was written", err=True)
+        echo("interrupted: nothing was written", err=True)
         return 130, ()
     except SystemExit as error:
         return (error.code if isinstance(error.code, int) else int(error.code is not None)), ()

@@ -8,9 +8,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-import click
-
-from soilmoist_ros.cli.answers.answer import current
+from soilmoist_ros.cli.answers.answer import current, echo
+from soilmoist_ros.foundation.plain_values import printable
 
 
 @contextmanager
@@ -29,9 +28,9 @@ def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None
             nonlocal last
             tenths = int(10 * share)
             if step != last[0]:
-                click.echo(f"... {step}", err=True)
+                echo(f"... {step}", err=True)
             elif tenths > last[1] and tenths < 10:
-                click.echo(f"... {step}: {10 * tenths} %", err=True)
+                echo(f"... {step}: {10 * tenths} %", err=True)
             last = (step, tenths)
 
         yield plain
@@ -39,7 +38,11 @@ def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description:32}"), BarColumn(), *([TimeRemainingColumn()] * time_left))
+    columns = (
+        TextColumn("{task.description:32}", markup=False),
+        BarColumn(),
+        *([TimeRemainingColumn()] * time_left),
+    )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=1.0)
-        yield lambda step, share: bar.update(task, description=step, completed=share)
+        yield lambda step, share: bar.update(task, description=printable(step), completed=share)

@@ -72,7 +72,8 @@ PARAMETERS: Final = (
     Parameter(
         name="keep_days",
         default=0.0,
-        description="age of bags above which the recorder warns, or deletes them; 0 for no limit",
+        description="age of bags above which the recorder warns, or deletes those that were closed while the "
+        "clock was synchronised; 0 for no limit",
         unit="d",
         low=0.0,
     ),

@@ -25,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.foundation.lazy import load_when_used
+from soilmoist_ros.foundation.plain_values import printable
 from soilmoist_ros.nodes.runtime.core_log import CoreLog
 from soilmoist_ros.nodes.runtime.memory import return_memory
 
@@ -169,7 +170,7 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
             _spin(node, executor, 0.5)
         _leave(node, executor)
     except SoilmoistError as error:
-        print(f"{error}", file=sys.stderr, flush=True)
+        print(printable(str(error)), file=sys.stderr, flush=True)
         code = BAD_INPUT
     except (_RCL_ERROR, ValueError) as error:
         # What rclpy raises for an action without permission is a ValueError.

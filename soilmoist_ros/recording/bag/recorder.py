@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.retention import NUMBER, next_number
 from soilmoist_ros.recording.bag.writer import BagGoneError, BagWriter, is_being_written
 from soilmoist_ros.recording.mcap.metadata import Topic
 
@@ -188,11 +189,16 @@ class BagRecorder:
             with self._changed:
                 self._changed.wait_for(lambda: self._stopping, max(0.0, pause_s - (time.monotonic() - started)))
         bag = self._turn(bag)
-        problem = self.state.problem
+        problem, unsafe = self.state.problem, 0
+        with self._changed:
+            waiting = len(self._queue)
+            self._queue.clear()
         if bag is not None:
             try:
-                if problem:
+                if problem:  # the disk is full; after another problem there is no bag
                     bag.abandon()
+                    unsafe, self._unsafe = self._unsafe, 0
+                    problem = f"the disk of {bag.folder} is full: {unsafe + waiting} messages are lost; {_RECOVER}"
                 else:
                     state = self.state
                     told = f"{state.dropped}{f' ({state.gone})' if state.gone else ''}"
@@ -202,11 +208,8 @@ class BagRecorder:
             except OSError as error:
                 problem = f"{bag.folder} could not be closed: {error.strerror}; {_RECOVER}"
         with self._changed:
-            lost = len(self._queue)
-            self._queue.clear()
-            self._state = replace(
-                self._state, recording=False, problem=problem, waiting_bytes=0, dropped=self._state.dropped + lost
-            )
+            messages, dropped = self._state.messages - unsafe, self._state.dropped + unsafe + waiting
+            self._report(recording=False, problem=problem, waiting_bytes=0, messages=messages, dropped=dropped)
             self._thread = None
 
     def _turn(self, bag: BagWriter | None) -> BagWriter | None:
@@ -220,8 +223,10 @@ class BagRecorder:
                 _LOG.info("recording to %s", bag.folder)
             if self.state.problem:
                 bag.flush()  # first what the disk refused
+                self._unsafe = 0
             self._write_waiting(bag)
             bag.flush()
+            self._unsafe = 0
             if bag.file_bytes >= self._file_bytes or bag.file_age_s >= self._file_s:
                 bag.split()
             self._drop(bag)
@@ -230,7 +235,6 @@ class BagRecorder:
             return None
         except OSError as error:
             return self._after_error(bag, error)
-        self._unsafe = 0
         rate_bps = self._rate_bps(bag.size_bytes)
         self._report(problem="", size_bytes=bag.size_bytes, topics=len(bag.counts), rate_bps=rate_bps)
         return bag
@@ -324,19 +328,20 @@ def check_name(name: str) -> None:
 
 
 def next_bag(out: Path, name: str, distribution: str) -> BagWriter:
-    """The next bag of a recorder. The name gets a number if the bag exists.
+    """The next bag of a recorder. The name gets a number if the bag exists; another number is in its notes.
 
     :param out: folder for bags
     :param name: name of the bag; the time of day if empty
     :param distribution: name of the ROS distribution
     :raises InputError: if another recorder is writing a bag of the name, or none can be made
+    :raises OSError: if the folder cannot be read
     """
     base = name or time.strftime("run_%Y-%m-%d_%H-%M-%S", time.gmtime())
     folder, number = out / base, 1
     while folder.exists() and not is_being_written(folder / f"{folder.name}_0.mcap"):
         number += 1
         folder = out / f"{base}_{number}"
-    return BagWriter(folder, distribution)
+    return BagWriter(folder, distribution, {NUMBER: str(next_number(out))})
 
 
 def free_bytes(folder: Path) -> int | None:

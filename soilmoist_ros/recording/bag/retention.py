@@ -5,12 +5,20 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from soilmoist_ros.recording.bag.writer import is_being_written
+
+NUMBER: Final = "number"
+"""Note of a bag: one more than those of all earlier bags in its folder, whatever the clock said."""
+CLOSED_S: Final = "closed_s"
+"""Note of a bag that was closed while the clock was right: the time [s since 1970-01-01 UTC]."""
+_NOTE: Final = re.compile(rf"^ +({NUMBER}|{CLOSED_S}): '(\d+)'$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -36,24 +44,67 @@ class Excess:
 
     :param bags: bags that would have to go, the oldest first
     :param left_bytes: space that bags may still take [bytes]; negative if all together exceed their limit
+    :param undated: bags that seem too old, but were not closed by a clock that was right; they stay
     """
 
     bags: tuple[Path, ...] = ()
     left_bytes: float = math.inf
+    undated: tuple[Path, ...] = ()
 
 
-def find_excess(out: Path, limits: Limits, now_s: float) -> Excess:
+@dataclass(frozen=True)
+class _Closed:
+    """A bag that was closed.
+
+    :param size: size of its files [bytes]
+    :param changed_s: when its metadata were written, by the clock of then [s since 1970-01-01 UTC]
+    :param number: its number; 0 if it has none
+    :param closed_s: when it was closed, if the clock was right [s since 1970-01-01 UTC]
+    """
+
+    folder: Path
+    size: int
+    changed_s: float
+    number: int
+    closed_s: float | None
+
+
+def find_excess(out: Path, limits: Limits, now_s: float, clock_right: bool) -> Excess:
     """What is beyond the limits in a folder of bags.
 
     A bag that was not closed counts, but is never among those to go: it may hold what nobody has recovered yet.
+    A wrong clock makes no bag old: bags are in the order of their numbers, and only one that was closed by a right
+    clock can be too old.
 
     :param out: folder of the bags
     :param limits: the limits
-    :param now_s: time of now, as of files [s since 1970-01-01 UTC]
+    :param now_s: time of now [s since 1970-01-01 UTC]
+    :param clock_right: whether that time is known to be right; no bag is too old otherwise
     :raises OSError: if the folder cannot be read
     """
-    closed: list[tuple[float, Path, int]] = []
-    total = 0
+    closed, total = _closed_bags(out)
+    found, undated, left_bytes = [], [], limits.size_bytes - total
+    for bag in _oldest_first(closed):
+        too_old = clock_right and bag.closed_s is not None and now_s - bag.closed_s > limits.age_s
+        if too_old or total > limits.size_bytes:
+            found.append(bag.folder)
+            total -= bag.size
+        elif bag.closed_s is None and now_s - bag.changed_s > limits.age_s:
+            undated.append(bag.folder)
+    return Excess(tuple(found), left_bytes, tuple(undated))
+
+
+def next_number(out: Path) -> int:
+    """The number of the next bag in a folder.
+
+    :raises OSError: if the folder cannot be read
+    """
+    return 1 + max((bag.number for bag in _closed_bags(out)[0]), default=0) if out.is_dir() else 1
+
+
+def _closed_bags(out: Path) -> tuple[list[_Closed], int]:
+    """Closed bags of a folder, and the size of all [bytes]."""
+    closed, total = [], 0
     for folder in sorted(path for path in out.iterdir() if path.is_dir() and not path.is_symlink()):
         files = list(folder.glob("*.mcap"))
         if not files:
@@ -62,13 +113,28 @@ def find_excess(out: Path, limits: Limits, now_s: float) -> Excess:
         total += size
         metadata = folder / "metadata.yaml"
         if metadata.is_file() and not any(map(is_being_written, files)):
-            closed.append((metadata.stat().st_mtime, folder, size))
-    found, left_bytes = [], limits.size_bytes - total
-    for ended_s, folder, size in sorted(closed):
-        if now_s - ended_s > limits.age_s or total > limits.size_bytes:
-            found.append(folder)
-            total -= size
-    return Excess(tuple(found), left_bytes)
+            notes = _notes(metadata)
+            changed_s = metadata.stat().st_mtime
+            closed.append(_Closed(folder, size, changed_s, notes.get(NUMBER, 0), notes.get(CLOSED_S)))
+    return closed, total
+
+
+def _notes(metadata: Path) -> dict[str, int]:
+    """The notes above. A YAML parser would take a core for seconds if there are many bags."""
+    try:
+        return {name: int(value) for name, value in _NOTE.findall(metadata.read_text(errors="replace"))}
+    except (OSError, ValueError):  # one bad bag does not stop a recorder
+        return {}
+
+
+def _oldest_first(bags: Sequence[_Closed]) -> list[_Closed]:
+    """Bags by number; one without, such as one that was recovered, is sorted in by its time."""
+    placed, latest_s = [], 0.0
+    for bag in sorted(bags, key=lambda bag: (bag.number, bag.changed_s)):
+        if bag.number:
+            latest_s = max(latest_s, bag.changed_s)
+        placed.append((latest_s if bag.number else bag.changed_s, bag))
+    return [bag for _, bag in sorted(placed, key=lambda pair: pair[0])]
 
 
 def excess_text(excess: Excess, drops: bool) -> str:
@@ -81,6 +147,9 @@ def excess_text(excess: Excess, drops: bool) -> str:
     if excess.left_bytes < 0 and not drops:
         remedy = "move some, or let file_mb and delete_oldest delete the oldest files of the running one"
         return f"the recordings take {-excess.left_bytes / 1e6:.0f} MB more than keep_gb: {remedy}"
+    if excess.undated:
+        said = f"{len(excess.undated)} bags seem older than keep_days, the first is {excess.undated[0]}"
+        return f"{said}: they stay, as no synchronised clock has dated them; move them or delete them by hand"
     return ""
 
 

@@ -15,6 +15,7 @@ from typing import Any, Final, Protocol
 import zstandard
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.retention import CLOSED_S, NUMBER
 from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance, TooMuchError
 from soilmoist_ros.recording.mcap.definitions import Definition
 from soilmoist_ros.recording.mcap.metadata import Extent, Topic, qos_from_yaml
@@ -108,14 +109,16 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def recorder_notes(path: Path) -> dict[str, str]:
-    """What the recorder of a bag has noted, such as lost messages; empty if there is nothing that can be read."""
+    """What the recorder of a bag has noted as lost; empty if there is nothing that can be read."""
     if not (path / "metadata.yaml").is_file():
         return {}
     try:
         found = read_metadata(path).get("custom_data")
     except (InputError, ValueError, OSError):
         return {}
-    return {str(name): str(value) for name, value in found.items()} if isinstance(found, dict) else {}
+    if not isinstance(found, dict):
+        return {}
+    return {str(name): str(value) for name, value in found.items() if name not in (NUMBER, CLOSED_S)}
 
 
 def _listed(folder: Path, stack: contextlib.ExitStack) -> tuple[list[Path], bool]:
@@ -203,6 +206,11 @@ class _Sqlite:
 
     def __init__(self, path: Path, packed: bool) -> None:
         self._packed = packed
+        log = path.with_name(f"{path.name}-wal")
+        if log.is_file() and log.stat().st_size:  # to read both, SQLite would write
+            message = f"{log.name} has messages that it lacks: it is being recorded, or its recorder was killed"
+            merge = 'sqlite3 COPY.db3 "PRAGMA wal_checkpoint(TRUNCATE)"'
+            raise InputError(message, f"copy both files, and merge the copies: {merge}", path)
         uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
         self._base = sqlite3.connect(uri, uri=True, check_same_thread=False)
         self._base.execute("PRAGMA trusted_schema=OFF")
@@ -230,7 +238,7 @@ class _Sqlite:
         for number, count, first, last in rows:
             if number in self._topics:
                 self.content.counts[self._topics[number].name] += count
-                had = self.content.extent.with_message(first).with_message(last)
+                had = self.content.extent.with_message(_time_ns(first)).with_message(_time_ns(last))
                 self.content.extent = Extent(had.messages + count - 2, had.start_ns, had.end_ns)
 
     def messages(self, topics: Collection[str]) -> Iterator[Message]:
@@ -242,10 +250,17 @@ class _Sqlite:
             if not isinstance(data, bytes):
                 raise ValueError("a message has no data")
             data = _message(data) if self._packed else data
-            yield wanted[number].name, wanted[number].definition.type_name, time_ns, data
+            yield wanted[number].name, wanted[number].definition.type_name, _time_ns(time_ns), data
 
     def close(self) -> None:
         self._base.close()
+
+
+def _time_ns(value: Any) -> int:
+    """A time of SQLite, whose columns may have values of any type [ns since 1970-01-01 UTC]."""
+    if type(value) is not int or value < 0:
+        raise ValueError(f"a message has the time {value!r:.30}")
+    return value
 
 
 class _Ros1:

@@ -12,6 +12,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from soilmoist_ros.foundation.plain_values import printable
 from soilmoist_ros.recording.bag.info import BagInfo, TopicInfo
 from soilmoist_ros.recording.bag.recovery import RecoveredBag
 from soilmoist_ros.recording.bag.verify import Verified
@@ -26,7 +27,7 @@ def info_table(info: BagInfo, quarantined: Mapping[str, Mapping[str, int]] | Non
 
     :param quarantined: number of quarantined records, by topic and code of the reason
     """
-    head = Text(
+    head = plain_text(
         f"{info.path}  {info.storage}, {size_text(info.size_bytes)}, {_extent_text(info.extent)}", no_wrap=True
     )
     table = Table("topic", "type", box=None, pad_edge=False)
@@ -34,24 +35,24 @@ def info_table(info: BagInfo, quarantined: Mapping[str, Mapping[str, int]] | Non
         table.add_column(title, justify="right", no_wrap=True)
     for topic in info.topics:
         table.add_row(
-            topic.name,
-            topic.type_name,
+            plain_text(topic.name),
+            plain_text(topic.type_name),
             str(topic.extent.messages),
             "" if topic.interval_s is None else _seconds_text(topic.interval_s),
             size_text(topic.size_bytes),
             _gaps_text(topic),
         )
     bad = [
-        Text(f"{name}: quarantined records: {_reasons_text(reasons)}", style="yellow")
+        plain_text(f"{name}: quarantined records: {_reasons_text(reasons)}", style="yellow")
         for name, reasons in (quarantined or {}).items()
     ]
-    bad += [Text(f"{name}: {value}", style="yellow") for name, value in info.notes.items()]
+    bad += [plain_text(f"{name}: {value}", style="yellow") for name, value in info.notes.items()]
     if info.recording:
         verdict = Text("being recorded now", style="yellow")
     elif info.whole:
         verdict = Text("whole", style="green")
     else:
-        verdict = Text("\n".join(info.problems) + f"\n-> {info.remedy}", style="red")
+        verdict = plain_text("\n".join(info.problems) + f"\n-> {info.remedy}", style="red")
     return Group(head, table, *bad, verdict)
 
 
@@ -60,9 +61,11 @@ def recovery_table(bag: RecoveredBag) -> RenderableType:
     table = Table("topic", box=None, pad_edge=False)
     table.add_column("messages", justify="right")
     for name, count in sorted(bag.counts.items()):
-        table.add_row(name, str(count))
-    problems = Text("\n".join(bag.problems) or f"{bag.source} was whole", style="yellow" if bag.problems else "")
-    return Group(problems, Text(f"recovered to {bag.folder}: {_extent_text(bag.extent)}", no_wrap=True), table)
+        table.add_row(plain_text(name), str(count))
+    problems = plain_text("\n".join(bag.problems) or f"{bag.source} was whole", "yellow" if bag.problems else "")
+    return Group(
+        problems, plain_text(f"recovered to {bag.folder}: {_extent_text(bag.extent)}", no_wrap=True), table
+    )
 
 
 def verified_table(bag: Verified) -> RenderableType:
@@ -71,10 +74,15 @@ def verified_table(bag: Verified) -> RenderableType:
     number, right = len(bag.files), bag.checksums
     files = f"{number} MCAP file{'s' * (number != 1)}, {messages} messages"
     sums = f"right checksums of {right} file{'s' * (right != 1)}" if right else "without checksums"
-    head = Text(f"{bag.bag}  {files}, {sums}", no_wrap=True)
+    head = plain_text(f"{bag.bag}  {files}, {sums}", no_wrap=True)
     if bag.problems:
-        return Group(head, Text("\n".join(bag.problems), style="red"))
+        return Group(head, plain_text("\n".join(bag.problems), style="red"))
     return Group(head, Text("whole", style="green"))
+
+
+def plain_text(text: str, style: str = "", *, no_wrap: bool = False) -> Text:
+    """A text with words of files in it: rich would read a ``str`` as markup."""
+    return Text(printable(text), style, no_wrap=no_wrap)
 
 
 def print_plain(console: Console, content: RenderableType) -> None:

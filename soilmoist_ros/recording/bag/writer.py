@@ -52,12 +52,16 @@ class BagWriter:
 
     :param folder: folder to make; must not exist
     :param distribution: name of the ROS distribution, for the bag's metadata
+    :param notes: what else to keep in the metadata
     :raises InputError: if the folder exists, or cannot be made or written to
     """
 
-    def __init__(self, folder: Path, distribution: str = "jazzy") -> None:
+    def __init__(
+        self, folder: Path, distribution: str = "jazzy", notes: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
         self.folder = folder
         self._distribution = distribution
+        self._notes = notes
         self._done: list[_Part] = []
         self._number = 0
         self._sums: dict[str, str] = {}
@@ -179,9 +183,10 @@ class BagWriter:
     def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
         """Finish the file and write ``metadata.yaml`` and the checksums.
 
-        :param notes: what else to keep in the metadata, such as how many messages were lost
+        :param notes: further notes, such as how many messages were lost
         :raises OSError: if the disk refuses it; :func:`recover_bag` restores what is on the disk
         """
+        notes = {**self._notes, **notes}
         try:
             self._finish(notes)
             self._file.sync()

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.plain_values import printable
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.text import Text
@@ -83,8 +85,8 @@ def render(view: LiveView, columns: int = 56, rows: int = 20) -> RenderableType:
     facts.add_column(style="bold", no_wrap=True)
     facts.add_column(overflow="fold")
     for name, value in view.facts.items():
-        facts.add_row(Text(name), Text(value))  # as Text: rich would read brackets as markup
-    parts: list[RenderableType] = [Text(view.title, style="bold reverse"), facts]
+        facts.add_row(Text(printable(name)), Text(printable(value)))  # as Text: rich would read brackets as markup
+    parts: list[RenderableType] = [Text(printable(view.title), style="bold reverse"), facts]
     if not view.bands:
         parts.append(Text("no map yet: it begins with the first samples", style="dim"))
         return Group(*parts)

@@ -86,6 +86,22 @@ def test_errors_become_messages_and_exit_codes(error, code, printed, capsys):
     assert capsys.readouterr().err == printed
 
 
+def test_a_terminal_obeys_no_characters_of_a_file():
+    name = "north\x1b]0;title\x07 5 m³"
+
+    def body():
+        with progress_bar() as progress:
+            progress(name, 0.5)
+        say(f"field      {name}")
+        warn(f"{name}\n\tdry")
+        raise InputError(f"{name} is wrong")
+
+    shown = r"north\x1b]0;title\x07 5 m³"
+    result = run(body)
+    assert result.stdout == f"field      {shown}\n{shown}\n\tdry\n"
+    assert result.stderr == f"... {shown}\nerror: {shown} is wrong\n"
+
+
 def test_mistakes_have_their_places_in_json():
     def fail():
         raise InputError([Mistake("is wrong", "mend it", Path("site.yaml"), 3, "soil")])

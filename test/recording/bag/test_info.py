@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import io
+from dataclasses import replace
 
 import pytest
 from bags import NOTES, PRESSURE, START_NS, number_message, text_message
@@ -35,6 +36,22 @@ def test_a_whole_bag(bag):
     assert "24 messages in 23 s from 2026-05-28 20:26:40Z" in text
     assert "/robot/model" in text
     assert "whole" in text
+
+
+@pytest.mark.parametrize("name", ["/a[/b]", "/a[link=http://evil.example]b", "/a\x1b]0;title\x07"])
+def test_a_terminal_shows_names_of_topics_and_obeys_nothing_in_them(tmp_path, name):
+    with BagWriter(tmp_path / "bag") as writer:
+        topic = replace(NOTES, name=name, definition=replace(NOTES.definition, type_name=f"std_msgs/msg/{name}"))
+        writer.write(topic, START_NS, START_NS, text_message("x"))
+    for table in (
+        info_table(bag_info(tmp_path / "bag")),
+        recovery_table(recover_bag(tmp_path / "bag", tmp_path / "b")),
+    ):
+        console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
+        print_plain(console, table)
+        text = console.file.getvalue()
+        assert name.encode("unicode_escape").decode() in text
+        assert "\x1b]" not in text
 
 
 def test_an_unclosed_bag_says_what_to_do(unclosed):

@@ -4,6 +4,7 @@
 
 import io
 import random
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,40 @@ def test_bags_of_others_are_read(foreign):
     info = bag_info(foreign)
     assert info.extent.messages == 8
     assert info.whole
+
+
+def sqlite(path, times):
+    """A file of rosbag2's SQLite storage, in the mode of its preset ``resilient``; returns its open connection."""
+    base = sqlite3.connect(path)
+    base.execute("PRAGMA journal_mode=wal")
+    base.execute("CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, offered_qos_profiles TEXT)")
+    base.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
+    base.execute("INSERT INTO topics VALUES(1, '/notes', 'std_msgs/msg/String', '')")
+    rows = [(time, text_message("note")) for time in times]
+    base.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES(1, ?, ?)", rows)
+    base.commit()
+    return base
+
+
+def test_a_bag_whose_last_messages_are_in_another_file_is_refused_until_they_are_merged(tmp_path):
+    path = tmp_path / "bag.db3"
+    base = sqlite(path, [START_NS])
+    base.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    assert bag_info(path).extent.messages == 1
+    base.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES(1, 5, x'00')")
+    base.commit()
+    with pytest.raises(InputError, match=r"bag.db3-wal has messages that it lacks.*sqlite3 COPY.db3"):
+        bag_info(path)
+    base.close()  # as the command does
+    assert bag_info(path).extent.messages == 2
+
+
+@pytest.mark.parametrize("time", [-5, "x", 1.5, None])
+@pytest.mark.parametrize("others", [[], [1, 3]])
+def test_a_time_of_sqlite_that_is_none_is_damage(tmp_path, time, others):
+    sqlite(tmp_path / "bag.db3", [time, *others]).close()
+    with pytest.raises(InputError, match=f"a message has the time {time!r}"):
+        bag_info(tmp_path / "bag.db3")
 
 
 def test_quarantined_records_are_read_with_the_others_and_their_reasons(tmp_path):

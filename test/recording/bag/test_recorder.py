@@ -205,13 +205,22 @@ def test_a_disk_that_is_gone_is_left_for_a_new_bag(make, tmp_path, monkeypatch):
     assert stamps(state.bag) == [START_NS + 1]
 
 
-def test_a_bag_that_cannot_be_closed_is_reported(make, monkeypatch):
-    fail_with(monkeypatch, errno.ENOSPC)
+def test_a_stop_while_the_disk_is_full_says_what_is_lost(make, tmp_path, monkeypatch, caplog):
     recorder = make()
     recorder.start()
-    recorder.put(NOTES, START_NS, START_NS, DATA)
-    wait_for(lambda: recorder.state.problem)
-    assert "full" in recorder.stop().problem
+    for number in range(5):
+        recorder.put(NOTES, START_NS + number, START_NS, DATA)
+    assert recorder.wait_open(20)
+    wait_for(lambda: len(list(McapScan(tmp_path / "run" / "run_0.mcap").messages())) == 5)
+    fail_with(monkeypatch, errno.ENOSPC)
+    recorder.put(NOTES, START_NS + 5, START_NS, DATA)
+    wait_for(lambda: "nothing is lost so far" in recorder.state.problem)
+    recorder.put(NOTES, START_NS + 6, START_NS, DATA)
+    state = recorder.stop()
+    assert (state.messages, state.dropped) == (5, 2)
+    assert state.problem.endswith("is full: 2 messages are lost; to restore what it has: soilmoist bag recover")
+    assert caplog.messages[-1] == state.problem
+    assert bag_info(state.bag).extent.messages == 5
 
 
 def test_times_that_the_middleware_does_not_know_are_those_of_now(make, tmp_path):
@@ -249,6 +258,15 @@ def test_an_unnamed_bag_has_the_name_of_its_time(tmp_path):
     bag = next_bag(tmp_path, "", "jazzy")
     bag.close()
     assert bag.folder.name.startswith(time.strftime("run_%Y-", time.gmtime()))
+
+
+def test_bags_are_numbered_and_numbers_and_times_are_no_losses(tmp_path):
+    for number in (1, 2):
+        bag = next_bag(tmp_path, "run", "jazzy")
+        bag.close({"closed_s": "1780000000"})
+        noted = YAML(typ="safe").load(bag.folder / "metadata.yaml")["rosbag2_bagfile_information"]["custom_data"]
+        assert noted == {"number": str(number), "closed_s": "1780000000"}
+        assert bag_info(bag.folder).notes == {}
 
 
 def test_space_is_that_of_the_nearest_folder_there_is(tmp_path):

@@ -8,7 +8,8 @@ import os
 import pytest
 from bags import NOTES, START_NS, text_message
 
-from soilmoist_ros.recording.bag.retention import Excess, Limits, delete_bags, excess_text, find_excess
+from soilmoist_ros.recording.bag.recorder import next_bag
+from soilmoist_ros.recording.bag.retention import CLOSED_S, Excess, Limits, delete_bags, excess_text, find_excess
 from soilmoist_ros.recording.bag.writer import BagWriter
 
 NOW_S = 1_780_000_000.0
@@ -19,8 +20,9 @@ def bags(tmp_path):
     """Bags that ended 1 to 4 days ago; one that was never closed, and one that is being recorded, are older."""
     made = []
     for days in (4, 3, 2, 1):
-        with BagWriter(tmp_path / f"days_{days}") as writer:
-            writer.write(NOTES, START_NS, START_NS, text_message("note"))
+        writer = BagWriter(tmp_path / f"days_{days}")
+        writer.write(NOTES, START_NS, START_NS, text_message("note"))
+        writer.close({CLOSED_S: f"{NOW_S - days * 86_400:.0f}"})
         os.utime(writer.folder / "metadata.yaml", times=(0, NOW_S - days * 86_400))
         made.append(writer.folder)
     killed = BagWriter(tmp_path / "killed")
@@ -32,26 +34,57 @@ def bags(tmp_path):
     recorded.abandon()
 
 
+def record(out, number, changed_s, **notes):
+    """A bag of the recorder that is closed while its clock has this time."""
+    writer = next_bag(out, f"bag_{number}", "jazzy")
+    writer.write(NOTES, START_NS, START_NS, text_message("note"))
+    writer.close(notes)
+    os.utime(writer.folder / "metadata.yaml", times=(0, changed_s))
+    return writer.folder
+
+
 def size(folder):
     return sum(file.stat().st_size for file in folder.glob("*.mcap"))
 
 
 def test_old_bags_are_found(bags, tmp_path):
-    assert find_excess(tmp_path, Limits(age_s=2.5 * 86_400), NOW_S) == Excess(tuple(bags[:2]))
-    assert find_excess(tmp_path, Limits(), NOW_S) == Excess()
+    assert find_excess(tmp_path, Limits(age_s=2.5 * 86_400), NOW_S, True) == Excess(tuple(bags[:2]))
+    assert find_excess(tmp_path, Limits(), NOW_S, True) == Excess()
     assert not Limits().exist
     assert Limits(age_s=1.0).exist
 
 
 def test_the_oldest_bags_go_until_the_others_have_space(bags, tmp_path):
     total = sum(size(folder) for folder in tmp_path.iterdir() if not folder.is_symlink())
-    assert find_excess(tmp_path, Limits(size_bytes=total + 7), NOW_S) == Excess((), 7)
-    assert find_excess(tmp_path, Limits(size_bytes=total - 1), NOW_S) == Excess(tuple(bags[:1]), -1)
-    assert find_excess(tmp_path, Limits(size_bytes=total - 1 - size(bags[0])), NOW_S).bags == tuple(bags[:2])
-    found = find_excess(tmp_path, Limits(size_bytes=0, age_s=math.inf), NOW_S)
+    assert find_excess(tmp_path, Limits(size_bytes=total + 7), NOW_S, True) == Excess((), 7)
+    assert find_excess(tmp_path, Limits(size_bytes=total - 1), NOW_S, True) == Excess(tuple(bags[:1]), -1)
+    assert find_excess(tmp_path, Limits(size_bytes=total - 1 - size(bags[0])), NOW_S, False).bags == tuple(
+        bags[:2]
+    )
+    found = find_excess(tmp_path, Limits(size_bytes=0, age_s=math.inf), NOW_S, False)
     assert found == Excess(tuple(bags), -total)
     assert delete_bags(found.bags) == bags
     assert sorted(path.name for path in tmp_path.iterdir()) == ["killed", "link", "notes", "recorded"]
+
+
+def test_only_a_bag_that_a_right_clock_has_closed_can_be_too_old(bags, tmp_path):
+    month = Limits(age_s=30 * 86_400)
+    never = record(tmp_path, 1, 1000.0)  # the robot has started in 1970
+    late = record(tmp_path, 2, 1000.0, closed_s=f"{NOW_S:.0f}")
+    assert find_excess(tmp_path, month, NOW_S, True) == Excess((), undated=(never,))
+    far_s = NOW_S + 366 * 86_400
+    assert find_excess(tmp_path, month, far_s, False).bags == ()
+    assert find_excess(tmp_path, month, far_s, True).bags == (late, *bags)
+
+
+def test_the_oldest_bag_is_the_first_whatever_the_clock_said(tmp_path):
+    times = (NOW_S, 1000.0, NOW_S + 366 * 86_400, NOW_S + 60, 2000.0)
+    made = [record(tmp_path, number, changed_s) for number, changed_s in enumerate(times)]
+    with BagWriter(tmp_path / "recovered") as writer:
+        writer.write(NOTES, START_NS, START_NS, text_message("note"))
+    os.utime(writer.folder / "metadata.yaml", times=(0, NOW_S + 30))
+    expected = [*made[:2], writer.folder, *made[2:]]
+    assert find_excess(tmp_path, Limits(size_bytes=0), NOW_S, True).bags == tuple(expected)
 
 
 def test_what_is_beyond_the_limits_is_said_in_words(tmp_path):
@@ -60,3 +93,4 @@ def test_what_is_beyond_the_limits_is_said_in_words(tmp_path):
     text = excess_text(Excess((), -2e6), drops=False)
     assert text.startswith("the recordings take 2 MB more than keep_gb: move some")
     assert excess_text(Excess((), -2e6), drops=True) == ""
+    assert "1 bags seem older than keep_days" in excess_text(Excess(undated=(tmp_path,)), drops=True)
