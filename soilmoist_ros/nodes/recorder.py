@@ -8,7 +8,7 @@ import importlib
 import math
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -58,10 +58,27 @@ _CONFIGURATION_S: Final = 1.0
 _LIMITS_S: Final = 60.0
 _CLOCK_S: Final = 60.0
 _OPEN_S: Final = 5.0
-_QUIET_S: Final = 0.1
-"""Time without messages after which the bag is closed [s]."""
-_MAX_CLOSE_S: Final = 0.5
-"""Longest wait for :data:`_QUIET_S` without messages [s]."""
+_LOOK_S: Final = 0.01
+"""Pause between looks for messages in transit, before the bag is closed [s]."""
+_QUIET_LOOKS: Final = 20
+"""Looks without messages after which it is closed."""
+_MAX_LOOKS: Final = 100
+
+
+def take_until_quiet(take: Callable[[], int]) -> None:
+    """Take the messages in transit, at most for a second or so.
+
+    Looks are counted, not time: on a busy computer this thread and that of DDS may both stand still for longer
+    than any time without messages.
+
+    :param take: takes what has arrived, and returns the number of messages
+    """
+    quiet = 0
+    for _ in range(_MAX_LOOKS):
+        quiet = 0 if take() else quiet + 1
+        if quiet == _QUIET_LOOKS:
+            return
+        time.sleep(_LOOK_S)
 
 
 class Recorder(Node):
@@ -121,11 +138,7 @@ class Recorder(Node):
     def close(self) -> None:
         """Record the messages in transit, then close the bag."""
         self._aside.close()
-        end_s = quiet_s = time.monotonic()
-        while time.monotonic() <= min(quiet_s + _QUIET_S, end_s + _MAX_CLOSE_S):
-            if self._record_arrived():
-                quiet_s = time.monotonic()
-            time.sleep(_QUIET_S / 10)
+        take_until_quiet(self._record_arrived)
         state = self._recorder.stop()
         self._listener.destroy_node()
         if state.gone:

@@ -19,6 +19,7 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
+from soilmoist_ros.nodes import recorder
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.bag.storage import recorder_notes
@@ -82,6 +83,18 @@ def test_what_has_arrived_before_the_interrupt_is_recorded(ros, tmp_path, publis
     assert process.wait() == 0
     with BagReader(tmp_path / "bags" / "run") as bag:
         assert bag.read_texts("notes")[-20:] == [f"note {number}" for number in range(20)]
+
+
+def test_messages_in_transit_are_awaited_also_by_a_process_that_stands_still(monkeypatch):
+    arrived = iter([9, *[0] * 18, 11, *[0] * 50])
+    taken = []
+    monkeypatch.setattr(recorder.time, "sleep", lambda _: None)
+    monkeypatch.setattr(recorder.time, "monotonic", lambda: 1000.0 * len(taken))
+    recorder.take_until_quiet(lambda: [taken.append(next(arrived)), taken[-1]][1])
+    assert (sum(taken), len(taken)) == (20, 40)
+    taken.clear()
+    recorder.take_until_quiet(lambda: [taken.append(1), 1][1])
+    assert len(taken) == 100, "not for ever"
 
 
 def test_a_kill_costs_nothing_that_was_flushed(ros, tmp_path, published):
