@@ -58,7 +58,7 @@ _HEADERS: Final = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-_READ_ONLY: Final = "this page is read-only: open the address with the token from the robot's log"
+_READ_ONLY: Final = "this page is read-only: open the address with the token that the console prints"
 
 Handler = Callable[[Any], Awaitable[Any]]
 

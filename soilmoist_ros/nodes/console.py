@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import socket
+import sys
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -258,9 +259,12 @@ class Console(Node):
         self._board.put("health", health_view(parts))
 
     def _show_token(self, token: str) -> None:
-        """Log the address that lets one visitor from another machine steer."""
+        """Print the address that lets one visitor from another machine steer.
+
+        The log is published on ``/rosout``, recorded, and given to visitors who may only look.
+        """
         if self._invites:
-            self.get_logger().info(invitation(self._page, token))
+            print(invitation(self._page, token), file=sys.stderr, flush=True)
 
     def _ignore(self, what: str, error: Exception) -> None:
         what = what.strip()

@@ -18,8 +18,10 @@ pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 from browser import DESK, PHONE, chromium, slide, tap
 from playwright.sync_api import expect
+from rcl_interfaces.msg import Log
 from ros_system import NodeProcess
 from sensor_msgs.msg import BatteryState, PointCloud2
+from std_msgs.msg import String
 from test_commands import Commanded
 from virtual_navigation import START_S, STOPS, VirtualNavigation, World
 
@@ -29,6 +31,7 @@ from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.map_cells import CELL
 from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
+from soilmoist_ros.nodes.runtime.qos import VISITS as ROSOUT
 
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 LIMIT_MS = 30_000
@@ -218,3 +221,15 @@ def test_a_stop_that_is_not_acknowledged_is_said_loudly_and_tried_until_it_is(ro
         seen.page.locator("#stop").click()
         seen.shows("alarm", "no answer from the planner")
         assert seen.errors == []
+
+
+def test_the_token_is_printed_and_not_published(ros, tmp_path):
+    said = ros.collect(Log, "/rosout", ROSOUT)
+    params = {"field": "example", "port": 0, "address": "http://robot.example/", "runs": str(tmp_path)}
+    process = ros.start("console", params=params)
+    token = ros.wait_for(lambda: re.search(r"\?token=([\w-]+) \(once\)", process.output()), message="the token")[1]
+    maps = ros.node.create_publisher(String, "/topological_map_2", LATCHED)
+    maps.publish(String(data="no map"))
+    ros.wait_for(lambda: any("the map of the navigation" in one.msg for one in said), message="a later message")
+    assert any(one.msg == "console: http://robot.example/" for one in said)
+    assert not any(token in one.msg for one in said), "whoever may look could read it in a recording"
