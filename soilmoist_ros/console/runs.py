@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
-from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.foundation.plain_values import finite_number, read_json
 from soilmoist_ros.recording.run_folder import SUMMARY
 
 REPORT: Final = "report.html"
@@ -88,11 +88,11 @@ def _summary(path: Path) -> dict[str, Any]:
         return {
             "field": str(content.get("field") or content.get("title") or ""),
             "start": str(content.get("survey_start_utc") or ""),
-            "duration_s": content.get("survey_duration_s"),
-            "distance_m": content.get("distance_m"),
-            "stops": stops,
+            "duration_s": finite_number(content.get("survey_duration_s")),
+            "distance_m": finite_number(content.get("distance_m")),
+            "stops": finite_number(stops),
             "simulated": bool(content.get("simulated")),
-            "vwc": moisture.get("mean"),
+            "vwc": finite_number(moisture.get("mean")),
         }
     except (OSError, ValueError, AttributeError):
         return {}

@@ -8,6 +8,7 @@ import asyncio
 import gzip
 import hashlib
 import json
+import logging
 import threading
 import time
 from collections.abc import Awaitable, Callable, Mapping
@@ -30,6 +31,7 @@ from soilmoist_ros.console.run_routes import RunRoutes
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.lazy import optional_module
+from soilmoist_ros.reporting.files.strict_json import jsonable
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -59,6 +61,8 @@ _HEADERS: Final = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 _READ_ONLY: Final = "this page is read-only: open the address with the token that the console prints"
+
+_log = logging.getLogger(__name__)
 
 Handler = Callable[[Any], Awaitable[Any]]
 
@@ -297,7 +301,7 @@ class ConsoleServer:
         self._viewers.add(socket)
         client = request.query.get("client", "")[:MAX_CLIENT]
         self._controls.connect(client)
-        sender = asyncio.create_task(self._send(socket, client, self._may_steer(request)))
+        sender = asyncio.create_task(self._show(socket, client, self._may_steer(request)))
         try:
             async for _ in socket:  # what a viewer sends is ignored; the loop ends with the connection
                 pass
@@ -307,6 +311,16 @@ class ConsoleServer:
             sender.cancel()
         return socket
 
+    async def _show(self, socket: Any, client: str, may_steer: bool) -> None:
+        """Keep a viewer up to date; one that cannot be is disconnected, which its page says."""
+        try:
+            await self._send(socket, client, may_steer)
+        except ConnectionError:  # the viewer is gone
+            pass
+        except Exception as error:
+            _log.error("a viewer is disconnected, since its update failed: %r", error)
+            await socket.close(code=1011)
+
     async def _send(self, socket: Any, client: str, may_steer: bool) -> None:
         """Send what has changed, until the viewer is gone."""
         sent: dict[str, Any] = {}
@@ -315,7 +329,7 @@ class ConsoleServer:
             viewer = {"may_steer": may_steer, "holds": self._controls.holds(client), "holder": self._controls.who}
             now = {**self._board.snapshot(), "viewer": viewer}
             message = {**changes(sent, now), "now": round(sent_s, 2), "utc": round(time.time(), 1)}
-            await socket.send_str(json.dumps(message, separators=(",", ":"), allow_nan=False))
+            await socket.send_str(_text(message))
             sent = now
             await asyncio.sleep(UPDATE_S)
             while self._board.version == version and self._board.now_s() < sent_s + IDLE_S:
@@ -369,6 +383,14 @@ class ConsoleServer:
 def _client(content: Any) -> str:
     client = content.get("client", "") if isinstance(content, dict) else ""
     return client[:MAX_CLIENT] if isinstance(client, str) else ""
+
+
+def _text(message: Mapping[str, Any]) -> str:
+    """JSON of a message, with null for numbers that are not finite."""
+    try:
+        return json.dumps(message, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(jsonable(message), separators=(",", ":"))
 
 
 def _visitor(request: Any) -> Visitor:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
+import math
 import socket as sockets
 import time
 import urllib.error
@@ -218,6 +219,33 @@ def test_viewers_receive_what_changes_twice_a_second_at_most(served):
     assert messages[1]["set"] == {"a": [0, 99]}
     assert [message["extend"] for message in messages[2:]] == [{"a": [1, [1, 99]]}, {"a": [2, [2, 99]]}]
     assert min(gaps) > 0.3
+
+
+def first_message(served):
+    """What a new viewer receives first."""
+
+    async def look():
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(f"http://127.0.0.1:{served.port}/live") as viewer,
+        ):
+            return await viewer.receive(timeout=5)
+
+    return asyncio.run(look())
+
+
+def test_numbers_that_are_not_finite_silence_no_viewer(served):
+    served.board.put("nodes", [["a", math.nan, math.inf], ["b", 1.0, 2.0]])
+    said = json.loads(first_message(served).data, parse_constant=pytest.fail)
+    assert said["set"]["nodes"] == [["a", None, None], ["b", 1.0, 2.0]]
+
+
+def test_a_viewer_whose_update_fails_is_disconnected_and_named(served, caplog):
+    served.board.put("a", object())
+    assert first_message(served).type is aiohttp.WSMsgType.CLOSE
+    assert "a viewer is disconnected" in caplog.text
+    served.board.put("a", 1)
+    assert json.loads(first_message(served).data)["set"]["a"] == 1
 
 
 @pytest.mark.slow

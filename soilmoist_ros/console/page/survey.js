@@ -259,7 +259,7 @@ function renderHealth() {
   fill("well", well, () => well.map(row));
 }
 
-const figure = (value, one) => value.toFixed(one.unit === "m³/m³" ? 3 : 2).replace("-", "−");
+const figure = (value, one) => value === null ? "–" : value.toFixed(one.unit === "m³/m³" ? 3 : 2).replace("-", "−");
 
 function renderMap() {
   const about = sections.map;
