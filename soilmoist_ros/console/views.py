@@ -161,8 +161,8 @@ def place_views(places: Iterable[tuple[float, float]]) -> list[list[float]]:
 
 def node_views(names: Iterable[str], xy_m: Array) -> list[list[Any]]:
     """Nodes of the navigation's map as [name, x, y], without those whose place is not finite."""
-    places = zip(names, xy_m.round(PLACE_DIGITS).tolist(), np.isfinite(xy_m).all(axis=1), strict=True)
-    return [[name, *place] for name, place, finite in places if finite]
+    places = zip(names, xy_m.tolist(), strict=True)
+    return [[name, *_place(x_m, y_m)] for name, (x_m, y_m) in places if math.isfinite(x_m) and math.isfinite(y_m)]
 
 
 def visit_view(visit: Visit, robot: str) -> dict[str, Any]:
