@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
+from soilmoist_ros.foundation.configuration import read_limited
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.plain_values import finite_number, read_json
 from soilmoist_ros.recording.run_folder import SUMMARY
 
@@ -82,7 +84,7 @@ def _about(path: Path) -> dict[str, Any]:
 def _summary(path: Path) -> dict[str, Any]:
     """What the summary of a run says for a list; nothing if there is none that can be read."""
     try:
-        content = read_json((path / SUMMARY).read_text(encoding="utf-8"))
+        content = read_json(read_limited(path / SUMMARY).decode("utf-8"))
         stops = (content.get("mission") or {}).get("stops")
         moisture = ((content.get("map") or {}).get("vwc") or {}) if isinstance(content.get("map"), dict) else {}
         return {
@@ -94,5 +96,5 @@ def _summary(path: Path) -> dict[str, Any]:
             "simulated": bool(content.get("simulated")),
             "vwc": finite_number(moisture.get("mean")),
         }
-    except (OSError, ValueError, AttributeError):
+    except (InputError, ValueError, AttributeError):
         return {}

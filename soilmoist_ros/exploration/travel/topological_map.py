@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.travel.stop import PLACE_DIGITS, Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.configuration import read_yaml
+from soilmoist_ros.foundation.configuration import read_limited, read_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.plain_values import read_json
@@ -99,9 +99,7 @@ def read_topological_map(path: Path) -> TopologicalMap:
     """
     if path.suffix.lower() == ".json":
         try:
-            return parse_topological_map(path.read_text(encoding="utf-8-sig"), path)
-        except OSError as error:
-            raise InputError(f"cannot be read: {error.strerror}", "check the path", path) from None
+            return parse_topological_map(read_limited(path).decode("utf-8-sig"), path)
         except UnicodeDecodeError as error:
             raise InputError(f"is not UTF-8 text (byte {error.start})", "save it as UTF-8", path) from None
     found = _checked(read_yaml(path), path)

@@ -176,6 +176,9 @@ def test_a_missing_file_is_an_input_error(tmp_path):
     for name in ("none.json", "none.yaml"):
         with pytest.raises(InputError, match="cannot be read"):
             read_topological_map(tmp_path / name)
+    (tmp_path / "link.json").symlink_to("/dev/null")
+    with pytest.raises(InputError, match="not a regular file"):
+        read_topological_map(tmp_path / "link.json")
 
 
 def test_the_transformation_applies_to_nodes_in_the_maps_own_frame():
