@@ -52,6 +52,8 @@ class Access:
         public: str = "",
     ) -> None:
         self._public = _page_address(public)
+        self.is_proxied = bool(self._public.netloc)
+        """Whether visitors come through a proxy, whose address is then that of all."""
         self._names = {name.lower().rstrip(".") for name in (*names, self._public.hostname or "") if name}
         self.secure = self._public.scheme == "https"
         """Whether browsers shall send the cookie over TLS only."""
@@ -87,7 +89,7 @@ class Access:
         host = _host_name(visitor.headers.get("Host", ""))
         forwarded = any(visitor.headers.get(name) is not None for name in _PROXY)
         from_here = _loopback(visitor.address) and (host == "localhost" or _loopback(host))
-        here = from_here and not forwarded and not self._public.netloc
+        here = from_here and not forwarded and not self.is_proxied
         return here or any(
             hmac.compare_digest(visitor.cookie.encode(), session.encode()) for session in self._sessions
         )

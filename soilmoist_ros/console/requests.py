@@ -4,13 +4,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, Final
 
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.plain_values import finite_number
 
 MAX_TEXT: Final = 200
 MAX_ITEMS: Final = 500
@@ -74,10 +74,7 @@ def _text(name: str, value: Any) -> str:
 
 
 def _number(name: str, value: Any) -> float:
-    try:
-        number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
+    number = finite_number(value)
+    if number is None:
         raise InputError(f"{name} must be a number", "change it")
     return number

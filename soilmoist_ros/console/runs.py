@@ -8,7 +8,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
-from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.foundation.configuration import read_limited
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.plain_values import finite_number, read_json
 from soilmoist_ros.recording.run_folder import SUMMARY
 
 REPORT: Final = "report.html"
@@ -82,17 +84,17 @@ def _about(path: Path) -> dict[str, Any]:
 def _summary(path: Path) -> dict[str, Any]:
     """What the summary of a run says for a list; nothing if there is none that can be read."""
     try:
-        content = read_json((path / SUMMARY).read_text(encoding="utf-8"))
+        content = read_json(read_limited(path / SUMMARY).decode("utf-8"))
         stops = (content.get("mission") or {}).get("stops")
         moisture = ((content.get("map") or {}).get("vwc") or {}) if isinstance(content.get("map"), dict) else {}
         return {
             "field": str(content.get("field") or content.get("title") or ""),
             "start": str(content.get("survey_start_utc") or ""),
-            "duration_s": content.get("survey_duration_s"),
-            "distance_m": content.get("distance_m"),
-            "stops": stops,
+            "duration_s": finite_number(content.get("survey_duration_s")),
+            "distance_m": finite_number(content.get("distance_m")),
+            "stops": finite_number(stops),
             "simulated": bool(content.get("simulated")),
-            "vwc": moisture.get("mean"),
+            "vwc": finite_number(moisture.get("mean")),
         }
-    except (OSError, ValueError, AttributeError):
+    except (InputError, ValueError, AttributeError):
         return {}

@@ -8,8 +8,10 @@ import asyncio
 import gzip
 import hashlib
 import json
+import logging
 import threading
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import Future
 from functools import cache
@@ -19,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from soilmoist_ros.console.access import COOKIE, Access, Visitor
 from soilmoist_ros.console.board import Board, changes
 from soilmoist_ros.console.controls import Controls
+from soilmoist_ros.console.entrance import Entrance
 from soilmoist_ros.console.jobs import Jobs
 from soilmoist_ros.console.maps.background_route import BackgroundRoute
 from soilmoist_ros.console.maps.map_layers import MapLayers
@@ -30,6 +33,7 @@ from soilmoist_ros.console.run_routes import RunRoutes
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.lazy import optional_module
+from soilmoist_ros.reporting.files.strict_json import jsonable
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -48,7 +52,10 @@ CHOICE_LIMIT_S: Final = 60.0
 MAX_BODY: Final = 3 * 1024 * 1024
 """Longest request: a file with a boundary [bytes]."""
 MAX_CLIENT: Final = 64
-MAX_VIEWERS: Final = 50
+MAX_VIEWERS, MAX_VIEWERS_EACH = 50, 10
+"""Viewers who may only look: all, and of one address."""
+KEEP_S: Final = 75.0
+"""Longest time without a request on a connection [s]."""
 _KINDS: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 _HEADERS: Final = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' blob:; frame-ancestors 'none'; "
@@ -58,7 +65,9 @@ _HEADERS: Final = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-_READ_ONLY: Final = "this page is read-only: open the address with the token from the robot's log"
+_READ_ONLY: Final = "this page is read-only: open the address with the token that the console prints"
+
+_log = logging.getLogger(__name__)
 
 Handler = Callable[[Any], Awaitable[Any]]
 
@@ -103,11 +112,14 @@ class ConsoleServer:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)
         self._viewers: set[web.WebSocketResponse] = set()
+        self._onlookers: Counter[str] = Counter()
         self._controls = Controls()
         self._files, self._walks = files, walks
         self._background = background
         self._jobs: Jobs | None = None
         self._runner: web.AppRunner | None = None
+        self._entrance: Entrance | None = None
+        self._listener: asyncio.Server | None = None
 
     def start(self, host: str, port: int, *, else_free: bool = False) -> int:
         """Start to serve.
@@ -158,34 +170,31 @@ class ConsoleServer:
             app.router.add_post(f"/{name}", self._operators(handler))
         for name, handler in (("command", self._on_command), ("release", self._on_release)):
             app.router.add_post(f"/{name}", self._operators(handler, holder=True))
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEP_S)
         await self._runner.setup()
+        assert self._runner.server is not None
+        self._entrance = Entrance(self._runner.server, is_limited=not self._access.is_proxied)
         try:
-            await web.TCPSite(self._runner, host, port).start()
+            self._listener = await self._loop.create_server(self._entrance, host, port)
         except OSError:
             if not else_free:
                 raise
-            await web.TCPSite(self._runner, host, 0).start()
-        return int(self._runner.addresses[0][1])
+            self._listener = await self._loop.create_server(self._entrance, host, 0)
+        return int(self._listener.sockets[0].getsockname()[1])
 
     async def _shut(self) -> None:
         if self._jobs is not None:
             await self._jobs.close()
         for viewer in tuple(self._viewers):
             await viewer.close(code=1001, message=b"the console ends")
+        if self._listener is not None:
+            self._listener.close()
         if self._runner is not None:
-            server = self._runner.server
-
-            def connected() -> list[Any]:
-                return [] if server is None else [each.transport for each in server.connections]
-
-            transports = connected()
             await self._runner.cleanup()
-            # Left are connections whose peers read nothing, and those that arrived during the clean-up.
+        if self._entrance is not None:
+            # Left are connections whose peers read or send nothing, and those that arrived during the clean-up.
             await asyncio.sleep(0)
-            for transport in (*transports, *connected()):
-                if transport is not None:
-                    transport.abort()
+            self._entrance.close()
             await asyncio.sleep(0)
 
     # Guard ---------------------------------------------------------------------------------------------------
@@ -290,14 +299,26 @@ class ConsoleServer:
         return self._web.json_response({"values": picture.at(x_m, y_m) if picture else {}})
 
     async def _on_live(self, request: Any) -> Any:
-        if len(self._viewers) >= MAX_VIEWERS:
-            return self._web.Response(status=503, text=f"{MAX_VIEWERS} viewers are connected already\n")
+        if self._may_steer(request):  # who only looks must not keep operators out
+            return await self._follow(request, may_steer=True)
+        address = _visitor(request).address
+        each = MAX_VIEWERS if self._access.is_proxied else MAX_VIEWERS_EACH
+        if self._onlookers.total() >= MAX_VIEWERS or self._onlookers[address] >= each:
+            return self._web.Response(status=503, text="too many viewers are connected already\n")
+        self._onlookers[address] += 1
+        try:
+            return await self._follow(request, may_steer=False)
+        finally:
+            self._onlookers -= Counter([address])
+
+    async def _follow(self, request: Any, may_steer: bool) -> Any:
+        """Keep a viewer up to date over a WebSocket, until it is gone."""
         socket = self._web.WebSocketResponse(heartbeat=10.0, compress=True, max_msg_size=1024)
         await socket.prepare(request)
         self._viewers.add(socket)
         client = request.query.get("client", "")[:MAX_CLIENT]
         self._controls.connect(client)
-        sender = asyncio.create_task(self._send(socket, client, self._may_steer(request)))
+        sender = asyncio.create_task(self._show(socket, client, may_steer))
         try:
             async for _ in socket:  # what a viewer sends is ignored; the loop ends with the connection
                 pass
@@ -307,6 +328,16 @@ class ConsoleServer:
             sender.cancel()
         return socket
 
+    async def _show(self, socket: Any, client: str, may_steer: bool) -> None:
+        """Keep a viewer up to date; one that cannot be is disconnected, which its page says."""
+        try:
+            await self._send(socket, client, may_steer)
+        except ConnectionError:  # the viewer is gone
+            pass
+        except Exception as error:
+            _log.error("a viewer is disconnected, since its update failed: %r", error)
+            await socket.close(code=1011)
+
     async def _send(self, socket: Any, client: str, may_steer: bool) -> None:
         """Send what has changed, until the viewer is gone."""
         sent: dict[str, Any] = {}
@@ -315,7 +346,7 @@ class ConsoleServer:
             viewer = {"may_steer": may_steer, "holds": self._controls.holds(client), "holder": self._controls.who}
             now = {**self._board.snapshot(), "viewer": viewer}
             message = {**changes(sent, now), "now": round(sent_s, 2), "utc": round(time.time(), 1)}
-            await socket.send_str(json.dumps(message, separators=(",", ":"), allow_nan=False))
+            await socket.send_str(_text(message))
             sent = now
             await asyncio.sleep(UPDATE_S)
             while self._board.version == version and self._board.now_s() < sent_s + IDLE_S:
@@ -369,6 +400,14 @@ class ConsoleServer:
 def _client(content: Any) -> str:
     client = content.get("client", "") if isinstance(content, dict) else ""
     return client[:MAX_CLIENT] if isinstance(client, str) else ""
+
+
+def _text(message: Mapping[str, Any]) -> str:
+    """JSON of a message, with null for numbers that are not finite."""
+    try:
+        return json.dumps(message, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(jsonable(message), separators=(",", ":"))
 
 
 def _visitor(request: Any) -> Visitor:

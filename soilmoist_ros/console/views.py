@@ -9,6 +9,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES
@@ -17,6 +20,8 @@ from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.simulation.mission.settings import PRESETS
+
+Array = NDArray[np.float64]
 
 _PHASES: Final = {
     Phase.IDLE: "Ready",
@@ -141,6 +146,23 @@ def sample_views(samples: Samples) -> tuple[list[float], ...]:
         [*_place(float(x_m), float(y_m)), int(counts), round(float(exposure_s), 1)]
         for (x_m, y_m), counts, exposure_s in zip(samples.xy, samples.counts, samples.exposure_s, strict=True)
     )
+
+
+def place_views(places: Iterable[tuple[float, float]]) -> list[list[float]]:
+    """Places on the map [m].
+
+    :raises ValueError: if one is not finite
+    """
+    shown = [_place(float(x_m), float(y_m)) for x_m, y_m in places]
+    if not all(math.isfinite(value) for place in shown for value in place):
+        raise ValueError("a place is not finite")
+    return shown
+
+
+def node_views(names: Iterable[str], xy_m: Array) -> list[list[Any]]:
+    """Nodes of the navigation's map as [name, x, y], without those whose place is not finite."""
+    places = zip(names, xy_m.tolist(), strict=True)
+    return [[name, *_place(x_m, y_m)] for name, (x_m, y_m) in places if math.isfinite(x_m) and math.isfinite(y_m)]
 
 
 def visit_view(visit: Visit, robot: str) -> dict[str, Any]:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import re
+import stat
 from io import StringIO
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -17,6 +18,7 @@ from ruamel.yaml.events import AliasEvent
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.suggestions import did_you_mean
 
+_MAX_BYTES: Final = 50_000_000
 _MAX_YAML_BYTES: Final = 2_000_000
 _MAX_YAML_DEPTH: Final = 100
 _MAX_YAML_VALUES: Final = 100_000
@@ -68,17 +70,33 @@ def resource(kind: str, name: str) -> Path:
     )
 
 
+def read_limited(path: Path, remedy: str = "check the path and its permissions", limit: int = _MAX_BYTES) -> bytes:
+    """The content of a file that may come from a stranger, or that a file of a stranger names.
+
+    :param remedy: what to do if it cannot be read
+    :param limit: largest size [bytes]
+    :raises InputError: if it cannot be read, is larger, or is no regular file: a device or a pipe may have no end
+    """
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise InputError("cannot be read: it is not a regular file", remedy, path)
+        with path.open("rb") as file:
+            data = file.read(limit + 1)
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {reason}", remedy, path) from None
+    if len(data) > limit:
+        raise InputError(f"is larger than {limit / 1e6:g} MB", "give a smaller file", path)
+    return data
+
+
 def read_yaml(path: Path) -> Any:
     """The content of a YAML file, with the line numbers that :func:`load_model` reports.
 
-    :raises InputError: if the file cannot be read or is not valid YAML
+    :raises InputError: if the file cannot be read, is larger than 2 MB, or is not valid YAML
     """
     try:
-        with path.open("rb") as file:
-            data = file.read(_MAX_YAML_BYTES + 1)
-        text = data.decode("utf-8-sig") if len(data) <= _MAX_YAML_BYTES else " " * len(data)
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", "check the path and its permissions", path) from None
+        text = read_limited(path, limit=_MAX_YAML_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
             f"is not UTF-8 text (byte {error.start})", "save the file as UTF-8 in a text editor", path

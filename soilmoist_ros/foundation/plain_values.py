@@ -20,6 +20,21 @@ def read_json(text: str | bytes) -> Any:
         raise ValueError("it is nested too deeply") from None
 
 
+def finite_number(value: Any) -> float | None:
+    """The value of a JSON text as a number; ``None`` if it is no number, or is not finite.
+
+    >>> finite_number(3), finite_number(10**400), finite_number(float("nan")), finite_number(True)
+    (3.0, None, None, None)
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return None
+    return number if math.isfinite(number) else None
+
+
 def nan_as_text(value: Any) -> Any:
     """The value with NaN and infinity as text, which reads back as a number: JSON has no word for them."""
     if isinstance(value, dict):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field as Setting
 from pydantic import model_validator
 
+from soilmoist_ros.foundation.configuration import read_limited
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
 from soilmoist_ros.foundation.places import distance_text
@@ -240,9 +241,7 @@ def _require_plausible(
 def _read_geojson(path: Path) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
     """Exterior and holes, as longitude and latitude, of the only polygon in a GeoJSON file."""
     try:
-        content = read_json(path.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", "check 'geojson' in the field file", path) from None
+        content = read_json(read_limited(path, "check 'geojson' in the field file").decode("utf-8-sig"))
     except ValueError as error:
         raise InputError(f"is not valid JSON: {error}", "export the boundary again as GeoJSON", path) from None
     polygons = list(_polygons(content))

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import socket
+import sys
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -38,6 +39,8 @@ from soilmoist_ros.console.views import (
     field_view,
     health_view,
     mission_view,
+    node_views,
+    place_views,
     sample_views,
     visit_view,
 )
@@ -158,10 +161,12 @@ class Console(Node):
         self._board.hear(f"mission/{robot}")
 
     def _on_state(self, robot: str, message: Any) -> None:
-        areas = [
-            [[float(corner.x), float(corner.y)] for corner in area.points] for area in message.ruled_out_areas
-        ]
-        self._board.put(f"ruled_out/{robot}", areas)
+        try:
+            areas = [place_views((one.x, one.y) for one in area.points) for area in message.ruled_out_areas]
+        except ValueError as error:
+            self._ignore(f"{robot} ruled-out areas", error)
+        else:
+            self._board.put(f"ruled_out/{robot}", areas)
         if message.field != self._chosen.get(robot, ""):
             self._chosen[robot] = message.field
             self._use_field(Path(message.field) if message.field else self._start)
@@ -191,7 +196,10 @@ class Console(Node):
         self._walks[robot].place(float(x_m), float(y_m), position.horizontal_sd_m)
 
     def _on_plan(self, robot: str, message: PathMessage) -> None:
-        self._board.put(f"plan/{robot}", [[round(x_m, 2), round(y_m, 2)] for x_m, y_m in path_to_places(message)])
+        try:
+            self._board.put(f"plan/{robot}", place_views(path_to_places(message)))
+        except ValueError as error:
+            self._ignore(f"{robot} plan", error)
 
     def _on_visit(self, robot: str, message: Any) -> None:
         from msg_adapters.soilmoist.visits import visit_from_message
@@ -244,8 +252,12 @@ class Console(Node):
         xy, datum = found.graph.xy, found.datum
         if datum is not None:
             xy = self._field.frame.to_local(*datum.to_geographic(xy).T)
-        places = xy.round(2).tolist()
-        self._board.put("nodes", [[name, *place] for name, place in zip(found.graph.names, places, strict=True)])
+        nodes = node_views(found.graph.names, xy)
+        if lost := len(xy) - len(nodes):
+            remedy = "check datum_latitude and datum_longitude of the map"
+            beyond = InputError("they are on the other side of the earth", remedy)
+            self._ignore(f"{lost} of {len(xy)} nodes of the navigation's map", beyond)
+        self._board.put("nodes", nodes)
 
     def _show_health(self) -> None:
         oldest_s = self._board.now_s() - STALE_S
@@ -258,9 +270,12 @@ class Console(Node):
         self._board.put("health", health_view(parts))
 
     def _show_token(self, token: str) -> None:
-        """Log the address that lets one visitor from another machine steer."""
+        """Print the address that lets one visitor from another machine steer.
+
+        The log is published on ``/rosout``, recorded, and given to visitors who may only look.
+        """
         if self._invites:
-            self.get_logger().info(invitation(self._page, token))
+            print(invitation(self._page, token), file=sys.stderr, flush=True)
 
     def _ignore(self, what: str, error: Exception) -> None:
         what = what.strip()

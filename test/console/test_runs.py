@@ -57,6 +57,15 @@ def test_a_summary_that_cannot_be_read_harms_nothing(folder):
         assert {run["name"] for run in list_runs(folder)} == {"first", "second"}
 
 
+def test_numbers_of_a_summary_that_are_none_are_left_out(folder):
+    digits = "9" * 400
+    text = f'{{"survey_duration_s": NaN, "distance_m": {digits}, "mission": {{"stops": "x"}}}}'
+    (folder / "first" / "summary.json").write_text(text)
+    (first,) = (run for run in list_runs(folder) if run["name"] == "first")
+    assert (first["duration_s"], first["distance_m"], first["stops"]) == (None, None, None)
+    json.dumps(first, allow_nan=False)
+
+
 @pytest.mark.parametrize(
     ("run", "name"),
     [

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The server of the console (server.py), without robots."""
+"""The server of the console (server.py, entrance.py), without robots."""
 
 from __future__ import annotations
 
 import asyncio
 import gc
 import json
+import math
 import socket as sockets
 import time
 import urllib.error
@@ -21,6 +22,7 @@ import pytest
 import rasterio
 from rasterio import Affine
 
+from soilmoist_ros.console import entrance
 from soilmoist_ros.console import server as module
 from soilmoist_ros.console.access import Access
 from soilmoist_ros.console.board import Board
@@ -218,6 +220,106 @@ def test_viewers_receive_what_changes_twice_a_second_at_most(served):
     assert messages[1]["set"] == {"a": [0, 99]}
     assert [message["extend"] for message in messages[2:]] == [{"a": [1, [1, 99]]}, {"a": [2, [2, 99]]}]
     assert min(gaps) > 0.3
+
+
+def first_message(served):
+    """What a new viewer receives first."""
+
+    async def look():
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(f"http://127.0.0.1:{served.port}/live") as viewer,
+        ):
+            return await viewer.receive(timeout=5)
+
+    return asyncio.run(look())
+
+
+def test_numbers_that_are_not_finite_silence_no_viewer(served):
+    served.board.put("nodes", [["a", math.nan, math.inf], ["b", 1.0, 2.0]])
+    said = json.loads(first_message(served).data, parse_constant=pytest.fail)
+    assert said["set"]["nodes"] == [["a", None, None], ["b", 1.0, 2.0]]
+
+
+def test_a_viewer_whose_update_fails_is_disconnected_and_named(served, caplog):
+    served.board.put("a", object())
+    assert first_message(served).type is aiohttp.WSMsgType.CLOSE
+    assert "a viewer is disconnected" in caplog.text
+    served.board.put("a", 1)
+    assert json.loads(first_message(served).data)["set"]["a"] == 1
+
+
+def test_those_who_only_look_keep_no_operator_out(served, monkeypatch):
+    monkeypatch.setattr(module, "MAX_VIEWERS", 3)
+    monkeypatch.setattr(module, "MAX_VIEWERS_EACH", 2)
+
+    async def come():
+        sessions = []
+
+        async def look(number, **headers):
+            """A viewer from 127.0.0.NUMBER."""
+            sessions.append(
+                aiohttp.ClientSession(connector=aiohttp.TCPConnector(local_addr=(f"127.0.0.{number}", 0)))
+            )
+            return await sessions[-1].ws_connect(f"http://127.0.0.1:{served.port}/live", headers=headers)
+
+        far = {"Host": "192.168.1.5"}
+        first = [await look(2, **far), await look(2, **far), await look(3, **far)]
+        operators = [await look(1) for _ in range(3)]
+        assert all([(await one.receive_json(timeout=20))["set"]["viewer"]["may_steer"] for one in operators])
+        for number in (2, 4):
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
+                await look(number, **far)
+        await first[0].close()
+        while served.server._onlookers.total() > 2:
+            await asyncio.sleep(0.01)
+        await look(4, **far)
+        for session in sessions:
+            await session.close()
+
+    asyncio.run(come())
+
+
+def connected(served, number):
+    """A connection from 127.0.0.NUMBER that sends nothing."""
+    return sockets.create_connection(("127.0.0.1", served.port), 20, (f"127.0.0.{number}", 0))
+
+
+def ended(connection):
+    """Whether the server ends a connection."""
+    try:
+        return connection.recv(1) == b""
+    except ConnectionResetError:
+        return True
+
+
+def test_one_address_does_not_take_all_connections(served, monkeypatch):
+    monkeypatch.setattr(entrance, "MAX_CONNECTIONS", 2)
+    with connected(served, 2) as first, connected(served, 2), connected(served, 2) as third:
+        assert ended(third)
+        assert served.get("/")[0] == 200, "another address is served"
+        first.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
+        while first.recv(65536):
+            pass
+        with connected(served, 2) as later:
+            later.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            assert later.recv(12) == b"HTTP/1.1 200"
+
+
+def test_behind_a_proxy_all_visitors_have_one_address(tmp_path, monkeypatch):
+    monkeypatch.setattr(entrance, "MAX_CONNECTIONS", 1)
+    served = Served(Access(public="https://robot.example/"), tmp_path)
+    try:
+        with connected(served, 1), connected(served, 1):
+            assert served.get("/")[0] == 200
+    finally:
+        served.server.close()
+
+
+def test_a_connection_that_sends_nothing_is_ended(served, monkeypatch):
+    monkeypatch.setattr(entrance, "FIRST_BYTES_S", 0.1)
+    with connected(served, 1) as silent:
+        assert ended(silent)
 
 
 @pytest.mark.slow

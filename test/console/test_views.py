@@ -8,11 +8,20 @@ import json
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from soilmoist_ros.console.board import Board, changes
 from soilmoist_ros.console.robot_history import MAX_TRAIL, MAX_VISITS, RobotHistory, VisitHistory
-from soilmoist_ros.console.views import field_view, headline, health_view, mission_view, sample_views
+from soilmoist_ros.console.views import (
+    field_view,
+    headline,
+    health_view,
+    mission_view,
+    node_views,
+    place_views,
+    sample_views,
+)
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health, Level
@@ -56,6 +65,13 @@ def test_the_worst_part_comes_first():
 def test_field_and_samples_are_json():
     json.dumps(field_view(surrogate_field("half-wet").field), allow_nan=False)
     assert sample_views(Samples([(1.234567, 2.0)], [30], [10.04])) == ([1.23, 2.0, 30, 10.0],)
+
+
+def test_places_that_are_not_finite_are_not_shown():
+    assert node_views("abc", np.array([[1.234, 2.0], [NAN, NAN], [3.0, math.inf]])) == [["a", 1.23, 2.0]]
+    assert place_views([(1.234, 2.0)]) == [[1.23, 2.0]]
+    with pytest.raises(ValueError, match="not finite"):
+        place_views([(1.0, 2.0), (NAN, 2.0)])
 
 
 def test_a_way_is_kept_for_those_who_come_late():

@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """YAML of strangers: what would take minutes, gigabytes or the stack is refused with a reason."""
 
+import os
+
 import pytest
 
-from soilmoist_ros.foundation.configuration import parse_yaml, read_yaml
+from soilmoist_ros.foundation.configuration import parse_yaml, read_limited, read_yaml
 from soilmoist_ros.foundation.errors import InputError
 
 LAUGHS = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -49,6 +51,22 @@ def test_a_file_names_its_line(tmp_path):
     path.write_text("x" * 5_000_000)
     with pytest.raises(InputError, match="larger than 2 MB"):
         read_yaml(path)
+
+
+def test_what_has_no_end_or_is_too_large_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("/dev/zero")
+    for name in ("pipe", "link", "."):
+        for read in (read_limited, read_yaml):
+            with pytest.raises(InputError, match="not a regular file"):
+                read(tmp_path / name)
+    (tmp_path / "four").write_bytes(b"four")
+    assert read_limited(tmp_path / "four", limit=4) == b"four"
+    with pytest.raises(InputError, match="is larger than"):
+        read_limited(tmp_path / "four", limit=3)
+    for name in ("none", "nu\0ll"):
+        with pytest.raises(InputError, match=r"cannot be read: .* -> check it"):
+            read_limited(tmp_path / name, "check it")
 
 
 def test_usual_aliases_are_read_as_ever():

@@ -60,6 +60,7 @@ def test_boundary_in_degrees_and_in_geojson_are_the_same_field(tmp_path):
         (SQUARE + "polygon: [[0,0],[1,0]]\n", "at least 3 items"),
         (SQUARE + "polygon_lonlat: [[53,200],[1,0],[1,1]]\n", "is not \\[longitude, latitude\\] in degrees"),
         (SQUARE + "geojson: missing.json\n", "cannot be read"),
+        (SQUARE + "geojson: /dev/null\n", "not a regular file"),
         (SQUARE + "polgon: [[0,0],[1,0],[1,1]]\n", "did you mean 'polygon'"),
         (
             "datum: {latitude_deg: -97.4, longitude_deg: 38.7}\n",

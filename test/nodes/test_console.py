@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import signal
@@ -16,10 +17,13 @@ import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
+from aiohttp import ClientSession
 from browser import DESK, PHONE, chromium, slide, tap
 from playwright.sync_api import expect
+from rcl_interfaces.msg import Log
 from ros_system import NodeProcess
 from sensor_msgs.msg import BatteryState, PointCloud2
+from std_msgs.msg import String
 from test_commands import Commanded
 from virtual_navigation import START_S, STOPS, VirtualNavigation, World
 
@@ -29,6 +33,7 @@ from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.map_cells import CELL
 from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
+from soilmoist_ros.nodes.runtime.qos import VISITS as ROSOUT
 
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 LIMIT_MS = 30_000
@@ -218,3 +223,34 @@ def test_a_stop_that_is_not_acknowledged_is_said_loudly_and_tried_until_it_is(ro
         seen.page.locator("#stop").click()
         seen.shows("alarm", "no answer from the planner")
         assert seen.errors == []
+
+
+def test_the_token_is_printed_and_not_published(ros, tmp_path):
+    said = ros.collect(Log, "/rosout", ROSOUT)
+    params = {"field": "example", "port": 0, "address": "http://robot.example/", "runs": str(tmp_path)}
+    process = ros.start("console", params=params)
+    token = ros.wait_for(lambda: re.search(r"\?token=([\w-]+) \(once\)", process.output()), message="the token")[1]
+    maps = ros.node.create_publisher(String, "/topological_map_2", LATCHED)
+    maps.publish(String(data="no map"))
+    ros.wait_for(lambda: any("the map of the navigation" in one.msg for one in said), message="a later message")
+    assert any(one.msg == "console: http://robot.example/" for one in said)
+    assert not any(token in one.msg for one in said), "whoever may look could read it in a recording"
+
+
+def test_a_map_of_the_other_side_of_the_earth_is_named_and_the_page_goes_on(ros, tmp_path):
+    outline = {"datum": {"latitude_deg": -35.0, "longitude_deg": 149.0}, "polygon": [[0, 0], [9, 0], [9, 9]]}
+    (tmp_path / "field.yaml").write_text(json.dumps({"name": "far field", **outline}))
+    process = ros.start("console", params={"field": str(tmp_path / "field.yaml"), "port": 0, "runs": "."})
+    address = ros.wait_for(lambda: re.search(r"console: (http://\S+)", process.output()))[1]
+    node = {"name": "n1", "pose": {"position": {"x": 1.0, "y": 2.0}}, "edges": []}
+    datum = {"datum_latitude": 0.0, "datum_longitude": 0.0}
+    maps = ros.node.create_publisher(String, "/topological_map_2", LATCHED)
+    maps.publish(String(data=json.dumps({"meta": datum, "nodes": [{"node": node}]})))
+    ros.wait_for(lambda: "1 of 1 nodes of the navigation's map cannot be used" in process.output())
+
+    async def look():
+        async with ClientSession() as session, session.ws_connect(f"{address}live") as viewer:
+            return await viewer.receive_json(timeout=20)
+
+    shown = asyncio.run(look())["set"]
+    assert (shown["field"]["name"], shown["nodes"]) == ("far field", [])

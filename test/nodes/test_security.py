@@ -2,6 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The policy of SROS 2 names what nodes use and nothing else; none runs without the security asked for."""
 
+import os
+import stat
+import subprocess
+import sys
 import time
 from pathlib import Path
 from xml.etree import ElementTree
@@ -137,6 +141,30 @@ def test_robots_get_enclaves_of_their_own_and_see_each_others_mission(load_scrip
     assert "/r2/counts" not in of_salt
     of_recorder = permitted(next(enclaves["/soilmoist/r1/recorder"].iter("profile")))["client"]
     assert "/r1/salt/mapper/get_parameters" in of_recorder
+
+
+def test_an_operator_and_a_console_stop_and_see_all_robots(load_script):
+    tree = load_script("keystore").policy(["/r1", "/r2"])
+    enclaves = {one.attrib["path"]: permitted(next(one.iter("profile"))) for one in tree.getroot().iter("enclave")}
+    stops = {"/r1/emergency_stop", "/r2/emergency_stop"}
+    console = enclaves["/soilmoist/r1/console"]
+    assert stops <= enclaves["/soilmoist/operator"]["publisher"]
+    assert stops <= console["publisher"]
+    assert {"/r1/planner/command", "/r2/planner/command"} <= console["client"]
+    seen = ("battery_state", "fix", "mission", "mission_state", "plan", "visits")
+    assert {f"{robot}/{topic}" for robot in ("/r1", "/r2") for topic in seen} <= console["subscriber"]
+    assert "/r2/soil_map" not in console["subscriber"], "it shows the map of its own namespace"
+
+
+def test_a_keystore_is_for_its_owner_alone(tmp_path):
+    tool = tmp_path / "ros2"
+    tool.write_text(f'#!{sys.executable}\nimport sys\nopen(sys.argv[4], "w").write("a key")\n')
+    tool.chmod(0o755)
+    path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
+    made = tmp_path / "keys"
+    command = [sys.executable, str(ROOT / "scripts" / "keystore"), str(made)]
+    subprocess.run(command, env={**os.environ, "PATH": path}, umask=0o022, check=True, capture_output=True)
+    assert stat.S_IMODE(made.stat().st_mode) == 0o600
 
 
 def test_only_keys_for_rehearsals_let_a_simulator_set_the_time(load_script):

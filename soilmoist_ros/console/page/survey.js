@@ -164,7 +164,7 @@ function renderState() {
 function actions(now) {
   if (!now || !connected()) return [];
   if (sections.watch_only) return [];
-  if (!mayAsk()) return [element("p", {}, "Read-only: open the address with the token from the robot's log.")];
+  if (!mayAsk()) return [element("p", {}, "Read-only: open the address with the token that the console prints.")];
   if (taken()) return [element("p", {}, `${sections.viewer.holder} has the controls. STOP works for everybody.`), slide("Slide to take over the controls", takeOver)];
   if (heardAgo() > GONE_S) return [element("p", {}, "The planner is not heard any more: it has ended, or the link to it is lost.")];
   if (now.emergency) return [slide("Slide to release STOP", release, "danger")];
@@ -259,7 +259,7 @@ function renderHealth() {
   fill("well", well, () => well.map(row));
 }
 
-const figure = (value, one) => value.toFixed(one.unit === "m³/m³" ? 3 : 2).replace("-", "−");
+const figure = (value, one) => value === null ? "–" : value.toFixed(one.unit === "m³/m³" ? 3 : 2).replace("-", "−");
 
 function renderMap() {
   const about = sections.map;

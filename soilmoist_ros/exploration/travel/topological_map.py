@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.travel.stop import PLACE_DIGITS, Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.configuration import read_yaml
+from soilmoist_ros.foundation.configuration import read_limited, read_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.foundation.plain_values import finite_number, read_json
 from soilmoist_ros.foundation.suggestions import listing
 
 ZONE_RADIUS_M = 0.75
@@ -67,7 +67,7 @@ class TopologicalMap:
         meta = self.document.get("meta")
         try:
             return LocalFrame(*(float(meta[f"datum_{name}"]) for name in ("latitude", "longitude")))  # type: ignore[index]
-        except (TypeError, KeyError, ValueError):
+        except (TypeError, KeyError, ValueError, OverflowError):
             return None
 
     def has_ways_of(self, other: TopologicalMap) -> bool:
@@ -103,9 +103,7 @@ def read_topological_map(path: Path) -> TopologicalMap:
     """
     if path.suffix.lower() == ".json":
         try:
-            return parse_topological_map(path.read_text(encoding="utf-8-sig"), path)
-        except OSError as error:
-            raise InputError(f"cannot be read: {error.strerror}", "check the path", path) from None
+            return parse_topological_map(read_limited(path).decode("utf-8-sig"), path)
         except UnicodeDecodeError as error:
             raise InputError(f"is not UTF-8 text (byte {error.start})", "save it as UTF-8", path) from None
     found = _checked(read_yaml(path), path)
@@ -290,6 +288,8 @@ def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
     if double:
         raise ValueError(f"{name} has more than one edge {listing(double)}")
     x, y = move.apply(place, str(node.get("parent_frame") or node.get("nav_frame") or ""))
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"{name} has no finite place after the map's transformation")
     return Stop(str(name), x, y), [str(edge["node"]) for edge in edges]
 
 
@@ -315,7 +315,7 @@ def _transformation(content: Mapping[str, Any]) -> _Move:
         w, x, y, z = (float(found["rotation"][key]) for key in "wxyz")  # type: ignore[index]
         shift = tuple(float(found["translation"][key]) for key in "xy")  # type: ignore[index]
         child = str(found.get("child") or found.get("topo_frame_id") or "")  # type: ignore[union-attr]
-    except (TypeError, KeyError, ValueError, AttributeError):
+    except (TypeError, KeyError, ValueError, AttributeError, OverflowError):
         return _Move()
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
@@ -323,9 +323,10 @@ def _transformation(content: Mapping[str, Any]) -> _Move:
 
 
 def _number(value: Any, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise ValueError(f"{what} is not a number, but {value!r}")
-    return float(value)
+    number = finite_number(value)
+    if number is None:
+        raise ValueError(f"{what} is not a number, but {value!r:.80}")
+    return number
 
 
 def _double(names: Iterable[str]) -> list[str]:

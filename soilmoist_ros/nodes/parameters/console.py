@@ -14,7 +14,7 @@ PARAMETERS: Final = (
         name="host",
         default="127.0.0.1",
         description="address to listen on; 0.0.0.0 for all networks. From other machines the page is read-only, "
-        "unless it is opened with the token in the log",
+        "unless it is opened with the token that the console prints",
     ),
     Parameter(name="port", default=8050, description="TCP port of the page; 0 for a free one", low=0, high=65535),
     Parameter(
@@ -27,7 +27,7 @@ PARAMETERS: Final = (
         name="address",
         default="",
         description="address of the page behind a proxy, such as https://robot.example/; then nobody steers "
-        "without the token in the log; empty without a proxy",
+        "without the token that the console prints; empty without a proxy",
     ),
     Parameter(
         name="robots",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.functional_validators import AfterValidator
 
+from soilmoist_ros.foundation.configuration import read_limited
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.recording.run_folder import SUMMARY
@@ -117,12 +118,12 @@ def shape_of(feature: Mapping[str, Any], path: Path) -> BaseGeometry:
 
 def _read(path: Path, kind: type[_Part]) -> dict[str, Any]:
     try:
-        content = read_json(path.read_text(encoding="utf-8"))
+        content = read_json(read_limited(path, "make the run again").decode("utf-8"))
         kind.model_validate(content)
     except ValidationError as error:
         found = error.errors(include_url=False)
         mistakes = [Mistake(one["msg"], REMEDY, path, 0, ".".join(map(str, one["loc"]))) for one in found[:5]]
         raise InputError(mistakes) from None
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise InputError(f"cannot be read: {error}", "make the run again", path) from None
     return dict(content)

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.configuration import read_limited
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.suggestions import did_you_mean
 
@@ -125,10 +126,7 @@ def read_neutron_monitor(
     :param max_gap_s: maximum duration of a gap that is filled [s]
     :raises InputError: if the file cannot be read, has uncorrected counts, no positive rate, or not the station
     """
-    try:
-        text = path.read_bytes().decode("utf-8-sig", errors="replace")
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", "check 'file' under 'intensity'", path) from None
+    text = read_limited(path, "check 'file' under 'intensity'").decode("utf-8-sig", errors="replace")
     export = _read_lines(text, path)
     if _NOT_CORRECTED.search(export.values.get("DATA TYPE", "")):
         remedy = "export the rates 'corrected for pressure and efficiency' instead"

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from soilmoist_ros.foundation.configuration import read_limited
 from soilmoist_ros.foundation.errors import InputError, Mistake
 
 _COLUMNS = "vwc, gravimetric_water, bulk_density_gcm3, weight, profile, distance_m, depth_cm, top_cm and bottom_cm"
@@ -102,9 +103,7 @@ def _differences(cores: Sequence[SoilCore], path: Path) -> list[Mistake]:
 
 def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", "check the path of the cores", path) from None
+        text = read_limited(path, "check the path of the cores").decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError("is not UTF-8 text", "save the table as CSV in UTF-8", path) from None
     lines = [line for line in text.splitlines() if not line.lstrip().startswith("#")]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BeforeValidator, create_model, model_validator
 from pydantic import Field as Setting
 
-from soilmoist_ros.foundation.configuration import config_folder, read_yaml, resource, resource_names
+from soilmoist_ros.foundation.configuration import config_folder, read_limited, read_yaml, resource, resource_names
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.sections import Section, line_of, load_model
 from soilmoist_ros.simulation.campaign.hindsight import LATTICE_DWELLS
@@ -303,14 +303,14 @@ def _file_digest(path: Path) -> str:
 
     :raises InputError: if the file cannot be read
     """
-    digest = hashlib.sha256()
-    try:
-        digest.update(path.read_bytes())
-        for name in sorted(set(_texts(read_yaml(path)))):
-            with suppress(OSError, ValueError):  # most texts are not file names; some are invalid file names
-                digest.update(b"\0" + (path.parent / name).read_bytes())
-    except OSError as error:
-        raise InputError(f"the file cannot be read: {error.strerror}", "check its path", path) from None
+    digest = hashlib.sha256(read_limited(path))
+    for name in sorted(set(_texts(read_yaml(path)))):
+        named = path.parent / name
+        with suppress(OSError):  # most texts are not file names; some are invalid file names
+            if named.is_file():  # not a device or a pipe, which may have no end
+                with named.open("rb") as file:
+                    digest.update(b"\0")
+                    hashlib.file_digest(file, lambda: digest)
     return f"sha256:{digest.hexdigest()}"
 
 

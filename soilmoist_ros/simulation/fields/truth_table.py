@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.foundation.configuration import read_limited
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.covariates.rasters import opened_raster
@@ -247,9 +248,7 @@ def _read_table(path: Path, gaps: bool, least: int) -> Table:
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Rows of a CSV with their line numbers, without empty lines and comments."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", "check 'truth' in the field file", path) from None
+        text = read_limited(path, "check 'truth' in the field file").decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError("is not UTF-8 text", "give a CSV file, or a GeoTIFF that ends in .tif", path) from None
     for number, line in enumerate(text.splitlines(), start=1):

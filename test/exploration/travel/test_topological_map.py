@@ -176,6 +176,26 @@ def test_a_missing_file_is_an_input_error(tmp_path):
     for name in ("none.json", "none.yaml"):
         with pytest.raises(InputError, match="cannot be read"):
             read_topological_map(tmp_path / name)
+    (tmp_path / "link.json").symlink_to("/dev/null")
+    with pytest.raises(InputError, match="not a regular file"):
+        read_topological_map(tmp_path / "link.json")
+
+
+def test_numbers_without_end_are_named_or_ignored():
+    large = int("9" * 400)
+    content = document()
+    content["meta"] = {"datum_latitude": large, "datum_longitude": 0.0}
+    content["transformation"]["translation"]["x"] = large
+    found = parse(content)
+    assert found.datum is None
+    np.testing.assert_allclose(found.graph.xy, graph().xy, atol=5e-5)
+    content["nodes"][2]["node"]["parent_frame"] = "topo_map"
+    content["transformation"]["translation"]["x"] = float("inf")
+    with pytest.raises(InputError, match="no finite place after the map's transformation"):
+        parse(content)
+    content["nodes"][0]["node"]["pose"]["position"]["x"] = large
+    with pytest.raises(InputError, match="position x is not a number, but 9999"):
+        parse(content)
 
 
 def test_the_transformation_applies_to_nodes_in_the_maps_own_frame():

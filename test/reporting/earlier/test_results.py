@@ -55,6 +55,12 @@ def test_what_is_no_object_is_refused(tmp_path, text):
             read(given)
 
 
+def test_a_summary_without_an_end_is_not_read(tmp_path):
+    (tmp_path / "summary.json").symlink_to("/dev/null")
+    with pytest.raises(InputError, match="not a regular file"):
+        read_summary(tmp_path)
+
+
 @pytest.mark.parametrize("feature", [5, {}, {"properties": {}}, {"properties": {}, "geometry": None}])
 def test_a_feature_has_a_geometry_and_properties(tmp_path, feature):
     path = tmp_path / "samples.geojson"

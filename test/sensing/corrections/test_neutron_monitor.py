@@ -162,3 +162,5 @@ def test_bad_rows_are_named(tmp_path) -> None:
     assert [mistake.line for mistake in caught.value.mistakes] == [2, 3]
     with pytest.raises(InputError, match="cannot be read"):
         read_neutron_monitor(tmp_path / "missing.csv")
+    with pytest.raises(InputError, match="not a regular file"):
+        read_neutron_monitor(Path("/dev/null"))

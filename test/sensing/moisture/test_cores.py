@@ -36,6 +36,11 @@ def test_mean_and_standard_error_of_cores(read):
     assert math.isnan(cores.depth_cm)
 
 
+def test_cores_are_read_from_a_file_with_an_end():
+    with pytest.raises(InputError, match="not a regular file -> check the path of the cores"):
+        read_soil_cores(Path("/dev/null"))
+
+
 def test_gravimetric_cores_take_a_density_from_the_core_or_the_site(read):
     text = "gravimetric_water;weight\n0.10;1\n0.20;3\n"
     assert mean_of_cores(read(text, 1.5)).vwc == pytest.approx(0.175 * 1.5)

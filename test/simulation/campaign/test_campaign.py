@@ -437,6 +437,19 @@ def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path)
     assert len(keys) == 2
 
 
+def test_files_that_a_file_names_count_by_their_content_unless_they_have_no_end(tmp_path):
+    (tmp_path / "g.yaml").write_text("[named]")
+    settings = MissionSettings(travel="graph", graph=str(tmp_path / "g.yaml"))
+    keys = [mission_key(settings)]
+    (tmp_path / "named").symlink_to("/dev/null")
+    assert mission_key(settings) == keys[0]
+    (tmp_path / "named").unlink()
+    for content in ("one", "two"):
+        (tmp_path / "named").write_text(content)
+        keys.append(mission_key(settings))
+    assert len(set(keys)) == 3
+
+
 PROPERTIES = "title: t\nruns: 1\nexperiments: [{name: a, properties: %s}]\n"
 
 

@@ -158,6 +158,9 @@ def test_a_missing_file_and_one_that_is_no_text_are_named(tmp_path):
     assert "truth.csv: cannot be read: No such file" in str(mistakes_of(path)[0])
     (tmp_path / "truth.csv").write_bytes(b"\xff\xfe\x00")
     assert "is not UTF-8 text" in str(mistakes_of(path)[0])
+    (tmp_path / "truth.csv").unlink()
+    (tmp_path / "truth.csv").symlink_to("/dev/null")
+    assert "is not a regular file" in str(mistakes_of(path)[0])
 
 
 def test_an_ill_conditioned_extrapolation_is_refused_with_a_remedy(tmp_path):
