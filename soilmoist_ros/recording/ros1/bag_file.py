@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import bz2
 import heapq
-import mmap
 import struct
 from collections.abc import Collection, Iterator
 from functools import cache
@@ -21,6 +20,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance
+from soilmoist_ros.recording.mcap.file_bytes import FileBytes
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
 _MESSAGE, _BAG, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
@@ -74,11 +74,7 @@ class Ros1File:
         self.connections: dict[int, Connection] = {}
         self.counts: dict[str, int] = {}
         self._file = path.open("rb")
-        try:
-            self._data = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
-        except BaseException:
-            self._file.close()
-            raise
+        self._data = FileBytes(self._file)
         self._allowance = Allowance(len(self._data))
         try:
             self.chunks = self._read_index(path)
@@ -118,7 +114,6 @@ class Ros1File:
 
     def close(self) -> None:
         """Close the file."""
-        self._data.close()
         self._file.close()
 
     def _read_index(self, path: Path) -> list[_ChunkInfo]:
@@ -171,13 +166,13 @@ class Ros1File:
         return found
 
 
-def _record_at(data: mmap.mmap | bytes, position: int) -> tuple[dict[bytes, bytes], tuple[int, int], int]:
+def _record_at(data: FileBytes | bytes, position: int) -> tuple[dict[bytes, bytes], tuple[int, int], int]:
     """Header of a record, begin and end of its data, and where the next one begins."""
     ends = []
     for _ in range(2):
         if position + 4 > len(data):
             raise ValueError("ends within a record")
-        (length,) = _LENGTH.unpack_from(data, position)
+        (length,) = _LENGTH.unpack(data[position : position + 4])
         begin, position = position + 4, position + 4 + length
         if position > len(data):
             raise ValueError("ends within a record")

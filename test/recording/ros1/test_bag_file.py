@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import bz2
+import os
 import struct
 
 import numpy as np
@@ -83,6 +84,17 @@ def test_a_bag_that_was_not_closed_is_refused_with_what_to_do(tmp_path):
     with pytest.raises(InputError, match="was not closed") as error:
         BagReader(path)
     assert "rosbag reindex" in str(error.value)
+
+
+def test_a_bag_that_becomes_shorter_while_it_is_read_is_refused(tmp_path):
+    words = [("/a", TEXT, number, text("x" * 10_000)) for number in range(20)]
+    path = write(tmp_path / "run.bag", words, chunk_bytes=10_000)
+    with BagReader(path) as bag:
+        messages = bag.messages()
+        next(messages)
+        os.truncate(path, 50_000)
+        with pytest.raises(InputError, match="became shorter"):
+            list(messages)
 
 
 def test_a_type_that_differs_in_ros_2_is_refused_and_the_others_are_read(tmp_path):
