@@ -7,11 +7,9 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
-from operator import attrgetter
 from pathlib import Path
 from typing import Final
 
@@ -34,6 +32,7 @@ from soilmoist_ros.recording.mcap.chunks import (
 from soilmoist_ros.recording.mcap.definitions import Definition
 from soilmoist_ros.recording.mcap.file_bytes import FileBytes
 from soilmoist_ros.recording.mcap.metadata import Qos, Topic, qos_from_yaml
+from soilmoist_ros.recording.mcap.time_order import TimeOrder
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _MESSAGE: Final = struct.Struct("<HIQQ")
@@ -45,8 +44,6 @@ _SKIPPED: Final = frozenset((Opcode.HEADER, Opcode.MESSAGE_INDEX, Opcode.ATTACHM
 _MAX_DESCRIPTIONS: Final = 32 << 20
 _MAX_QOS: Final = 32 << 10
 """Size of all different qualities of service of a file [bytes]: YAML is slow to read."""
-_OVERHEAD: Final = 200
-"""Memory of a message without its data [bytes]."""
 _A_CHUNK: Final = re.compile(rb"(?=\x06[\x00-\xff]{5}\x00{3})")
 """Opcode of a chunk, and a length below a terabyte."""
 _WINDOW: Final = 8 << 10
@@ -132,22 +129,12 @@ class McapScan:
 
         :raises OSError: if the file cannot be read
         """
-        waiting: list[ScannedMessage] = []
-        size = 0
+        waiting: TimeOrder[ScannedMessage] = TimeOrder()
         for later_ns, messages in self._pieces():
             for message in messages:
-                waiting.append(message)
-                size += len(message.data) + _OVERHEAD
-            excess = size > 2 * MAX_CHUNK_BYTES
-            if later_ns is None and not excess:
-                continue
-            waiting.sort(key=_LOG_NS)
-            ready = bisect_right(waiting, -1 if later_ns is None else later_ns, key=_LOG_NS)
-            ready = max(ready, len(waiting) // 2) if excess else ready
-            yield from waiting[:ready]
-            del waiting[:ready]
-            size = sum(len(message.data) + _OVERHEAD for message in waiting)
-        yield from sorted(waiting, key=_LOG_NS)
+                waiting.add(message.log_ns, len(message.data), message)
+            yield from waiting.ready(-1 if later_ns is None else later_ns)
+        yield from waiting.ready()
 
     def _pieces(self) -> Iterator[tuple[int | None, Iterable[ScannedMessage]]]:
         """Messages of each chunk, and the time of the earliest message in later chunks, if it is known [ns]."""
@@ -294,9 +281,6 @@ class McapScan:
             self._qos_bytes += len(text)
             self._qos[text] = qos_from_yaml(text) if self._qos_bytes <= _MAX_QOS else ()
         return self._qos[text]
-
-
-_LOG_NS: Final = attrgetter("log_ns")
 
 
 def _plausible(data: FileBytes, opcode: int, start: int, end: int) -> bool:
