@@ -109,10 +109,12 @@ class BagReader:
                 found[topic.name] = had + tuple(qos for qos in topic.offered if qos not in had)
         return found
 
-    def messages(self, topics: Sequence[str] | None = None) -> Iterator[BagMessage]:
-        """Messages in the order in which they were received.
+    def messages(self, topics: Sequence[str] | None = None, by_time: bool = True) -> Iterator[BagMessage]:
+        """Messages in the order of the times at which they were received.
 
         :param topics: full names; all topics if ``None``
+        :param by_time: otherwise those of each bag come in the order in which they were written, which is another
+            one if the clock was set back meanwhile
         :raises InputError: if the bag is damaged
         """
         wanted = set(self.topics if topics is None else topics)
@@ -121,7 +123,7 @@ class BagReader:
 
         def of_bag(storages: list[Storage]) -> Iterator[Message]:
             for storage in storages:
-                yield from storage.messages(wanted)
+                yield from storage.messages(wanted, by_time)
 
         try:
             for message in merge(*map(of_bag, self._bags), key=itemgetter(2)):
@@ -208,7 +210,7 @@ class BagReader:
         """
         name = self.find_topic(topic, VISIT)
         try:
-            return [visit_of(self.decode(m), robot) for m in self.messages([name])]
+            return [visit_of(self.decode(m), robot) for m in self.messages([name], by_time=False)]
         except ValueError as error:
             raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", self.path) from None
 
