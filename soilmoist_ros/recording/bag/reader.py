@@ -20,7 +20,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_topic
 from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Storage, open_storages
 from soilmoist_ros.recording.bag.visit import visit_of
-from soilmoist_ros.recording.mcap.chunks import TooMuchError
+from soilmoist_ros.recording.mcap.chunks import Allowance, TooMuchError
 from soilmoist_ros.recording.mcap.definitions import Definition
 from soilmoist_ros.recording.mcap.metadata import Extent, Qos, joined
 from soilmoist_ros.recording.ros1.bag_file import Message
@@ -186,16 +186,21 @@ class BagReader:
 
         :param topics: full names
         :param frame: frame of the records; messages of others are left out; empty for any frame
-        :raises InputError: if the messages of a topic are not counts
+        :raises InputError: if the messages of a topic are not counts, or have far more records than the bag can
         """
         found = []
+        allowance = Allowance(_size_bytes(self.path))
         quarantined = {quarantined_topic(topic): topic for topic in topics}
         for message in self.messages([*topics, *quarantined]):
             name = quarantined.get(message.topic, message.topic)
             try:
                 cloud = self.decode(message)
                 if frame in ("", cloud.header.frame_id.lstrip("/")):
-                    found += [(name, record) for record in count_records(cloud)]
+                    records = count_records(cloud)
+                    allowance.take_records(len(records))
+                    found += [(name, record) for record in records]
+            except TooMuchError as error:
+                raise _damaged(self.path, error) from None
             except ValueError as error:
                 remedy = "was it recorded by soilmoist_ros?"
                 raise InputError(f"{message.topic}: {error}", remedy, self.path) from None
@@ -258,6 +263,11 @@ def bags_of(path: Path) -> list[Path]:
     if not found:
         raise InputError("is not a bag: it has no metadata.yaml", "give the folder with metadata.yaml", path)
     return found
+
+
+def _size_bytes(path: Path) -> int:
+    files = [path] if path.is_file() else [file for bag in bags_of(path) for file in [bag, *bag.glob("*")]]
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 _MAX_DEFINITION: Final = 1 << 20

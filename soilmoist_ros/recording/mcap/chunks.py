@@ -58,12 +58,12 @@ class Allowance:
         if self._bytes < 0:
             raise TooMuchError
 
-    def take_record(self) -> None:
-        """Count a record.
+    def take_records(self, count: int = 1) -> None:
+        """Count records.
 
         :raises TooMuchError: if there were too many
         """
-        self._records -= 1
+        self._records -= count
         if self._records < 0:
             raise TooMuchError
 
@@ -133,7 +133,7 @@ def whole_chunk(data: FileBytes, chunk: Chunk, allowance: Allowance) -> bytes | 
         at += RECORD.size + length
         if opcode not in _IN_CHUNKS:
             return None
-        allowance.take_record()
+        allowance.take_records()
     return records if at == len(records) else None
 
 

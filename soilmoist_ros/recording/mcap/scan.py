@@ -193,7 +193,7 @@ class McapScan:
                 if chunked or in_summary or at == len(_MAGIC) or length > MAX_CHUNK_BYTES:
                     self.damaged += not in_summary
                 else:
-                    allowance.take_record()
+                    allowance.take_records()
                     body = data[start:end]
                     if data.is_lost(at, end):
                         self.damaged += 1

@@ -157,7 +157,7 @@ class Ros1File:
                 yield _unpacked("<I", inner, b"conn"), _time_ns(inner, b"time"), data[begin:end]
 
     def _record(self, position: int, kind: int = 0) -> tuple[dict[bytes, bytes], tuple[int, int], int]:
-        self._allowance.take_record()
+        self._allowance.take_records()
         found = _record_at(self._data, position)
         if kind and found[0].get(b"op") != bytes([kind]):
             raise ValueError(f"is damaged at byte {position}")
