@@ -18,6 +18,8 @@ from soilmoist_ros.recording.bag.info import BagInfo
 from soilmoist_ros.recording.bag.point_cloud import QUARANTINED, count_records, quarantined_topic
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import mcap_files
+from soilmoist_ros.recording.bag.storage import TOO_MUCH
+from soilmoist_ros.recording.mcap.chunks import Allowance, TooMuchError
 from soilmoist_ros.recording.mcap.scan import McapScan
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -39,14 +41,21 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountR
     """
     records: list[CountRecord] = []
     wanted = {*topics, *map(quarantined_topic, topics)}
-    for path in mcap_files(bag):
+    files = mcap_files(bag)
+    allowance = Allowance(sum(path.stat().st_size for path in files))
+    for path in files:
         for message in McapScan(path).messages():
             if message.topic.name not in wanted or message.topic.definition.type_name != CLOUD:
                 continue
             try:
                 cloud = _store().deserialize_cdr(message.data, CLOUD)
                 if frame in ("", cloud.header.frame_id):
-                    records += count_records(cloud)
+                    found = count_records(cloud)
+                    allowance.take_records(len(found))
+                    records += found
+            except TooMuchError:
+                _log.warning("%s %s; the rest of it is skipped", bag, TOO_MUCH)
+                return records
             except (ValueError, LookupError, TypeError, struct.error) as error:
                 _log.warning("%s: a message of %s is skipped: %s", path, message.topic.name, error)
     return records

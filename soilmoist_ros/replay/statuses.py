@@ -55,11 +55,14 @@ _OF_LATER_VERSIONS = {name: str(value) for name, value in Status._field_defaults
 
 
 def read_statuses(topics: RunTopics) -> list[Status]:
-    """Statuses of a robot's missions in order; empty if the bag has no mission."""
+    """Statuses of a robot's missions in order; empty if the bag has no mission.
+
+    The order is that of writing: times go back where the clock was set.
+    """
     name = topics.find("mission", STATUS)
     found = [
         _status({item.key: item.value for item in topics.reader.decode(message).values})
-        for message in (topics.reader.messages([name]) if name else ())
+        for message in (topics.reader.messages([name], by_time=False) if name else ())
     ]
     return [status for status in found if status is not None]
 

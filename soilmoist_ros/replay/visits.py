@@ -14,6 +14,7 @@ from soilmoist_ros.replay.topics import RunTopics
 from soilmoist_ros.sensing.records import CountRecord
 
 _CLOCK_S = 1e-3
+_WITHOUT_TIME = {"idle", "finished"}
 
 
 def read_visits(topics: RunTopics, robot: int = 1) -> list[Visit] | None:
@@ -38,9 +39,13 @@ def mission_visits(
     """
     if visits is None:
         return estimate_visits(statuses, records)
-    first = next(status for status in statuses if status.time_used_s > 0)
-    began_s = first.stamp_s - first.time_used_s
-    return [visit for visit in visits if visit.arrival_stamp_s >= began_s - _CLOCK_S]
+    # Where the clock was set, the mission has a start on each clock. Its time stands still before and after it.
+    began_s = {round(one.stamp_s - one.time_used_s, 3) for one in statuses if one.state not in _WITHOUT_TIME}
+    return [
+        visit
+        for visit in visits
+        if any(abs(visit.arrival_stamp_s - visit.arrived_s - start_s) <= _CLOCK_S for start_s in began_s)
+    ]
 
 
 def estimate_visits(statuses: Sequence[Status], records: Sequence[CountRecord]) -> list[Visit]:
@@ -49,15 +54,13 @@ def estimate_visits(statuses: Sequence[Status], records: Sequence[CountRecord]) 
     :param statuses: statuses of a started mission, in order
     :param records: all records of the robot
     """
-    first = next(status for status in statuses if status.time_used_s > 0)
-    began_s = first.stamp_s - first.time_used_s
     visits: list[Visit] = []
     stop: list[Status] = []
     chosen_because = ""
     before = statuses[0]
     for status in statuses:
         if status.samples > before.samples and stop:
-            visits.append(_visit(stop, status, began_s, chosen_because, records))
+            visits.append(_visit(stop, status, chosen_because, records))
         if status.state == "travelling":  # it may end a stop too: its reason is about the next stop
             chosen_because = status.reason.partition(": ")[2] or status.reason
         if status.state == "counting":
@@ -68,18 +71,15 @@ def estimate_visits(statuses: Sequence[Status], records: Sequence[CountRecord]) 
     return visits
 
 
-def _visit(
-    stop: Sequence[Status], done: Status, began_s: float, reason: str, records: Sequence[CountRecord]
-) -> Visit:
-    last = stop[-1]
-    arrived_s = stop[0].stamp_s - stop[0].elapsed_dwell_s
+def _visit(stop: Sequence[Status], done: Status, reason: str, records: Sequence[CountRecord]) -> Visit:
+    first, last = stop[0], stop[-1]
     return Visit(
         last.target,
         last.target_x_m,
         last.target_y_m,
-        arrived_s - began_s,
+        first.time_used_s - first.elapsed_dwell_s,
         last.elapsed_dwell_s + done.counting_s - last.counting_s,
-        _raw_counts(last, done, arrived_s, records),
+        _raw_counts(last, done, first.stamp_s - first.elapsed_dwell_s, records),
         reason,
     )
 

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Bags, mapped again: bag_map.py, replay_settings.py, mission.py, comparison.py, raw.py, statuses.py,
-topics.py."""
+"""Bags, mapped again: bag_map.py, replay_settings.py, mission.py, comparison.py, raw.py, topics.py."""
 
 from __future__ import annotations
 
@@ -23,7 +22,6 @@ from soilmoist_ros.recording.bag.writer import BagWriter
 from soilmoist_ros.recording.mcap.scan import McapScan
 from soilmoist_ros.replay import ReplaySettings, replay_bag
 from soilmoist_ros.replay.comparison import Comparison
-from soilmoist_ros.replay.statuses import Status, last_mission
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey
@@ -405,18 +403,6 @@ def other_field(folder):
         "polygon: [[5000, 0], [5060, 0], [5060, 50], [5000, 50]]\n"
     )
     return str(path)
-
-
-def test_missions_one_after_the_other():
-    def status(used, samples=0):
-        return Status("planning", "", "", 0.0, 0.0, 0.0, used, 0.0, 0.0, samples, 0.0, 0, used)
-
-    first, second = [status(0), status(0), status(40), status(90, 2)], [status(0), status(10)]
-    assert last_mission([]) == []
-    assert last_mission(first[:2]) == []
-    assert last_mission(first) == first
-    assert last_mission([*first, *second]) == second
-    assert last_mission([*first, second[0]]) == first, "the second was not started"
 
 
 def test_messages_of_others_named_mission_are_ignored(tmp_path):

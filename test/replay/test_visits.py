@@ -66,3 +66,32 @@ def test_published_visits_of_this_mission_are_taken_as_they_are():
     assert mission_visits(statuses, [earlier, own], records) == [own]
     assert mission_visits(statuses, [], records) == []
     assert [visit.raw_counts for visit in mission_visits(statuses, None, records)] == [40]
+
+
+def test_a_clock_that_is_set_takes_no_visit_out_of_its_mission_and_brings_none_in():
+    def counting(used_s, clock_s):
+        return status(used_s, "counting")._replace(stamp_s=used_s + clock_s)
+
+    def visit(arrived_s, clock_s):
+        return Visit("n1", 5.0, 6.0, arrived_s, 60.0, 27, "", arrival_stamp_s=arrived_s + clock_s)
+
+    began_s = 1000.0  # the mission before began at 0, and its clock was set by an hour and back
+    for step_s in (-3600.0, -3.0, 3600.0):
+        set_s = began_s + step_s
+        statuses = [
+            counting(10.0, began_s),
+            counting(90.0, began_s),
+            counting(91.0, set_s),
+            counting(200.0, set_s),
+        ]
+        own = [visit(5.0, began_s), visit(95.0, set_s)]
+        assert mission_visits(statuses, [visit(5.0, 0.0), visit(500.0, 5400.0), *own], []) == own
+
+
+def test_the_times_of_estimated_visits_are_those_of_the_mission():
+    statuses = [
+        status(1.0, "travelling"),
+        status(12.0, "counting")._replace(stamp_s=9.0),  # the clock was set back by 3 s
+        status(22.8, "planning", samples=1, counting_s=10.8)._replace(stamp_s=19.8),
+    ]
+    assert [visit.arrived_s for visit in estimate_visits(statuses, [])] == [12.0]

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Any, Final, Protocol
 
@@ -40,6 +41,8 @@ REASONS: Final[Mapping[int, str]] = MappingProxyType(
 """Reason codes by number. Bags hold the numbers: they never change, new ones are added at the end."""
 UNKNOWN_REASON: Final = "unknown_reason"
 """Reason code of a number that is not in the table, such as 0."""
+_MAX_RECORDS: Final = 10_000
+"""Records of a message at most; a day has 8640. Drivers publish each in a message of its own."""
 
 
 class PointCloud(Protocol):
@@ -60,10 +63,10 @@ def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
 
     :param cloud: the message
     :returns: array of shape (height, width) with the message's fields
-    :raises ValueError: if its data are too short, or the datatype of a field is unknown
+    :raises ValueError: if its data are too short, the datatype of a field is unknown, or fields overlap
     """
     order = ">" if cloud.is_bigendian else "<"
-    names, formats, offsets = [], [], []
+    names, formats, offsets, places = [], [], [], []
     for field in cloud.fields:
         kind = _TYPES.get(int(field.datatype))
         if kind is None:
@@ -71,6 +74,10 @@ def points(cloud: PointCloud) -> np.ndarray[Any, np.dtype[Any]]:
         names.append(field.name)
         formats.append((order + kind, (int(field.count),)) if int(field.count) > 1 else order + kind)
         offsets.append(int(field.offset))
+        places.append((offsets[-1], offsets[-1] + np.dtype(formats[-1]).itemsize))
+    places.sort()
+    if any(end > begin for (_, end), (begin, _) in pairwise(places)):
+        raise ValueError("its fields overlap")
     layout = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": int(cloud.point_step)})
     data = bytes(cloud.data)
     height, width = int(cloud.height), int(cloud.width)
@@ -88,8 +95,10 @@ def count_records(cloud: PointCloud) -> list[CountRecord]:
     Records of a message with a field ``reason`` are quarantined.
     Records of a message without ``stamp_offset_s`` get the stamp of the message.
 
-    :raises ValueError: if a field of counted records is missing
+    :raises ValueError: if a field of counted records is missing, or it has more than 10 000 records
     """
+    if int(cloud.height) * int(cloud.width) > _MAX_RECORDS:
+        raise ValueError(f"it has {int(cloud.height) * int(cloud.width)} records, more than {_MAX_RECORDS}")
     table = points(cloud).ravel()
     missing = [name for name in _COUNTS if name not in (table.dtype.names or ())]
     if missing:
@@ -103,10 +112,10 @@ def count_records(cloud: PointCloud) -> list[CountRecord]:
         table[name].astype(np.int64 if name == "raw_counts" else np.float64).reshape(len(table)).tolist()
         for name in _COUNTS
     ]
-    stamps_s = (stamp_s + offsets.astype(np.float64)).tolist()
+    stamps_s = (stamp_s + offsets.astype(np.float64).reshape(len(table))).tolist()
     if REASON not in (table.dtype.names or ()):
         return [CountRecord(*values) for values in zip(stamps_s, *columns, strict=True)]
-    reasons = [REASONS.get(int(number), UNKNOWN_REASON) for number in table[REASON].tolist()]
+    reasons = [REASONS.get(int(number), UNKNOWN_REASON) for number in table[REASON].reshape(len(table)).tolist()]
     return [CountRecord(*values) for values in zip(stamps_s, *columns, reasons, strict=True)]
 
 

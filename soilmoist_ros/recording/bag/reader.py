@@ -20,7 +20,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_topic
 from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Storage, open_storages
 from soilmoist_ros.recording.bag.visit import visit_of
-from soilmoist_ros.recording.mcap.chunks import TooMuchError
+from soilmoist_ros.recording.mcap.chunks import Allowance, TooMuchError
 from soilmoist_ros.recording.mcap.definitions import Definition
 from soilmoist_ros.recording.mcap.metadata import Extent, Qos, joined
 from soilmoist_ros.recording.ros1.bag_file import Message
@@ -109,10 +109,12 @@ class BagReader:
                 found[topic.name] = had + tuple(qos for qos in topic.offered if qos not in had)
         return found
 
-    def messages(self, topics: Sequence[str] | None = None) -> Iterator[BagMessage]:
-        """Messages in the order in which they were received.
+    def messages(self, topics: Sequence[str] | None = None, by_time: bool = True) -> Iterator[BagMessage]:
+        """Messages in the order of the times at which they were received.
 
         :param topics: full names; all topics if ``None``
+        :param by_time: otherwise those of each bag come in the order in which they were written, which is another
+            one if the clock was set back meanwhile
         :raises InputError: if the bag is damaged
         """
         wanted = set(self.topics if topics is None else topics)
@@ -121,7 +123,7 @@ class BagReader:
 
         def of_bag(storages: list[Storage]) -> Iterator[Message]:
             for storage in storages:
-                yield from storage.messages(wanted)
+                yield from storage.messages(wanted, by_time)
 
         try:
             for message in merge(*map(of_bag, self._bags), key=itemgetter(2)):
@@ -184,16 +186,21 @@ class BagReader:
 
         :param topics: full names
         :param frame: frame of the records; messages of others are left out; empty for any frame
-        :raises InputError: if the messages of a topic are not counts
+        :raises InputError: if the messages of a topic are not counts, or have far more records than the bag can
         """
         found = []
+        allowance = Allowance(_size_bytes(self.path))
         quarantined = {quarantined_topic(topic): topic for topic in topics}
         for message in self.messages([*topics, *quarantined]):
             name = quarantined.get(message.topic, message.topic)
             try:
                 cloud = self.decode(message)
                 if frame in ("", cloud.header.frame_id.lstrip("/")):
-                    found += [(name, record) for record in count_records(cloud)]
+                    records = count_records(cloud)
+                    allowance.take_records(len(records))
+                    found += [(name, record) for record in records]
+            except TooMuchError as error:
+                raise _damaged(self.path, error) from None
             except ValueError as error:
                 remedy = "was it recorded by soilmoist_ros?"
                 raise InputError(f"{message.topic}: {error}", remedy, self.path) from None
@@ -208,7 +215,7 @@ class BagReader:
         """
         name = self.find_topic(topic, VISIT)
         try:
-            return [visit_of(self.decode(m), robot) for m in self.messages([name])]
+            return [visit_of(self.decode(m), robot) for m in self.messages([name], by_time=False)]
         except ValueError as error:
             raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", self.path) from None
 
@@ -256,6 +263,11 @@ def bags_of(path: Path) -> list[Path]:
     if not found:
         raise InputError("is not a bag: it has no metadata.yaml", "give the folder with metadata.yaml", path)
     return found
+
+
+def _size_bytes(path: Path) -> int:
+    files = [path] if path.is_file() else [file for bag in bags_of(path) for file in [bag, *bag.glob("*")]]
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 _MAX_DEFINITION: Final = 1 << 20

@@ -75,6 +75,9 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
         with writer:
             for message in chain([first], messages):
                 writer.write(message.topic, message.log_ns, message.publish_ns, message.data)
+    except InputError:
+        shutil.rmtree(out, ignore_errors=True)
+        raise
     except OSError as error:
         shutil.rmtree(out, ignore_errors=True)
         raise InputError(f"cannot be written: {error.strerror}", "choose a disk with more space", out) from None
@@ -92,6 +95,8 @@ def findings(scan: McapScan) -> list[str]:
     elif not scan.finished and not scan.too_much:
         cut = f"; its last {scan.cut_bytes} bytes are an incomplete message" if scan.cut_bytes else ""
         found.append(f"{name} was not closed{cut}")
+    if scan.fault:
+        found.append(f"{name} cannot be read everywhere: {scan.fault}")
     if scan.too_much:
         found.append(f"{name} {TOO_MUCH}; the rest of it was not read")
         return found

@@ -47,8 +47,8 @@ class Storage(Protocol):
     def content(self) -> Content:
         """What it has."""
 
-    def messages(self, topics: Collection[str]) -> Iterator[Message]:
-        """Messages of topics in the order of time.
+    def messages(self, topics: Collection[str], by_time: bool = True) -> Iterator[Message]:
+        """Messages of topics in the order of time, or else in the order in which they were written.
 
         :raises ValueError: if the file is damaged
         """
@@ -178,9 +178,9 @@ class _Mcap:
         self.content = content
         self._check(scan)
 
-    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+    def messages(self, topics: Collection[str], by_time: bool = True) -> Iterator[Message]:
         scan = McapScan(self._path)
-        for message in scan.sorted_messages():
+        for message in scan.sorted_messages() if by_time else scan.messages():
             if message.topic.name in topics:
                 data = _message(message.data) if self._packed else message.data
                 yield message.topic.name, message.topic.definition.type_name, message.log_ns, data
@@ -241,10 +241,10 @@ class _Sqlite:
                 had = self.content.extent.with_message(_time_ns(first)).with_message(_time_ns(last))
                 self.content.extent = Extent(had.messages + count - 2, had.start_ns, had.end_ns)
 
-    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+    def messages(self, topics: Collection[str], by_time: bool = True) -> Iterator[Message]:
         wanted = {number: topic for number, topic in self._topics.items() if topic.name in topics}
         marks = ", ".join("?" * len(wanted))
-        where = f"WHERE topic_id IN ({marks}) ORDER BY timestamp, id"
+        where = f"WHERE topic_id IN ({marks}) ORDER BY {'timestamp, ' if by_time else ''}id"
         rows = self._base.execute(f"SELECT topic_id, timestamp, data FROM messages {where}", tuple(wanted))
         for number, time_ns, data in rows:
             if not isinstance(data, bytes):
@@ -264,7 +264,10 @@ def _time_ns(value: Any) -> int:
 
 
 class _Ros1:
-    """A bag of ROS 1. Its types are those of ROS 2, so the topics need no definitions."""
+    """A bag of ROS 1. Its types are those of ROS 2, so the topics need no definitions.
+
+    Its messages come in the order of time only: no recorder of this package has written it.
+    """
 
     def __init__(self, path: Path) -> None:
         self._file = Ros1File(path)
@@ -274,7 +277,7 @@ class _Ros1:
         extent = Extent() if times is None or not total else Extent(total, *times)
         self.content = Content(topics, dict(self._file.counts), extent)
 
-    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+    def messages(self, topics: Collection[str], by_time: bool = True) -> Iterator[Message]:
         return self._file.messages(topics)
 
     def close(self) -> None:

@@ -7,12 +7,13 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator
-from mmap import mmap
 from typing import Final, NamedTuple
 
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 from mcap.opcode import Opcode
+
+from soilmoist_ros.recording.mcap.file_bytes import FileBytes
 
 RECORD: Final = struct.Struct("<BQ")
 """Head of a record: opcode, and length of its content."""
@@ -24,7 +25,8 @@ _EXPANSION: Final = 10_000
 """A file of 100 kB may unpack to 1 GB. Only empty grids, again and again, come near it."""
 _FREE_RECORDS: Final = 300_000
 _SEARCH: Final = 16
-_HEAD: Final = struct.Struct("<QQQI")
+_HEAD: Final = struct.Struct("<QQQII")
+_LENGTH: Final = struct.Struct("<Q")
 _PIECE: Final = 1 << 20
 _KNOWN: Final = frozenset(int(opcode) for opcode in Opcode)
 _IN_CHUNKS: Final = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
@@ -56,12 +58,12 @@ class Allowance:
         if self._bytes < 0:
             raise TooMuchError
 
-    def take_record(self) -> None:
-        """Count a record.
+    def take_records(self, count: int = 1) -> None:
+        """Count records.
 
         :raises TooMuchError: if there were too many
         """
-        self._records -= 1
+        self._records -= count
         if self._records < 0:
             raise TooMuchError
 
@@ -95,28 +97,27 @@ class Chunk(NamedTuple):
         return max(self.size, self.end - self.begin) > MAX_CHUNK_BYTES
 
 
-def chunk_at(data: mmap, start: int) -> Chunk | None:
+def chunk_at(data: FileBytes, start: int) -> Chunk | None:
     """The head of a chunk, ``None`` if there cannot be one.
 
     :param data: the file
     :param start: start of the content of its record
     """
-    if len(data) - start < _HEAD.size + 4:
+    if len(data) - start < _HEAD.size:
         return None
-    start_ns, _, size, checksum = _HEAD.unpack_from(data, start)
-    (name_length,) = struct.unpack_from("<I", data, start + _HEAD.size)
-    name_at = start + _HEAD.size + 4
+    start_ns, _, size, checksum, name_length = data.unpack(_HEAD, start)
+    name_at = start + _HEAD.size
     begin = name_at + name_length + 8
     if name_length > 4 or begin > len(data):
         return None
     compression = data[name_at : name_at + name_length]
-    (length,) = struct.unpack_from("<Q", data, begin - 8)
+    (length,) = data.unpack(_LENGTH, begin - 8)
     if compression not in (b"", b"lz4", b"zstd"):
         return None
     return Chunk(start_ns, size, checksum, compression, begin, begin + length)
 
 
-def whole_chunk(data: mmap, chunk: Chunk, allowance: Allowance) -> bytes | None:
+def whole_chunk(data: FileBytes, chunk: Chunk, allowance: Allowance) -> bytes | None:
     """Records of a chunk, as one piece; ``None`` if it is damaged or too large.
 
     :raises TooMuchError: if the file has unpacked to too much
@@ -132,11 +133,11 @@ def whole_chunk(data: mmap, chunk: Chunk, allowance: Allowance) -> bytes | None:
         at += RECORD.size + length
         if opcode not in _IN_CHUNKS:
             return None
-        allowance.take_record()
+        allowance.take_records()
     return records if at == len(records) else None
 
 
-def begun_chunk(data: mmap, chunk: Chunk, allowance: Allowance) -> bytes:
+def begun_chunk(data: FileBytes, chunk: Chunk, allowance: Allowance) -> bytes:
     """The part of an incomplete chunk that can be unpacked.
 
     :raises TooMuchError: if the file has unpacked to too much
@@ -156,9 +157,11 @@ def split(data: bytes) -> Iterator[Record]:
         yield opcode, data[start:at]
 
 
-def _unpacked(data: mmap, chunk: Chunk, allowance: Allowance) -> bytes:
+def _unpacked(data: FileBytes, chunk: Chunk, allowance: Allowance) -> bytes:
     """The unpacked data, at most one byte more than the chunk claims; as far as they can be unpacked."""
     packed = data[chunk.begin : chunk.end]
+    if data.is_lost(chunk.begin, chunk.end):  # zeros would pass where the chunk has no checksum
+        return b""
     if not chunk.compression:
         allowance.take(len(packed))
         return packed

@@ -4,15 +4,12 @@
 
 from __future__ import annotations
 
-import mmap
 import re
 import struct
 import zlib
-from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
-from operator import attrgetter
 from pathlib import Path
 from typing import Final
 
@@ -33,21 +30,24 @@ from soilmoist_ros.recording.mcap.chunks import (
     whole_chunk,
 )
 from soilmoist_ros.recording.mcap.definitions import Definition
+from soilmoist_ros.recording.mcap.file_bytes import FileBytes
 from soilmoist_ros.recording.mcap.metadata import Qos, Topic, qos_from_yaml
+from soilmoist_ros.recording.mcap.time_order import TimeOrder
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _MESSAGE: Final = struct.Struct("<HIQQ")
 _FOOTER: Final = struct.Struct("<QQI")
+_LENGTH: Final = struct.Struct("<I")
 _KNOWN: Final = frozenset(int(opcode) for opcode in Opcode)
 _READ: Final = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
 _SKIPPED: Final = frozenset((Opcode.HEADER, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA))
 _MAX_DESCRIPTIONS: Final = 32 << 20
 _MAX_QOS: Final = 32 << 10
 """Size of all different qualities of service of a file [bytes]: YAML is slow to read."""
-_OVERHEAD: Final = 200
-"""Memory of a message without its data [bytes]."""
 _A_CHUNK: Final = re.compile(rb"(?=\x06[\x00-\xff]{5}\x00{3})")
 """Opcode of a chunk, and a length below a terabyte."""
+_WINDOW: Final = 8 << 10
+"""Part of a file in which a chunk is searched at once [bytes]."""
 _FAULTS: Final = (McapError, struct.error, ValueError, KeyError, MemoryError, OverflowError)
 
 
@@ -90,6 +90,8 @@ class McapScan:
         """Number of complete messages of topics without a description."""
         self.too_large = 0
         """Number of chunks that are too large to be read."""
+        self.fault = ""
+        """Why parts of the file could not be read; empty if all could. They are damaged places."""
         self.too_much = False
         """Whether reading ended because the file unpacks to more than a recording of its size can."""
         self.statistics: Statistics | None = None
@@ -111,9 +113,7 @@ class McapScan:
         :raises OSError: if the file cannot be read
         """
         with self.path.open("rb") as file:
-            if self.path.stat().st_size:
-                with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                    self._read_summary(data)
+            self._read_summary(FileBytes(file, salvage=True))
         return self.statistics is not None
 
     def messages(self) -> Iterator[ScannedMessage]:
@@ -129,37 +129,26 @@ class McapScan:
 
         :raises OSError: if the file cannot be read
         """
-        waiting: list[ScannedMessage] = []
-        size = 0
+        waiting: TimeOrder[ScannedMessage] = TimeOrder()
         for later_ns, messages in self._pieces():
             for message in messages:
-                waiting.append(message)
-                size += len(message.data) + _OVERHEAD
-            excess = size > 2 * MAX_CHUNK_BYTES
-            if later_ns is None and not excess:
-                continue
-            waiting.sort(key=_LOG_NS)
-            ready = bisect_right(waiting, -1 if later_ns is None else later_ns, key=_LOG_NS)
-            ready = max(ready, len(waiting) // 2) if excess else ready
-            yield from waiting[:ready]
-            del waiting[:ready]
-            size = sum(len(message.data) + _OVERHEAD for message in waiting)
-        yield from sorted(waiting, key=_LOG_NS)
+                waiting.add(message.log_ns, len(message.data), message)
+            yield from waiting.ready(-1 if later_ns is None else later_ns)
+        yield from waiting.ready()
 
     def _pieces(self) -> Iterator[tuple[int | None, Iterable[ScannedMessage]]]:
         """Messages of each chunk, and the time of the earliest message in later chunks, if it is known [ns]."""
         with self.path.open("rb") as file:
-            size = self.path.stat().st_size
-            if not size:
-                return
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                try:
-                    self._read_summary(data)
-                    later_ns = _later_ns(data)
-                    for at, records in self._records(data, Allowance(size)):
-                        yield later_ns.get(at), self._messages(records)
-                except TooMuchError:
-                    self.too_much = True
+            data = FileBytes(file, salvage=True)
+            try:
+                self._read_summary(data)
+                later_ns = _later_ns(data)
+                for at, records in self._records(data, Allowance(len(data))):
+                    yield later_ns.get(at), self._messages(records)
+            except TooMuchError:
+                self.too_much = True
+            finally:
+                self.fault = data.fault
 
     def _messages(self, records: Iterable[Record]) -> Iterator[ScannedMessage]:
         for opcode, body in records:
@@ -167,13 +156,13 @@ class McapScan:
             if message is not None:
                 yield message
 
-    def _records(self, data: mmap.mmap, allowance: Allowance) -> Iterator[tuple[int, Iterable[Record]]]:
+    def _records(self, data: FileBytes, allowance: Allowance) -> Iterator[tuple[int, Iterable[Record]]]:
         """Place and records of each chunk; outside of chunks, of each record."""
         at, size, chunked, in_summary = len(_MAGIC), len(data), False, False
         if data[:at] != _MAGIC[: min(at, size)]:
             self.damaged += 1
         while at < size:
-            opcode, length = RECORD.unpack_from(data, at) if size - at >= RECORD.size else (0, size)
+            opcode, length = data.unpack(RECORD, at) if size - at >= RECORD.size else (0, size)
             start = at + RECORD.size
             end = start + length
             if not _plausible(data, opcode, start, end):
@@ -204,24 +193,28 @@ class McapScan:
                 if chunked or in_summary or at == len(_MAGIC) or length > MAX_CHUNK_BYTES:
                     self.damaged += not in_summary
                 else:
-                    allowance.take_record()
-                    yield at, ((opcode, data[start:end]),)
+                    allowance.take_records()
+                    body = data[start:end]
+                    if data.is_lost(at, end):
+                        self.damaged += 1
+                    else:
+                        yield at, ((opcode, body),)
             elif opcode == Opcode.DATA_END:
                 in_summary = True
             else:  # a record of the summary among the data was a chunk, or its index
                 self.damaged += opcode not in _SKIPPED and not in_summary
             at = end
 
-    def _read_summary(self, data: mmap.mmap) -> None:
+    def _read_summary(self, data: FileBytes) -> None:
         """Read schemas and channels from the end of a closed file, in case a chunk with them is damaged."""
         footer = len(data) - len(_MAGIC) - _FOOTER.size - RECORD.size
-        if data[-len(_MAGIC) :] != _MAGIC or footer < 0 or data[footer] != Opcode.FOOTER:
+        if data[-len(_MAGIC) :] != _MAGIC or footer < 0 or data.unpack(RECORD, footer)[0] != Opcode.FOOTER:
             return
-        start, _, checksum = _FOOTER.unpack_from(data, footer + RECORD.size)
+        start, _, checksum = data.unpack(_FOOTER, footer + RECORD.size)
         if not 0 < start < footer or footer - start > MAX_CHUNK_BYTES:
             return
         summary = data[start : -len(_MAGIC) - 4]
-        if checksum and zlib.crc32(summary) != checksum:
+        if data.is_lost(start, len(data)) or (checksum and zlib.crc32(summary) != checksum):
             return
         for opcode, body in split(summary):
             if opcode == Opcode.FOOTER:
@@ -290,10 +283,7 @@ class McapScan:
         return self._qos[text]
 
 
-_LOG_NS: Final = attrgetter("log_ns")
-
-
-def _plausible(data: mmap.mmap, opcode: int, start: int, end: int) -> bool:
+def _plausible(data: FileBytes, opcode: int, start: int, end: int) -> bool:
     """Whether a record outside of chunks is as long as its content; a wrong length would skip what follows."""
     size = len(data)
     if opcode not in _KNOWN or end > size:
@@ -306,19 +296,19 @@ def _plausible(data: mmap.mmap, opcode: int, start: int, end: int) -> bool:
     if opcode == Opcode.DATA_END:
         return end - start == 4
     if opcode in (Opcode.HEADER, Opcode.METADATA):  # two blocks with their lengths
-        first = start + 4 + struct.unpack_from("<I", data, start)[0] if end - start >= 8 else end
-        return first + 4 <= end and first + 4 + struct.unpack_from("<I", data, first)[0] == end
+        first = start + 4 + int(data.unpack(_LENGTH, start)[0]) if end - start >= 8 else end
+        return first + 4 <= end and first + 4 + data.unpack(_LENGTH, first)[0] == end
     if opcode == Opcode.MESSAGE_INDEX:
-        return end - start >= 6 and struct.unpack_from("<I", data, start + 2)[0] == end - start - 6
+        return end - start >= 6 and data.unpack(_LENGTH, start + 2)[0] == end - start - 6
     return True
 
 
-def _later_ns(data: mmap.mmap) -> dict[int, int]:
+def _later_ns(data: FileBytes) -> dict[int, int]:
     """For each chunk by its place, the time of the earliest message in later chunks [ns], as their heads claim."""
     starts: list[tuple[int, int]] = []
     at = len(_MAGIC)
     while len(data) - at >= RECORD.size:
-        opcode, length = RECORD.unpack_from(data, at)
+        opcode, length = data.unpack(RECORD, at)
         if opcode not in _KNOWN or opcode == Opcode.DATA_END:
             break
         if opcode == Opcode.CHUNK and (chunk := chunk_at(data, at + RECORD.size)) is not None:
@@ -331,16 +321,22 @@ def _later_ns(data: mmap.mmap) -> dict[int, int]:
     return found
 
 
-def _next_chunk(data: mmap.mmap, after: int, allowance: Allowance) -> int | None:
+def _next_chunk(data: FileBytes, after: int, allowance: Allowance) -> int | None:
     """Start of the next chunk that is complete and passes its checksum; of the one at this place, too."""
-    for match in _A_CHUNK.finditer(data, after):
-        at = match.start()
+    for at in _chunk_places(data, after):
         chunk = chunk_at(data, at + RECORD.size)
         if chunk is None or chunk.end > len(data) or chunk.too_large:
             continue
         if not allowance.search(chunk.end - chunk.begin + chunk.size):
             return None
-        _, length = RECORD.unpack_from(data, at)
+        _, length = data.unpack(RECORD, at)
         if chunk.end == at + RECORD.size + length and whole_chunk(data, chunk, allowance):
             return at
     return None
+
+
+def _chunk_places(data: FileBytes, after: int) -> Iterator[int]:
+    """Places that look like the start of a chunk."""
+    for begin in range(after, len(data), _WINDOW):
+        window = data[begin : begin + _WINDOW + RECORD.size - 1]
+        yield from (begin + match.start() for match in _A_CHUNK.finditer(window))

@@ -8,8 +8,6 @@ The format: http://wiki.ros.org/Bags/Format/2.0. Reading needs no ROS.
 from __future__ import annotations
 
 import bz2
-import heapq
-import mmap
 import struct
 from collections.abc import Collection, Iterator
 from functools import cache
@@ -21,6 +19,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance
+from soilmoist_ros.recording.mcap.file_bytes import FileBytes
+from soilmoist_ros.recording.mcap.time_order import TimeOrder
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
 _MESSAGE, _BAG, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
@@ -74,11 +74,7 @@ class Ros1File:
         self.connections: dict[int, Connection] = {}
         self.counts: dict[str, int] = {}
         self._file = path.open("rb")
-        try:
-            self._data = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
-        except BaseException:
-            self._file.close()
-            raise
+        self._data = FileBytes(self._file)
         self._allowance = Allowance(len(self._data))
         try:
             self.chunks = self._read_index(path)
@@ -94,7 +90,7 @@ class Ros1File:
         return min(one.start_ns for one in self.chunks), max(one.end_ns for one in self.chunks)
 
     def messages(self, topics: Collection[str], convert: bool = True) -> Iterator[Message]:
-        """Messages of topics in the order of time, converted to those of ROS 2.
+        """Messages of topics, converted to those of ROS 2, in the order of time as :class:`TimeOrder` keeps it.
 
         :param convert: whether to convert them; otherwise they are as in ROS 1, of any type
         :raises ValueError: if the file is damaged, or a message type has other fields in ROS 2
@@ -104,21 +100,18 @@ class Ros1File:
             for one in wanted.values():
                 _require_same_fields(one)
         store = get_typestore(Stores.ROS2_JAZZY) if convert else None
-        waiting: list[tuple[int, int, int, bytes]] = []
-        order = 0
+        waiting: TimeOrder[tuple[int, int, bytes]] = TimeOrder()
         for chunk in self.chunks:
-            while waiting and waiting[0][0] < chunk.start_ns:
-                yield _converted(store, wanted, *heapq.heappop(waiting))
+            for found in waiting.ready(chunk.start_ns):
+                yield _converted(store, wanted, *found)
             for number, time_ns, data in self._messages_of(chunk):
                 if number in wanted:
-                    heapq.heappush(waiting, (time_ns, order, number, data))
-                    order += 1
-        while waiting:
-            yield _converted(store, wanted, *heapq.heappop(waiting))
+                    waiting.add(time_ns, len(data), (number, time_ns, data))
+        for found in waiting.ready():
+            yield _converted(store, wanted, *found)
 
     def close(self) -> None:
         """Close the file."""
-        self._data.close()
         self._file.close()
 
     def _read_index(self, path: Path) -> list[_ChunkInfo]:
@@ -164,20 +157,20 @@ class Ros1File:
                 yield _unpacked("<I", inner, b"conn"), _time_ns(inner, b"time"), data[begin:end]
 
     def _record(self, position: int, kind: int = 0) -> tuple[dict[bytes, bytes], tuple[int, int], int]:
-        self._allowance.take_record()
+        self._allowance.take_records()
         found = _record_at(self._data, position)
         if kind and found[0].get(b"op") != bytes([kind]):
             raise ValueError(f"is damaged at byte {position}")
         return found
 
 
-def _record_at(data: mmap.mmap | bytes, position: int) -> tuple[dict[bytes, bytes], tuple[int, int], int]:
+def _record_at(data: FileBytes | bytes, position: int) -> tuple[dict[bytes, bytes], tuple[int, int], int]:
     """Header of a record, begin and end of its data, and where the next one begins."""
     ends = []
     for _ in range(2):
         if position + 4 > len(data):
             raise ValueError("ends within a record")
-        (length,) = _LENGTH.unpack_from(data, position)
+        (length,) = _LENGTH.unpack(data[position : position + 4])
         begin, position = position + 4, position + 4 + length
         if position > len(data):
             raise ValueError("ends within a record")
@@ -262,9 +255,7 @@ def _plain(fields: Any) -> list[tuple[str, str]]:
     return [(name, str(kind)) for name, kind in fields]
 
 
-def _converted(
-    store: Any, wanted: dict[int, Connection], time_ns: int, _order: int, number: int, data: bytes
-) -> Message:
+def _converted(store: Any, wanted: dict[int, Connection], number: int, time_ns: int, data: bytes) -> Message:
     one = wanted[number]
     if store is None:
         return one.topic, one.type_name, time_ns, data

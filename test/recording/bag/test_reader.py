@@ -241,6 +241,38 @@ def test_counted_records_keep_every_digit(order, padding):
     assert all(np.isnan(record.z_m) for record in found)
 
 
+def test_a_small_message_does_not_become_many_records():
+    with pytest.raises(ValueError, match="10001 records, more than 10000"):
+        count_records(cloud(counts(10_001)))
+    one_byte = cloud(np.zeros(100, [(name, "<u4") for name in COUNTS.names]))
+    for field in one_byte.fields:
+        field.offset = 0
+    with pytest.raises(ValueError, match="fields overlap"):
+        points(one_byte)
+
+
+@pytest.mark.parametrize("name", ["stamp_offset_s", "reason"])
+def test_a_field_of_two_numbers_is_not_one_of_counts(name):
+    message = cloud(append_fields(counts(4), name, np.zeros(4), "<f4", usemask=False))
+    message.fields[-1].datatype, message.fields[-1].count = 4, 2
+    with pytest.raises(ValueError, match="cannot reshape"):
+        count_records(message)
+
+
+def test_a_small_bag_does_not_become_many_records(tmp_path, monkeypatch, caplog):
+    message = bytes(STORE.serialize_cdr(cloud(np.zeros(5000, COUNTS)), CLOUD))
+    with BagWriter(tmp_path / "bag") as writer:
+        for number in range(3):
+            writer.write(make_topic("/counts", CLOUD), START_NS + number, START_NS, message)
+    with BagReader(tmp_path / "bag") as reader:
+        assert len(reader.read_counts()) == 15_000
+        monkeypatch.setattr("soilmoist_ros.recording.mcap.chunks._FREE_RECORDS", 0)
+        with pytest.raises(InputError, match="far more than a recording of its size"):
+            reader.read_counts()
+    assert len(stored_counts(tmp_path / "bag", ["/counts"], "")) < 15_000
+    assert "the rest of it is skipped" in caplog.text
+
+
 def test_points_keep_their_shape_and_need_all_their_data():
     message = cloud(counts(6).reshape(2, 3))
     assert points(message).shape == (2, 3)

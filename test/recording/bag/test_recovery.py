@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recovery of bags that are cut or damaged at any place: recovery.py and scan.py."""
 
+import errno
+import os
 import random
 import struct
 
@@ -151,6 +153,78 @@ def test_a_flipped_bit_outside_of_chunks_invents_nothing_and_costs_one_chunk(tmp
         assert len(found) >= len(sample.messages) - 3, place
         if found != sample.messages:
             assert findings(scan), place
+
+
+@pytest.fixture
+def long_bag(tmp_path):
+    """A bag of 150 kB."""
+    sample, random_ = Sample(tmp_path / "long"), random.Random(1)
+    with BagWriter(sample.folder) as writer:
+        for number in range(120):
+            data = text_message(random_.randbytes(1000).hex())
+            writer.write(NOTES, START_NS + number, START_NS, data)
+            sample.messages.append((NOTES.name, START_NS + number, data))
+            writer.flush()
+    return sample
+
+
+def unreadable(monkeypatch, first, last):
+    """A disk with a bad part: what lies before it in a request is read, and the next request fails."""
+    real = os.pread
+
+    def pread(number, size, at):
+        if first <= at < last:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return real(number, min(size, first - at) if at < first else size, at)
+
+    monkeypatch.setattr(os, "pread", pread)
+
+
+def test_a_file_that_becomes_shorter_while_it_is_read_costs_its_end(long_bag):
+    scan = McapScan(long_bag.path)
+    messages = scan.messages()
+    found = [next(messages)]
+    os.truncate(long_bag.path, 50_000)
+    found += messages
+    assert [(m.topic.name, m.log_ns, m.data) for m in found] == long_bag.messages[: len(found)]
+    assert 30 < len(found) < 60
+    assert "long_0.mcap cannot be read everywhere: it became shorter while it was read" in findings(scan)
+
+
+def test_a_bad_sector_costs_its_chunks(long_bag, tmp_path, monkeypatch):
+    unreadable(monkeypatch, 40_960, 45_056)
+    bag = recover_bag(long_bag.folder, tmp_path / "recovered")
+    assert bag.problems[0] == "long_0.mcap cannot be read everywhere: Input/output error"
+    monkeypatch.undo()
+    found = scanned(bag.folder / "recovered_0.mcap")[0]
+    assert set(found) < set(long_bag.messages)
+    assert len(found) >= 120 - 6
+    assert found[-1] == long_bag.messages[-1]
+
+
+def test_a_bad_sector_gives_no_wrong_message_where_nothing_has_a_checksum(tmp_path, monkeypatch):
+    path, messages = tmp_path / "plain.mcap", [bytes([number]) * 500 for number in range(1, 100)]
+    with path.open("wb") as file:
+        writer = Writer(file, use_chunking=False)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/notes", "cdr", schema)
+        for number, message in enumerate(messages):
+            writer.add_message(channel, log_time=number, publish_time=number, data=message)
+        writer.finish()
+    for first in range(8192, 8192 + 531, 3):
+        with monkeypatch.context() as disk:
+            unreadable(disk, first, 12_288)
+            found, scan = scanned(path)
+        assert {message for _, _, message in found} < set(messages)
+        assert scan.damaged or scan.cut_bytes
+
+
+def test_a_bag_that_cannot_be_read_leaves_no_half_written_one(bag, tmp_path):
+    (bag.folder / "whole_1.mcap").mkdir()  # cannot be opened as a file
+    with pytest.raises(InputError, match="cannot be read: Is a directory"):
+        recover_bag(bag.folder, tmp_path / "recovered")
+    assert not (tmp_path / "recovered").exists()
 
 
 def test_a_recovered_bag_has_small_chunks(tmp_path):

@@ -5,7 +5,10 @@
 from __future__ import annotations
 
 import bz2
+import os
+import re
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -85,6 +88,17 @@ def test_a_bag_that_was_not_closed_is_refused_with_what_to_do(tmp_path):
     assert "rosbag reindex" in str(error.value)
 
 
+def test_a_bag_that_becomes_shorter_while_it_is_read_is_refused(tmp_path):
+    words = [("/a", TEXT, number, text("x" * 10_000)) for number in range(20)]
+    path = write(tmp_path / "run.bag", words, chunk_bytes=10_000)
+    with BagReader(path) as bag:
+        messages = bag.messages()
+        next(messages)
+        os.truncate(path, 50_000)
+        with pytest.raises(InputError, match="became shorter"):
+            list(messages)
+
+
 def test_a_type_that_differs_in_ros_2_is_refused_and_the_others_are_read(tmp_path):
     other = get_typestore(Stores.EMPTY)
     other.register(get_types_from_msg("float64 wetness", "own_msgs/msg/Soil"))
@@ -138,6 +152,20 @@ def test_a_chunk_that_unpacks_to_more_than_it_says_costs_no_memory(tmp_path):
     path.write_bytes(data[:begin] + bomb.ljust(length, b"\0") + data[begin + length :])
     with BagReader(path) as bag, pytest.raises(InputError, match="a chunk of another size than it says"):
         list(bag.messages())
+
+
+@pytest.mark.slow
+def test_chunks_that_claim_to_begin_at_once_do_not_wait_for_each_other_in_the_memory(tmp_path):
+    zeros = text("\0" * (40 << 20))
+    path = write(tmp_path / "run.bag", [("/a", TEXT, n + 1, zeros) for n in range(10)], COMPRESSIONS[2], 1)
+    path.write_bytes(re.sub(rb"(start_time=).{8}", rb"\1" + bytes(8), path.read_bytes(), flags=re.DOTALL))
+    del zeros
+    tracemalloc.start()
+    found = [(one.extent.messages, one.extent.end_ns) for one in bag_info(path).topics]
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert found == [(10, 10 * 10**9)]
+    assert peak < 320 << 20
 
 
 def test_what_is_no_bag_of_ros_1_is_named(tmp_path):
