@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -22,6 +23,9 @@ RECORD: Final = "record"
 """Kind of the entries that hold a record."""
 MAX_WAITING: Final = 100_000
 """Records that may wait for a full disk: eleven days of one each 10 s; the oldest are lost first."""
+_MANY: Final = 1000
+"""If more records wait for a sync, it is tried every :data:`_AGAIN_S` only: each time writes all of them again."""
+_AGAIN_S: Final = 30.0
 RESET: Final = "reset"
 """Kind of the entries after which a map starts again."""
 
@@ -31,8 +35,8 @@ _log = logging.getLogger(__name__)
 class RecordLog:
     """A log of records that is being written; one disk sync for each call.
 
-    Records that the disk refuses wait in memory, and are written with the next ones: again with the same bytes, so
-    that a reader that has them already continues after them.
+    Records that the disk refuses wait in memory, and are written with the next ones. After a sync that failed
+    those of the last call are written again, with the same bytes: a reader that has them continues after them.
 
     :param folder: folder of the log; made if missing
     :param frame: frame of the records
@@ -43,6 +47,8 @@ class RecordLog:
         self._journal = Journal.open(folder)
         self._frame = frame
         self._waiting: deque[CountRecord] = deque(maxlen=MAX_WAITING)
+        self._refused: OSError | None = None  # of the last sync
+        self._again_s = 0.0
 
     def write(self, records: Iterable[CountRecord]) -> None:
         """Write records; they are on the disk afterwards.
@@ -50,13 +56,29 @@ class RecordLog:
         :param records: new records; none to try again those that the disk has refused
         :raises OSError: if the disk refuses them
         """
-        if self._waiting:
+        self._waiting += records  # first: what is not known here cannot be written later
+        if self._refused is not None:
+            if len(self._waiting) > _MANY and time.monotonic() < self._again_s:
+                raise OSError(self._refused.errno, self._refused.strerror)
             self._journal.undo()  # a record that is in the log twice would count twice
-        self._waiting += records
-        for record in self._waiting:
-            self._journal.append(RECORD, {"frame": self._frame, **_plain(record)}, durable=False)
-        self._journal.sync()
-        self._waiting.clear()
+            self._refused = None
+        appended = 0
+        try:
+            for record in self._waiting:
+                self._journal.append(RECORD, {"frame": self._frame, **_plain(record)}, durable=False)
+                appended += 1
+        finally:
+            if appended:
+                self._sync(appended)
+
+    def _sync(self, appended: int) -> None:
+        try:
+            self._journal.sync()
+        except OSError as error:
+            self._refused, self._again_s = error, time.monotonic() + _AGAIN_S
+            raise
+        for _ in range(appended):
+            self._waiting.popleft()
 
     def reset(self, until_s: float) -> None:
         """Start again: earlier records in this log, and records of other logs up to a stamp [s], are void.
@@ -64,10 +86,12 @@ class RecordLog:
         :raises OSError: as :meth:`write`
         """
         self._waiting.clear()
+        self._refused = None
         self._journal.append(RESET, nan_as_text({"until_s": until_s}))
 
     def close(self) -> None:
         """Write what waits, if the disk takes it now, and release the log."""
+        self._again_s = 0.0
         try:
             if self.waits:
                 self.write(())

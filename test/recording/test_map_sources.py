@@ -414,6 +414,64 @@ def test_records_of_a_sync_that_failed_are_written_again_and_count_once(tmp_path
     log.close()
 
 
+def refuse(code):
+    """A system call that fails."""
+
+    def call(*_):
+        raise OSError(code, os.strerror(code))
+
+    return call
+
+
+def test_a_disk_that_becomes_read_only_after_a_sync_that_failed_loses_no_record(tmp_path, monkeypatch):
+    records, log = published(6), RecordLog(tmp_path / DRIVER, "map")
+    log.write(records[:1])
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fdatasync", refuse(errno.EIO))
+        with pytest.raises(OSError, match="Input/output"):
+            log.write(records[1:2])
+        for name in ("write", "ftruncate", "fdatasync"):
+            patch.setattr(os, name, refuse(errno.EROFS))
+        for one in records[2:5]:
+            with pytest.raises(OSError, match="Read-only"):
+                log.write([one])
+    log.write(records[5:])
+    log.close()
+    assert RecordTail(tmp_path / DRIVER, "map").read().records == records
+
+
+def test_what_a_full_disk_has_taken_stays_in_the_log(tmp_path, monkeypatch):
+    records, log, tail = published(5), RecordLog(tmp_path / DRIVER, "map"), RecordTail(tmp_path / DRIVER, "map")
+    write, free = os.write, [2]
+
+    def full(descriptor, data):
+        if not free[0]:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        free[0] -= 1
+        return write(descriptor, data)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", full)
+        for new in (records[:4], records[4:]):
+            with pytest.raises(OSError, match="No space"):
+                log.write(new)
+        assert RecordTail(tmp_path / DRIVER, "map").read().records == tail.read().records == records[:2]
+    log.close()
+    assert tail.read().records == records[2:]
+
+
+def test_many_records_are_not_written_again_each_time(tmp_path, monkeypatch):
+    records, log, syncs = published(1) * 1001, RecordLog(tmp_path / DRIVER, "map"), []
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fdatasync", lambda _: [syncs.append(1), refuse(errno.EIO)()])
+        for new in (records, *[[]] * 20):
+            with pytest.raises(OSError, match="Input/output"):
+                log.write(new)
+    assert len(syncs) == 1
+    log.close()
+    assert len(RecordTail(tmp_path / DRIVER, "map").read().records) == 1001
+
+
 def test_a_log_that_is_closed_writes_what_waits(tmp_path, disk, caplog):
     records = published(3)
     log = RecordLog(tmp_path / DRIVER, "map")
