@@ -128,13 +128,19 @@ def _notes(metadata: Path) -> dict[str, int]:
 
 
 def _oldest_first(bags: Sequence[_Closed]) -> list[_Closed]:
-    """Bags by number; one without, such as one that was recovered, is sorted in by its time."""
-    placed, latest_s = [], 0.0
-    for bag in sorted(bags, key=lambda bag: (bag.number, bag.changed_s)):
-        if bag.number:
-            latest_s = max(latest_s, bag.changed_s)
-        placed.append((latest_s if bag.number else bag.changed_s, bag))
-    return [bag for _, bag in sorted(placed, key=lambda pair: pair[0])]
+    """Bags by number; one without, such as one that was recovered, is sorted in by its time.
+
+    For that, a bag with a number is of the time of the last one before it that a right clock has closed, or of the
+    first such one; while there is none, bags without a number are taken for those of an earlier release.
+    """
+    numbered = sorted((bag for bag in bags if bag.number), key=lambda bag: bag.number)
+    placed = [(bag.changed_s, 0, bag) for bag in bags if not bag.number]
+    time_s = next((bag.closed_s for bag in numbered if bag.closed_s is not None), math.inf)
+    for bag in numbered:
+        if bag.closed_s is not None:
+            time_s = max(time_s, bag.closed_s)
+        placed.append((time_s, bag.number, bag))
+    return [bag for *_, bag in sorted(placed, key=lambda place: place[:2])]
 
 
 def excess_text(excess: Excess, drops: bool) -> str:

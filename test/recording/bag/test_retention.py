@@ -43,6 +43,13 @@ def record(out, number, changed_s, **notes):
     return writer.folder
 
 
+def without_number(folder, changed_s):
+    with BagWriter(folder) as writer:
+        writer.write(NOTES, START_NS, START_NS, text_message("note"))
+    os.utime(folder / "metadata.yaml", times=(0, changed_s))
+    return folder
+
+
 def size(folder):
     return sum(file.stat().st_size for file in folder.glob("*.mcap"))
 
@@ -74,17 +81,25 @@ def test_only_a_bag_that_a_right_clock_has_closed_can_be_too_old(bags, tmp_path)
     assert find_excess(tmp_path, month, NOW_S, True) == Excess((), undated=(never,))
     far_s = NOW_S + 366 * 86_400
     assert find_excess(tmp_path, month, far_s, False).bags == ()
-    assert find_excess(tmp_path, month, far_s, True).bags == (late, *bags)
+    assert find_excess(tmp_path, month, far_s, True).bags == (*bags, late)
 
 
 def test_the_oldest_bag_is_the_first_whatever_the_clock_said(tmp_path):
-    times = (NOW_S, 1000.0, NOW_S + 366 * 86_400, NOW_S + 60, 2000.0)
-    made = [record(tmp_path, number, changed_s) for number, changed_s in enumerate(times)]
-    with BagWriter(tmp_path / "recovered") as writer:
-        writer.write(NOTES, START_NS, START_NS, text_message("note"))
-    os.utime(writer.folder / "metadata.yaml", times=(0, NOW_S + 30))
-    expected = [*made[:2], writer.folder, *made[2:]]
+    times = (1000.0, NOW_S, 2000.0, NOW_S + 366 * 86_400, NOW_S + 60, 3000.0)
+    right = {1: f"{NOW_S:.0f}", 4: f"{NOW_S + 60:.0f}"}
+    made = [
+        record(tmp_path, number, time_s, **({CLOSED_S: right[number]} if number in right else {}))
+        for number, time_s in enumerate(times)
+    ]
+    recovered = without_number(tmp_path / "recovered", NOW_S + 30)
+    expected = [*made[:4], recovered, *made[4:]]
     assert find_excess(tmp_path, Limits(size_bytes=0), NOW_S, True).bags == tuple(expected)
+
+
+def test_bags_of_an_earlier_release_are_older_than_those_of_a_clock_that_was_never_right(tmp_path):
+    earlier = [without_number(tmp_path / f"earlier_{days}", NOW_S - days * 86_400) for days in (3, 2)]
+    made = [record(tmp_path, number, 1000.0 - number) for number in (1, 2)]
+    assert find_excess(tmp_path, Limits(size_bytes=0), NOW_S, True).bags == (*earlier, *made)
 
 
 def test_what_is_beyond_the_limits_is_said_in_words(tmp_path):
