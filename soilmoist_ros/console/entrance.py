@@ -8,8 +8,8 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, Final
 
-MAX_CONNECTIONS: Final = 64
-"""Connections of one address at the same time; a browser has seven at most."""
+MAX_CONNECTIONS: Final = 256
+"""Connections of one address at the same time: a browser has seven for each page, and a tunnel is one address."""
 FIRST_BYTES_S: Final = 10.0
 """Longest wait for the first bytes of a connection [s]."""
 
