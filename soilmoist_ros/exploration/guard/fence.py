@@ -27,7 +27,11 @@ _STEP_M = 0.5
 _ENTRIES = 20
 """As many of the nearest places are judged for a robot that stands outside."""
 _LEAVING = 2.0
-"""A robot leaves a no-go area, with its margin, on a way of at most this multiple of the shortest one."""
+"""A robot leaves a no-go area and its margin on a way of at most this multiple of the shortest one."""
+_NOISE_M = 0.1
+"""A robot that seems to be less deep in a no-go area than this is taken for one at its edge [m]."""
+_STUCK_M = 0.5
+"""A place that seems to be this deep in a no-go area may be an error of the receiver [m]."""
 
 
 class Fence:
@@ -160,8 +164,9 @@ class Fence:
     def refusal_of_entry(self, place: ArrayLike, first: ArrayLike, entry_m: float) -> str:
         """As :meth:`refusal`, for the straight line on which a robot outside drives back in.
 
-        A robot at the edge of a no-go area, or in its margin, leaves it outwards by about the shortest way. One
-        that is deeper in the area than the margin does not move: it is not where its fix says, or it is stuck.
+        A robot in the margin of a no-go area comes no closer to the area. One in the area, at its edge, leaves it
+        outwards by about the shortest way. One that is deeper in it than the margin, and than half a metre, does
+        not move: it is not where its fix says, or it is stuck.
 
         :param place: where the robot is, shape (2,) [m]
         :param first: where it drives to, shape (2,) [m]
@@ -188,12 +193,12 @@ class Fence:
         here, driven = shapely.Point(line[0]), shapely.LineString(line)
         for number, (area, wide) in enumerate(zip(self._no_go_areas, self._no_go, strict=True), 1):
             deep_m = area.exterior.distance(here) if area.contains(here) else 0.0
-            if deep_m > self.margin_m + TOLERANCE_M:
+            if deep_m > max(self.margin_m, _STUCK_M) + TOLERANCE_M:
                 return f"the robot stands {deep_m:.1f} m deep in no-go area {number}"
             out_m = wide.exterior.distance(here) if wide.contains(here) else 0.0
             deeper = wide.buffer(-out_m - TOLERANCE_M, join_style="mitre")
-            inside_m = driven.intersection(wide).length
-            if driven.intersects(deeper) or inside_m > _LEAVING * out_m + TOLERANCE_M:
+            far = deep_m > _NOISE_M and driven.intersection(wide).length > _LEAVING * out_m + TOLERANCE_M
+            if far or driven.intersects(deeper):
                 return self.refusal(line)
         return ""
 

@@ -81,6 +81,20 @@ def test_a_robot_at_a_ditch_leaves_it_on_its_own_side(x_m, first, ways):
 
 
 @pytest.mark.parametrize("by_name", [False, True])
+@pytest.mark.parametrize("radius_m", [0.75, 0.0])
+def test_a_robot_that_fixes_place_a_little_beyond_its_row_goes_on_along_the_row(radius_m, by_name):
+    """The row is as close to the ditch as it may be; navigation and receiver have errors."""
+    row = 28.0 - radius_m
+    ways = graph({"s": (row, 6), "m": (row, 20), "n": (row, 38), "far": (20, 6)}, "far s m n")
+    rules = AccessRules(robot_radius_m=radius_m, by_name=by_name)
+    access = FieldAccess(BESIDE, RobotMotion(), ways, rules)
+    for off_m in (0.0, 0.04, 0.09, 0.4 * radius_m):
+        for y_m in (19.0, 20.5, 13.0):
+            way = access.way((row + off_m, y_m), Stop("far", 20.0, 6.0)).corners
+            assert {row, row + off_m} >= set(way[:-1, 0])
+
+
+@pytest.mark.parametrize("by_name", [False, True])
 def test_a_robot_deep_in_a_no_go_area_is_left_to_people(by_name):
     rules = AccessRules(robot_radius_m=0.75, by_name=by_name)
     access = FieldAccess(BESIDE, RobotMotion(), graph(BANKS, "w nw ne e"), rules)
@@ -161,7 +175,10 @@ def test_all_that_is_sent_is_inside(seed, outline, kind, by_name):
         for ring in ground.field.no_go:
             wide, here = shapely.Polygon(ring).buffer(0.7499, join_style="mitre"), shapely.Point(place)
             out_m = wide.exterior.distance(here) if wide.contains(here) else 0.0
-            assert first.intersection(wide).length <= 2 * out_m + 1e-3
+            inside = first.intersection(wide)
+            assert inside.length <= 2 * out_m + 1e-3 or not shapely.Polygon(ring).buffer(-0.1).contains(here)
+            along = shapely.points(shapely.get_coordinates(shapely.segmentize(inside, 0.1)))
+            assert np.max(shapely.distance(wide.exterior, along), initial=0.0) <= out_m + 1e-3
         driven = shapely.LineString([*way.corners, way.corners[-1]][1:])
         assert driven.length == 0 or driven.intersection(no_go).length == 0
         assert driven.length == 0 or driven.difference(border).length == 0
