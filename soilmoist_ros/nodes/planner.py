@@ -16,6 +16,7 @@ from rclpy.node import Node
 from soilmoist_ros.exploration.control.mission_clock import MissionClock, boot_id
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
+from soilmoist_ros.exploration.mission.actions import FORGOTTEN
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.types import MissionRules, Verb
 from soilmoist_ros.exploration.navigation.framed import FramedNavigator
@@ -86,7 +87,7 @@ class Planner(Node):
         if self._stored.mission is not None:
             self._control.take_up(self._stored.mission, self._stored.resumes)
         if self._stored.left_driving:
-            self._control.navigator.cancel(0)  # no goal of this mission: whatever drives the robot
+            self._control.navigator.cancel(FORGOTTEN)
         graph = self._values.text("graph")
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")

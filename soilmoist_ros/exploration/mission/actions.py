@@ -5,10 +5,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from soilmoist_ros.exploration.mission.types import MissionEnd, PlanKind, Polygons, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
+
+ANYBODYS: Final = 0
+"""Instead of the id of a goal: whatever drives the robot, though this mission has sent nothing."""
+FORGOTTEN: Final = -1
+"""Instead of the id of a goal: that of a mission before, which is forgotten. Ids of goals begin at 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +67,9 @@ class GoTo:
 class CancelGoal:
     """Stop the robot; answer with :class:`GoalFailed` (or :class:`GoalReached`) when the goal has ended.
 
-    The mission repeats it until the robot is known to stand. In an emergency, and at an
-    abort without a mission, the goal may have ended already, or be that of somebody else.
+    The mission repeats it until the robot is known to stand.
 
-    :param goal_id: the mission's last goal, 0 before the first one
+    :param goal_id: the goal; :data:`ANYBODYS` for an emergency stop or an abort while the mission has none
     """
 
     goal_id: int

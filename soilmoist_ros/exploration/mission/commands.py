@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
-from soilmoist_ros.exploration.mission.actions import CancelGoal
+from soilmoist_ros.exploration.mission.actions import ANYBODYS, CancelGoal
 from soilmoist_ros.exploration.mission.events import RESTART, Command
 from soilmoist_ros.exploration.mission.moves import Moves, xy
 from soilmoist_ros.exploration.mission.state import MissionState, QueuedStop, Todo, changed_rules, replace
@@ -102,7 +102,7 @@ class Commands(Moves):
         else:
             if self.state.phase is Phase.FINISHED:
                 self.enter(Phase.IDLE, "waiting for start")
-            self.do(CancelGoal(self.state.goals, reason))
+            self.do(CancelGoal(ANYBODYS, reason))
         return True, self.state.reason
 
     def skip(self, command: Command) -> tuple[bool, str]:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.exploration.mission.actions import CancelGoal
+from soilmoist_ros.exploration.mission.actions import ANYBODYS, CancelGoal
 from soilmoist_ros.exploration.mission.moves import Moves, after_colon
 from soilmoist_ros.exploration.mission.state import Todo, replace
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, Phase, Response
@@ -53,8 +53,10 @@ class Dangers(Moves):
             return
         reason = f"emergency stop{after_colon(source)}"
         goal = self.state.goal
-        if goal is None or goal.cancelled_s is not None:  # the others are cancelled by the pause
-            self.do(CancelGoal(self.state.goals, reason))  # also if the goal is of somebody else
+        if goal is None:
+            self.do(CancelGoal(ANYBODYS, reason))
+        elif goal.cancelled_s is not None:  # the others are cancelled by the pause
+            self.do(CancelGoal(goal.goal_id, reason))
         resume = self.to_resume
         if self.state.under_way and resume is not None:
             self.hold(resume, f"{reason}; release it, then resume or abort")

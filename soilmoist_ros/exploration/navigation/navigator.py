@@ -73,7 +73,11 @@ class Navigator(Protocol):
         ...
 
     def cancel(self, goal_id: int) -> None:
-        """Stop the robot; also for goals of a mission before this process, and 0 for those of anybody."""
+        """Stop the robot.
+
+        :param goal_id: also that of a mission before this process, ``ANYBODYS`` or ``FORGOTTEN``, see
+            :class:`.CancelGoal`
+        """
         ...
 
     def moved(self, place: tuple[float, float], now_s: float) -> None:

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
+from soilmoist_ros.exploration.mission.actions import ANYBODYS
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.track import Place, Track
 from soilmoist_ros.exploration.navigation.way_points import WayPoint
@@ -103,7 +104,12 @@ class PoseClient:
         return *replaced, self._pose(ahead[0])
 
     def cancel(self, goal_id: int) -> tuple[Request, ...]:
-        """Stop the robot; it is repeated until the robot stands."""
+        """Stop the robot; it is repeated until the robot stands.
+
+        What somebody else has sent is only cancelled: a pose would make a robot that people drive turn back.
+        """
+        if goal_id == ANYBODYS:
+            return (CancelAll(),) if self._cancels else ()
         goal, replaced = self._goal, tuple[Ended, ...]()
         if goal is None or goal.goal_id != goal_id:
             replaced = self._end(Outcome.CANCELED, "cancelled")

@@ -5,7 +5,7 @@
 import pytest
 from mission_driver import EAST, HOME, Driver
 
-from soilmoist_ros.exploration.mission.actions import CancelGoal, Finish, GoTo, RequestPlan, VisitDone
+from soilmoist_ros.exploration.mission.actions import ANYBODYS, CancelGoal, Finish, GoTo, RequestPlan, VisitDone
 from soilmoist_ros.exploration.mission.events import AlarmOver, EmergencyStop, GoalFailed, Moved, Tick
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, Phase, Response
 from soilmoist_ros.exploration.mission.visit import VisitEnd
@@ -242,7 +242,7 @@ def test_without_a_mission_a_stop_and_an_abort_stop_whatever_drives_the_robot(mi
         driver.command("start").plan(EAST).command("abort").send(GoalFailed, 1, "cancelled")
     before = driver.count_of(CancelGoal)
     driver.send(EmergencyStop, True, "button")
-    assert (driver.count_of(CancelGoal), driver.last(CancelGoal).goal_id) == (before + 1, missions)
+    assert (driver.count_of(CancelGoal), driver.last(CancelGoal).goal_id) == (before + 1, ANYBODYS)
     driver.command("abort")
     assert (driver.count_of(CancelGoal), driver.answer.accepted) == (before + 2, True)
     assert driver.phase is Phase.IDLE

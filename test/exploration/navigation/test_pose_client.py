@@ -4,9 +4,11 @@
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from soilmoist_ros.exploration.mission.actions import ANYBODYS, FORGOTTEN
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.pose_client import CancelAll, PoseClient, SendPose
 from soilmoist_ros.exploration.navigation.way_points import way_points
@@ -186,3 +188,14 @@ def test_whatever_is_wrong_with_fixes_a_stop_is_never_further_away_than_the_robo
         for request in requests:
             if isinstance(request, SendPose):
                 assert math.hypot(request.x_m, request.y_m) <= 1.8 * (now_s - 2.0) + 3.0
+
+
+@pytest.mark.parametrize(("cancels", "requests"), [(True, (CancelAll(),)), (False, ())])
+def test_what_somebody_else_drives_gets_no_pose(cancels, requests):
+    client = PoseClient(2.0, 2.0, 1.0)
+    for second in range(20):
+        client.tick(cancels, float(second))
+        client.moved((0.5 * second, 0.0), float(second))
+    assert client.cancel(ANYBODYS) == requests
+    assert client.moved((10.0, 0.0), 20.0) == client.tick(cancels, 20.5) == ()
+    assert client.cancel(FORGOTTEN) != ()
