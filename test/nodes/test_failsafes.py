@@ -49,9 +49,11 @@ class FaultyWorld(World):
         self.noise = np.random.default_rng(1)
         self.fixing, self.shift_m, self.drift_m = True, 0.0, 0.0
         self.charge, self.use, self.has_battery = 0.9, 0.0, True
+        self.used_until = lambda: False
 
     def publish_fix(self):
         self.shift_m += self.drift_m
+        self.use = 0.0 if self.used_until() else self.use
         self.charge = max(0.0, self.charge - self.use)
         if self.has_battery:
             self.batteries.publish(battery_to_message(self.charge, math.nan, self.now_s))
@@ -255,12 +257,19 @@ def map_changed(watched):
     watched.alarm(Cause.MAP_CHANGED)
     watched.stands(Phase.PAUSED)
     watched.resumes()
+    watched.world.maps.publish(String(data=maps[0].to_json().replace("n00", "elsewhere")))
+    watched.stands(Phase.PAUSED)
+    watched.wait(lambda: "there is no stop 'n00'" in watched.process.output(), "the home is missed")
+    assert not watched.call("resume").success
+    watched.world.maps.publish(String(data=maps[1].to_json()))  # the map is back
+    watched.resumes()
 
 
 def reserve(watched):
-    watched.world.use = 0.01
+    watched.world.rate = 4.0  # from this alarm to an empty battery is a minute at most
+    watched.world.use, watched.world.used_until = 0.01, lambda: Cause.RESERVE in watched.alarms
     watched.alarm(Cause.RESERVE)
-    watched.world.use = 0.0
+    watched.world.rate = RATE
     returned(watched)
 
 

@@ -55,13 +55,15 @@ class CurrentAccess:
         self._cell_m: float | None = None
         self._asked_at: Place | None = None  # where the part of the map was last looked for
 
-    def use_graph(self, graph: TravelGraph | None) -> None:
+    def use_graph(self, graph: TravelGraph | None, place: Place | None = None) -> None:
         """Travel along a graph, or straight where nothing is in the way.
 
+        :param graph: the graph
+        :param place: where the robot is, so that its part of the map is used; ``None`` to look for that later [m]
         :raises InputError: if it does not fit the field, or does not know the home
         """
         try:
-            self._renew(graph, self._cell_m, None)
+            self._renew(graph, self._cell_m, place)
         except Exception as error:
             self.waiting_for = f"a map that can be used ({error})"
             raise

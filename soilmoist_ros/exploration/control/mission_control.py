@@ -223,7 +223,7 @@ class MissionControl:
 
         :raises InputError: if it does not fit the field, or does not know the home
         """
-        self._current.use_graph(graph)
+        self._current.use_graph(graph, self._feed.place if self.under_way else None)
 
     def _home_name(self) -> str:
         changed = self._mission.state.changes

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import partial
+from typing import Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
@@ -32,6 +33,9 @@ from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
 from soilmoist_ros.sensing.gnss import fix_from_message
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.logger_fault import logger_fault
+
+_AGAIN_TICKS: Final = 10
+"""Seconds after which a map of the navigation that could not be used is tried again."""
 
 
 class PlannerInputs:
@@ -66,6 +70,7 @@ class PlannerInputs:
         self._map: TopologicalMap | None = None  # in use
         self._newer: TopologicalMap | None = None  # to be used, as soon as that is possible
         self._map_fault = ""
+        self._ticks = 0
         self._faults: dict[str, str] = {}
         self._records = PlannerRecords(node, control, self._read_counts)
         node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
@@ -165,6 +170,9 @@ class PlannerInputs:
     def tick(self) -> None:
         """Check the frames, and use a map that waits; to be called every second."""
         self._control.watch.report(Cause.FRAME_MISMATCH, self._frames.tick())
+        self._ticks += 1
+        if self._ticks % _AGAIN_TICKS == 0:
+            self._map_fault = ""  # home or field may be others now
         if self._newer is not None and self._frames.robot.move is not None:
             self._use_newer()
         self._control.watch.report(Cause.MAP_CHANGED, self._map_changed)

@@ -54,3 +54,10 @@ def test_the_part_of_the_map_is_looked_for_again_only_after_a_move():
     assert [len(access.stops) for access in around.used] == [5, 2]
     around.current.moved((30.0, 5.0), 3.0)
     assert [len(access.stops) for access in around.used] == [5, 2, 5]
+
+
+def test_a_map_that_comes_while_a_mission_is_paused_is_used_where_the_robot_stands():
+    around = Around()
+    parts = graph({**PLACES, "i": (3, 36), "j": (14, 36)}, "a s t u b", "i j")
+    around.current.use_graph(parts, (4.0, 35.0))
+    assert [stop.name for stop in around.current.access.stops] == ["i", "j"]
