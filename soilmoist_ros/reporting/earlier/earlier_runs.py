@@ -19,15 +19,18 @@ from soilmoist_ros.foundation.places import distance_text
 from soilmoist_ros.mapping.field_map import FieldMapSettings, default_merge_radius_m
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey, samples_at_end
+from soilmoist_ros.mapping.moisture_bands import possible_moisture
 from soilmoist_ros.mapping.samples.merging import survey_samples
+from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.reporting.earlier.run_records import RunRecords, find_runs, read_run
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
 
 SAME_RECORDS = 0.5
 """Share of equal stamps and counts from which two runs are one survey; by chance it is a twentieth."""
 SAME_SENSOR = 0.01
-"""Relative difference of N0 up to which the rates of two surveys have one scale."""
+"""Relative difference of their rates over equal soil up to which two sensors are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +62,8 @@ class EarlierRun:
     :param begin_s: begin of its first record [s since 1970-01-01 UTC]
     :param records: records in the present field
     :param outside: records that lie outside and are left out
-    :param scale: rate of its sensor relative to that of the present one over equal soil, by their N0; divided out
+    :param scale: rate of its sensor relative to that of the present one over equal soil, by their calibrations;
+        divided out
     :param remarks: what the user should know, in sentences
     :param corrections: parameters of each applied correction by its name, ``None`` if unknown
     """
@@ -89,8 +93,8 @@ def read_earlier_runs(paths: Sequence[Path | str], target: Target) -> tuple[Earl
 
     Counts and effective exposures are taken, not the maps; records are merged as those of the present survey, and
     moved to its plane if the datum differs. Where both sensors are calibrated, the exposures are scaled by the
-    ratio of their N0: ``counts ~ Poisson(N0_earlier/N0 * rate * exposure)``, so the rates are those that the
-    present sensor would count, and the counts stay Poisson.
+    ratio of the rates of both over the soil of the earlier survey: ``counts ~ Poisson(scale * rate * exposure)``,
+    so the rates are those that the present sensor would count, and the counts stay Poisson.
 
     :param paths: output folders, recordings, or folders of such
     :param target: what they must fit
@@ -162,14 +166,6 @@ def _earlier(run: RunRecords, target: Target) -> EarlierRun:
     remarks = []
     if outside:
         remarks.append(f"{outside} of {len(run.records)} records lie outside the field and are left out.")
-    curve = target.settings.curve
-    scale = run.n0_cps / curve.n0_cps if run.n0_cps and curve is not None else 1.0
-    if abs(scale - 1) <= SAME_SENSOR:
-        scale = 1.0
-    else:
-        remarks.append(
-            f"Its sensor counts {scale:.3g} times as much over equal soil (N0); its exposures are scaled."
-        )
     radius_m = target.settings.merge_radius_m
     if radius_m is None:
         radius_m = default_merge_radius_m(target.grid, target.settings.margin_m)
@@ -178,13 +174,30 @@ def _earlier(run: RunRecords, target: Target) -> EarlierRun:
         samples = survey_samples(records, *sizes)
     else:
         samples = samples_at_end(records, *sizes, target.grid.extent_m)
+    scale = _scale(run.curve, target.settings.curve, samples)
     if scale != 1.0:
         samples = replace(samples, exposure_s=samples.exposure_s * scale)
+        remarks.append(
+            f"By the calibrations, its sensor counts {scale:.3g} times as much over equal soil; its exposures are "
+            "scaled. If it is the same sensor, map that survey again with the present site file."
+        )
     stamp_s = records[-1].stamp_s
     name = run.path.name or str(run.path)
     survey = EarlierSurvey(name, stamp_s, samples)
     begin_s = records[0].stamp_s - records[0].exposure_s
     return EarlierRun(survey, run.path, begin_s, records, outside, scale, tuple(remarks), run.corrections)
+
+
+def _scale(its: MoistureCurve | None, curve: MoistureCurve | None, samples: Samples) -> float:
+    """Rate of a survey's sensor relative to that of the present one over the survey's mean moisture; 1 if unknown.
+
+    N0 alone does not compare sensors: it depends on the curve, and on the water terms of the soil.
+    """
+    if its is None or curve is None:
+        return 1.0
+    vwc = possible_moisture(its, samples.counts.sum() / samples.exposure_s.sum())
+    scale = float(its.rate_cps(vwc) / curve.rate_cps(vwc))
+    return 1.0 if abs(scale - 1) <= SAME_SENSOR else scale
 
 
 def _inside(run: RunRecords, target: Target) -> tuple[list[CountRecord], int]:

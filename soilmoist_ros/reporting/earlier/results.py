@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,11 +17,18 @@ from soilmoist_ros.foundation.configuration import read_limited
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.recording.run_folder import SUMMARY
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
+from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 REMEDY = "restore the file, or make the run again"
+CURVES: Mapping[str, type[CalibrationCurve | UniversalCurve]] = {
+    "desilets": CalibrationCurve,
+    "universal": UniversalCurve,
+}
+"""Calibration curves by the names in their parameters."""
 Number = Annotated[float, Field(ge=-1e300, le=1e300)]
 Positive = Annotated[float, Field(gt=0, le=1e300)]
 Stamp = Annotated[float, Field(ge=-62135596800, le=253402300799)]  # the years 1 to 9999
@@ -55,6 +63,8 @@ class _Calibration(_Part):
     organic_water: Number | None = None
     n0_sd_cps: Number | None = None
     bulk_density_sd_gcm3: Number | None = None
+    humidity_gm3: Number | None = None
+    parameter_set: str | None = None
 
 
 class _Irrigation(_Part):
@@ -90,6 +100,28 @@ def read_summary(folder: Path) -> dict[str, Any]:
     :raises InputError: if the file is missing or damaged
     """
     return _read(folder / SUMMARY, _Summary)
+
+
+def curve_of(about: Mapping[str, Any], path: Path) -> MoistureCurve | None:
+    """Calibration curve of the first property of a run, ``None`` without one.
+
+    :param about: its summary, see :func:`read_summary`
+    :param path: folder of the run, for messages
+    :raises InputError: if the curve is unknown, or a parameter is missing or out of range
+    """
+    calibration = about.get("calibration")
+    if calibration is None:
+        return None
+    kind = CURVES.get(calibration.get("curve"))
+    if kind is None:
+        message = f"has a calibration with the curve {calibration.get('curve')!r}, not one of {', '.join(CURVES)}"
+        raise InputError(message, REMEDY, path / SUMMARY)
+    names = [one.name for one in fields(kind)]
+    given = {name: calibration[name] for name in names if calibration.get(name) is not None}
+    try:
+        return kind(**given)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"has a damaged calibration: {error}", REMEDY, path / SUMMARY) from None
 
 
 def read_features(path: Path) -> list[dict[str, Any]]:

@@ -16,7 +16,8 @@ from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.recording.earlier_records import read_earlier
 from soilmoist_ros.recording.record_table import RECORDS, read_records
 from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of, read_parameters
-from soilmoist_ros.reporting.earlier.results import read_summary
+from soilmoist_ros.reporting.earlier.results import curve_of, read_summary
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -33,7 +34,7 @@ class RunRecords:
     :param records: records in order of time, without quarantined ones
     :param property_name: name of the property that they count; empty if the run does not name it
     :param simulated: whether the counts are simulated
-    :param n0_cps: calibration of the sensor: rate over dry soil [counts/s], ``None`` without one
+    :param curve: calibration of the sensor, ``None`` without one
     :param corrections: parameters of each applied correction by its name, ``None`` if the run does not say
     """
 
@@ -42,7 +43,7 @@ class RunRecords:
     records: Sequence[CountRecord]
     property_name: str = ""
     simulated: bool = False
-    n0_cps: float | None = None
+    curve: MoistureCurve | None = None
     corrections: Mapping[str, Mapping[str, Any]] | None = field(default=None)
 
 
@@ -104,7 +105,6 @@ def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
         raise InputError(
             f"has no {table.name}", "make the run again with this version, or give its recording", path
         )
-    calibration = about.get("calibration") if found == first else None
     rows = about.get("corrections") or ()
     return RunRecords(
         path,
@@ -112,7 +112,7 @@ def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
         _good(read_records(table), path),
         found,
         bool(about.get("simulated")),
-        float(calibration["n0_cps"]) if calibration and calibration.get("n0_cps") else None,
+        curve_of(about, path) if found == first else None,
         {row["name"]: row.get("parameters") or {} for row in rows} if rows else None,
     )
 
@@ -128,14 +128,13 @@ def _of_bag(path: Path, name: str) -> RunRecords | None:
         remedy = "map it with soilmoist replay --field, and give the folder of that"
         raise InputError("does not say in which field it was recorded", remedy, path)
     site = load_site(resource("sites", str(mapper["site"]))) if mapper.get("site") else None
-    curve = None if site is None else site.curve
     return RunRecords(
         path,
         load_field(resource("fields", str(mapper["field"]))).frame,
         _good(read_earlier(bag, name), path),
         name,
         bool(mapper.get("simulated")),
-        None if curve is None else curve.n0_cps,
+        None if site is None else site.curve,
     )
 
 

@@ -17,6 +17,7 @@ from soilmoist_ros.recording.record_table import read_records
 from soilmoist_ros.reporting.earlier.earlier_runs import Target, read_earlier_runs, require_other, same_survey
 from soilmoist_ros.reporting.earlier.run_records import find_runs
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=5.0)
 TARGET = Target(FRAME, GRID, FieldMapSettings(margin_m=5.0))
@@ -66,14 +67,31 @@ def test_records_outside_and_quarantined_ones_are_left_out(tmp_path):
 
 
 def test_exposures_are_scaled_by_the_sensitivity_of_calibrated_sensors(tmp_path):
-    path = run_folder(tmp_path / "run", records(1, MAY_S), calibration={"n0_cps": 2.0})
+    path = run_folder(tmp_path / "run", records(1, MAY_S), calibration=CalibrationCurve(2.0, 1.4).parameters)
     curve = CalibrationCurve(8.0, 1.4)
     (plain,) = read_earlier_runs([path], TARGET)
     (scaled,) = read_earlier_runs([path], replace(TARGET, settings=replace(TARGET.settings, curve=curve)))
     assert scaled.scale == 0.25
     np.testing.assert_allclose(scaled.survey.samples.exposure_s, 0.25 * plain.survey.samples.exposure_s)
     np.testing.assert_allclose(scaled.survey.samples.rate_cps, 4 * plain.survey.samples.rate_cps)
-    assert "N0" in scaled.remarks[0]
+    assert "By the calibrations, its sensor counts 0.25 times as much over equal soil" in scaled.remarks[0]
+
+
+@pytest.mark.parametrize(
+    "now", [UniversalCurve(1.0, 1.4, humidity_gm3=8.0), CalibrationCurve(1.0, 1.4, lattice_water=0.05)]
+)
+def test_a_sensor_with_a_new_calibration_is_the_same_sensor(tmp_path, now):
+    its = records(1, MAY_S)
+    rate_cps = sum(one.raw_counts for one in its) / sum(one.effective_exposure_s for one in its)
+    before = CalibrationCurve(6.0, 1.4)
+    now = replace(
+        now, n0_cps=rate_cps / float(now.rate_cps(before.vwc(rate_cps)))
+    )  # moisture as by the former one
+    assert abs(now.n0_cps / before.n0_cps - 1) > 0.05
+    path = run_folder(tmp_path / "run", its, calibration=before.parameters)
+    (run,) = read_earlier_runs([path], replace(TARGET, settings=replace(TARGET.settings, curve=now)))
+    assert run.scale == 1.0
+    assert not run.remarks
 
 
 def test_runs_of_one_name_get_the_folder_above(tmp_path):

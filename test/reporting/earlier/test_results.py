@@ -7,7 +7,9 @@ import json
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.reporting.earlier.results import read_features, read_summary, shape_of
+from soilmoist_ros.reporting.earlier.results import curve_of, read_features, read_summary, shape_of
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 
 GOOD = {
     "datum": {"latitude_deg": 52.0, "longitude_deg": 5},
@@ -44,6 +46,23 @@ def test_a_part_of_another_kind_is_named(tmp_path, key, value):
     (tmp_path / "summary.json").write_text(json.dumps({**GOOD, key: value}))
     with pytest.raises(InputError, match=rf"summary.json \[{key}.*-> restore the file"):
         read_summary(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "curve", [CalibrationCurve(7.0, 1.4, 0.02), UniversalCurve(7.0, 1.4, 0.02, 0.01, 0.1, 0.0, 8.0, "uranos_thl")]
+)
+def test_a_calibration_comes_back_as_it_was_written(tmp_path, curve):
+    more = {"n0_sd_cps": curve.n0_sd_cps or None, "lowest_rate_cps": curve.lowest_rate_cps, "source": "6 cores"}
+    (tmp_path / "summary.json").write_text(json.dumps({**GOOD, "calibration": {**curve.parameters, **more}}))
+    assert curve_of(read_summary(tmp_path), tmp_path) == curve
+    assert curve_of(GOOD, tmp_path) is None
+
+
+@pytest.mark.parametrize("key", ["curve", "n0_cps", "bulk_density_gcm3"])
+def test_a_calibration_with_a_part_missing_is_refused(tmp_path, key):
+    calibration = {**CalibrationCurve(7.0, 1.4).parameters, key: None}
+    with pytest.raises(InputError, match=rf"summary\.json.*calibration.*{key}.*-> restore the file"):
+        curve_of({"calibration": calibration}, tmp_path)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "5", '"text"', "null", "[" * 5000])
