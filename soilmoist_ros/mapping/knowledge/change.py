@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 
 FALSE_SHARE = 0.05
 """Expected share of the cells that are called changed, but are not."""
-MAX_MEAN_CELLS = 500
-"""Maximum number of cells whose mean stands for that of the field."""
+MEAN_PLACES = 500
+"""About the largest number of places whose mean stands for that of the field."""
 _Z95 = 1.959963984540054
 _SLOPE_STEP = 1e-4
 
@@ -95,8 +95,8 @@ def field_change(
     :param shared: errors that the samples of the later survey share, such as those of a drift, as errors of the
         rate at places of shape (g, 2): one standard deviation of each, shape (g, k) [counts/s]; none by default
     """
-    cells, some = grid.cells, mean_cells(grid)
-    errors, mean_errors = (np.zeros((len(xy), 1)) if shared is None else shared(xy) for xy in (cells, some))
+    cells, (places, share) = grid.cells, mean_places(grid)
+    errors, mean_errors = (np.zeros((len(xy), 1)) if shared is None else shared(xy) for xy in (cells, places))
     error_variance = (errors**2).sum(axis=1)
     rate, variance = kriging.predict(cells, survey, other)
     variance += error_variance
@@ -104,19 +104,18 @@ def field_change(
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(sd > 0, rate / sd, np.where(rate == 0, 0.0, np.sign(rate) * np.inf))
     sure = discoveries(two_sided(z), FALSE_SHARE) * np.sign(rate)
-    equal = np.full(len(some), 1.0 / len(some))
-    mean, mean_variance = kriging.mean(some, {survey: equal, other: -equal})
-    mean_variance += mean_variance_of(mean_errors, equal)
+    mean_variance = kriging.mean(places, {survey: share, other: -share})[1]
+    mean_variance += mean_variance_of(mean_errors, share)
     vwc, vwc_sd = np.full((2, len(cells)), np.nan)
     mean_vwc = None
     if curve is not None:
         now, then = (kriging.predict(cells, one) if maps is None else maps[one] for one in (survey, other))
         vwc, vwc_sd = _moisture_change((now[0], now[1] + error_variance), then, variance, curve)
-        mean_vwc = _mean_moisture_change(kriging, some, survey, other, curve, float(vwc.mean()), mean_errors)
+        mean_vwc = _mean_moisture_change(kriging, grid, survey, other, curve, float(vwc.mean()), mean_errors)
     raster = grid.to_raster
     return FieldChange(
         raster(rate), raster(sd), raster(vwc), raster(vwc_sd), raster(sure),
-        Estimate(mean, math.sqrt(mean_variance)), mean_vwc,
+        Estimate(float(rate.mean()), math.sqrt(mean_variance)), mean_vwc,
     )  # fmt: skip
 
 
@@ -149,10 +148,19 @@ def two_sided(z: ArrayLike) -> Array:
     return np.asarray(2 * ndtr(-np.abs(np.asarray(z, float))))
 
 
-def mean_cells(grid: FieldGrid) -> Array:
-    """Cells, evenly spread, whose mean stands for that of the field, shape (g, 2) [m]."""
-    cells = grid.cells
-    return cells[:: max(1, -(-len(cells) // MAX_MEAN_CELLS))]
+def mean_places(grid: FieldGrid) -> tuple[Array, Array]:
+    """Places whose weighted mean stands for that of the field: the centres of square blocks of its cells.
+
+    A small field has a place in each cell. The mean of a value that rises evenly over the field is exact.
+
+    :returns: places, shape (g, 2) [m], and weights, shape (g,), sum 1
+    """
+    row, column = np.nonzero(grid.mask)
+    side = math.ceil(math.sqrt(len(row) / MEAN_PLACES))
+    block = row // side * grid.shape[1] + column // side
+    _, index, count = np.unique(block, return_inverse=True, return_counts=True)
+    centres = [np.bincount(index, axis) / count for axis in grid.cells.T]
+    return np.column_stack(centres), count / len(row)
 
 
 def mean_variance_of(errors: Array, weights: Array) -> float:
@@ -188,7 +196,7 @@ def _moisture_change(
 
 def _mean_moisture_change(
     kriging: JointKriging,
-    some: Array,
+    grid: FieldGrid,
     survey: int,
     other: int,
     curve: MoistureCurve,
@@ -196,6 +204,7 @@ def _mean_moisture_change(
     errors: Array,
 ) -> Estimate:
     """Change of the mean moisture; its error to first order."""
-    slopes = {one: moisture_slope(curve, kriging.predict(some, one)[0]) / len(some) for one in (survey, other)}
-    _, variance = kriging.mean(some, {survey: slopes[survey], other: -slopes[other]})
+    places, share = mean_places(grid)
+    slopes = {one: share * moisture_slope(curve, kriging.predict(places, one)[0]) for one in (survey, other)}
+    _, variance = kriging.mean(places, {survey: slopes[survey], other: -slopes[other]})
     return Estimate(value, math.sqrt(variance + mean_variance_of(errors, slopes[survey])))

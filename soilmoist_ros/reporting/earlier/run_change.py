@@ -14,7 +14,7 @@ from soilmoist_ros.mapping.knowledge.change import (
     Estimate,
     FieldChange,
     field_change,
-    mean_cells,
+    mean_places,
     mean_variance_of,
 )
 from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging, Persistence, estimate_persistence
@@ -73,15 +73,14 @@ def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun])
     kriging = JointKriging(soil_map.variogram, surveys, persistence.matrix(stamps))
     # With a drift or a reference sensor, the samples are as at the end of the survey: but for a common error.
     shared = soil_map.made_by.shared if isinstance(soil_map.made_by, PoissonKriging) else None
-    some = mean_cells(soil_map.grid)
-    errors = np.zeros((len(some), 1)) if shared is None else shared(some)
-    equal = np.full(len(some), 1.0 / len(some))
-    means = {}
-    for number, run in enumerate(used, 1):
-        value, variance = kriging.mean(some, {0: equal, number: -equal})
-        means[run.survey.name] = Estimate(value, math.sqrt(variance + mean_variance_of(errors, equal)))
+    change = field_change(kriging, soil_map.grid, 0, 1, soil_map.curve, shared=shared)
+    means = {used[0].survey.name: change.mean_rate}
+    places, share = mean_places(soil_map.grid)
+    errors = np.zeros((len(places), 1)) if shared is None else shared(places)
+    for number, run in enumerate(used[1:], 2):
+        value, variance = kriging.mean(places, {0: share, number: -share})
+        means[run.survey.name] = Estimate(value, math.sqrt(variance + mean_variance_of(errors, share)))
     alone = JointKriging(soil_map.variogram, surveys[:1], np.eye(1))
     of_cell = (errors**2).sum(axis=1)
-    sd, sd_alone = (math.sqrt(float((one.predict(some, 0)[1] + of_cell).mean())) for one in (kriging, alone))
-    change = field_change(kriging, soil_map.grid, 0, 1, soil_map.curve, shared=shared)
+    sd, sd_alone = (math.sqrt(float(share @ (one.predict(places, 0)[1] + of_cell))) for one in (kriging, alone))
     return RunChange(used[0], change, persistence, means, sd, sd_alone, not before)

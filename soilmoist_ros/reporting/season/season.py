@@ -24,7 +24,7 @@ from soilmoist_ros.mapping.knowledge.change import (
     Estimate,
     FieldChange,
     field_change,
-    mean_cells,
+    mean_places,
     moisture_slope,
 )
 from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging, Persistence, estimate_persistence
@@ -221,22 +221,21 @@ def _mapped(
 ) -> SeasonSurvey:
     """Map a survey, and its change since the one before."""
     grid, curve = ground.grid, ground.curve
-    cells, some = grid.cells, mean_cells(grid)
+    cells, (places, share) = grid.cells, mean_places(grid)
     maps = {number: kriging.predict(cells, number)}
     rate, variance = maps[number]
     bands = make_bands(grid.to_raster(rate), grid.to_raster(variance), curve)
-    equal = np.full(len(some), 1.0 / len(some))
-    mean, mean_variance = kriging.mean(some, {number: equal})
+    mean = Estimate(float(rate.mean()), math.sqrt(kriging.mean(places, {number: share})[1]))
     mean_vwc = None
     if curve is not None:
-        slopes = moisture_slope(curve, kriging.predict(some, number)[0]) / len(some)
-        mean_vwc = Estimate(float(np.nanmean(bands.vwc)), math.sqrt(kriging.mean(some, {number: slopes})[1]))
+        slopes = share * moisture_slope(curve, kriging.predict(places, number)[0])
+        mean_vwc = Estimate(float(np.nanmean(bands.vwc)), math.sqrt(kriging.mean(places, {number: slopes})[1]))
     change = None
     if before is not None:
         if curve is not None:
             maps[before] = kriging.predict(cells, before)
         change = field_change(kriging, grid, number, before, curve, maps)
-    return SeasonSurvey(run, bands, Estimate(mean, math.sqrt(mean_variance)), mean_vwc, change)
+    return SeasonSurvey(run, bands, mean, mean_vwc, change)
 
 
 def _window(samples: Sequence[Samples], stamps_s: Sequence[float], number: int) -> list[int]:

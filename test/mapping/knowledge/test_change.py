@@ -8,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.change import discoveries, field_change, moisture_slope, two_sided
+from soilmoist_ros.mapping.knowledge.change import (
+    discoveries,
+    field_change,
+    mean_places,
+    moisture_slope,
+    two_sided,
+)
 from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging, Persistence
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.model import Variogram
@@ -57,6 +63,29 @@ def test_an_irrigated_part_is_wetter_and_the_rest_as_it_was():
 def test_where_nothing_changed_little_is_significant():
     shares = [np.mean(change(pattern, pattern, seed).significant != 0) for seed in range(20)]
     assert np.mean(np.array(shares) > 0) <= 0.15  # FDR is the chance of any discovery when there is nothing
+
+
+def test_the_mean_change_is_that_of_all_columns_of_the_field():
+    grid = FieldGrid.from_polygon([(0, 0), (100, 0), (100, 1250), (0, 1250)], cell_m=5.0)
+    rng = np.random.default_rng(4)
+    xy, exposure_s = rng.uniform(0, (100, 1250), (150, 2)), np.full(150, 1500.0)
+    rates = np.full(150, 4.0), 4.0 - xy[:, 0] / 100
+    surveys = [Samples(xy, rng.poisson(rate * exposure_s), exposure_s) for rate in rates]
+    found = field_change(JointKriging(VARIOGRAM, surveys, np.eye(2)), grid, 1, 0)
+    assert found.mean_rate.value == pytest.approx(np.nanmean(found.rate))
+    low, high = found.mean_rate.interval95
+    assert low < -0.5 < high
+
+
+def test_the_places_of_a_mean_are_all_cells_or_blocks_of_them():
+    places, share = mean_places(GRID)
+    np.testing.assert_array_equal(places, GRID.cells)
+    assert share == pytest.approx(1 / len(places))
+    corners, pond = [(0, 0), (210, 40), (210, 330)], [(150, 150), (180, 150), (180, 200)]
+    grid = FieldGrid.from_polygon(corners, 1.0, [pond])
+    places, share = mean_places(grid)
+    assert len(places) < 700
+    assert share @ places == pytest.approx(grid.cells.mean(axis=0))
 
 
 def test_a_change_backwards_is_the_negative():

@@ -43,6 +43,11 @@ def test_every_map_is_near_the_truth_of_its_run_and_better_known_than_alone(seas
     assert middle.mean_rate.value == pytest.approx(about["map"]["rate_cps"]["mean"], rel=0.03)
 
 
+def test_the_mean_rate_is_that_of_all_cells(runs):
+    for one in make_season([runs, runs / "earlier"], SeasonSettings(cell_m=2.0)).surveys:
+        assert one.mean_rate.value == pytest.approx(np.nanmean(one.bands.rate))
+
+
 def test_a_later_survey_informs_an_earlier_one(season, runs):
     pair = make_season([runs / "earlier"], SeasonSettings(cell_m=season.grid.cell_m))
     assert len(pair.surveys) == 2
