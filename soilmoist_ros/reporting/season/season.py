@@ -36,9 +36,9 @@ from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of, read_parameters
 from soilmoist_ros.reporting.earlier.doubts import doubts, mean_rate
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, date_text, read_earlier_runs
-from soilmoist_ros.reporting.earlier.results import read_features, read_summary, shape_of
+from soilmoist_ros.reporting.earlier.results import curve_of, read_features, read_summary, shape_of
 from soilmoist_ros.reporting.earlier.run_records import find_runs
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import load_site
 
 Array = NDArray[np.float64]
@@ -272,14 +272,14 @@ def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) ->
 def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
     """Field and calibration: those of files, else those of the last run that has a folder."""
     folders = [path for path in runs if (path / SUMMARY).is_file()]
-    about: dict[str, Any] = {}
+    about, home = dict[str, Any](), runs[-1]
     if folders:
         summaries = [(path, read_summary(path)) for path in folders]
         home, about = max(summaries, key=lambda one: one[1].get("last_stamp_s") or 0.0)
     field = load_field(settings.field) if settings.field else None
-    curve = load_site(settings.site).curve if settings.site else _curve(about)
+    curve = load_site(settings.site).curve if settings.site else curve_of(about, home)
     if field is None and not folders:
-        field = _field_of_bag(runs[-1])
+        field = _field_of_bag(home)
     if field is not None:
         name, frame = field.name, field.frame
         grid = _sized(lambda cell_m: field.grid(cell_m), settings.cell_m, field.grid(settings.cell_m))
@@ -302,20 +302,6 @@ def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: Fiel
     if given_m is not None or cells <= USUAL_CELLS:
         return grid
     return make(grid.cell_m * math.ceil(math.sqrt(cells / USUAL_CELLS)))
-
-
-def _curve(about: dict[str, Any]) -> MoistureCurve | None:
-    """Calibration curve of a run, by its summary; those with other parameters need a site file."""
-    calibration = about.get("calibration") or {}
-    if calibration.get("curve") != "desilets":
-        return None
-    names = CalibrationCurve.__dataclass_fields__
-    try:
-        return CalibrationCurve(**{name: calibration[name] or 0.0 for name in names if name in calibration})
-    except (TypeError, ValueError) as error:
-        raise InputError(
-            f"the calibration of the last run is damaged: {error}", "give a site file with --site"
-        ) from None
 
 
 def _frame(about: dict[str, Any], path: Path) -> LocalFrame:

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.moisture_bands import possible_moisture
 from soilmoist_ros.reporting.season import season as module
 from soilmoist_ros.reporting.season.season import SeasonSettings, make_season
 from soilmoist_ros.reporting.season.season_files import summary
 from soilmoist_ros.reporting.season.season_page import render_season
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 
 pytestmark = pytest.mark.slow  # the season that all use takes long to make
 
@@ -65,6 +68,18 @@ def test_a_field_file_and_a_cell_size_are_taken(runs):
     season = make_season([runs / "earlier"], SeasonSettings(field=FIELDS / "smooth.yaml", cell_m=10.0))
     assert season.field_name == "A smooth random field"
     assert season.grid.cell_m == 10.0
+
+
+@pytest.mark.parametrize("curve", [CalibrationCurve(6.0, 1.3, 0.02), UniversalCurve(9.0, 1.3, humidity_gm3=8.0)])
+def test_the_calibration_is_that_of_the_last_run(runs, tmp_path, curve):
+    shutil.copytree(runs, tmp_path / "run")
+    for path in tmp_path.rglob("summary.json"):
+        about = json.loads(path.read_text())
+        path.write_text(json.dumps({**about, "calibration": {**curve.parameters, "n0_sd_cps": None}}))
+    season = make_season([tmp_path / "run", tmp_path / "run" / "earlier"], SeasonSettings())
+    assert season.curve == curve
+    last = season.surveys[-1]
+    np.testing.assert_allclose(last.bands.vwc, possible_moisture(curve, last.bands.rate))
 
 
 def test_one_survey_is_no_season(runs):
