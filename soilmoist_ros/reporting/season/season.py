@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import DAY_S
+from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field, load_field
@@ -37,7 +38,7 @@ from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of
 from soilmoist_ros.reporting.earlier.doubts import doubts, mean_rate
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, date_text, read_earlier_runs
 from soilmoist_ros.reporting.earlier.results import curve_of, read_features, read_summary, shape_of
-from soilmoist_ros.reporting.earlier.run_records import find_runs
+from soilmoist_ros.reporting.earlier.run_records import find_runs, read_run
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import load_site
 
@@ -270,16 +271,19 @@ def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) ->
 
 
 def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
-    """Field and calibration: those of files, else those of the last run that has a folder."""
+    """Field and calibration: those of files, else those of the last run that has a folder, or of the last bag."""
     folders = [path for path in runs if (path / SUMMARY).is_file()]
     about, home = dict[str, Any](), runs[-1]
     if folders:
         summaries = [(path, read_summary(path)) for path in folders]
         home, about = max(summaries, key=lambda one: one[1].get("last_stamp_s") or 0.0)
     field = load_field(settings.field) if settings.field else None
-    curve = load_site(settings.site).curve if settings.site else curve_of(about, home)
-    if field is None and not folders:
-        field = _field_of_bag(home)
+    recorded = None if folders else read_run(home)
+    curve, simulated = curve_of(about, home), bool(about.get("simulated"))
+    if recorded is not None:
+        curve, simulated, field = recorded.curve, recorded.simulated, field or _field_of_bag(home)
+    if settings.site:
+        curve = load_site(settings.site).curve
     if field is not None:
         name, frame = field.name, field.frame
         grid = _sized(lambda cell_m: field.grid(cell_m), settings.cell_m, field.grid(settings.cell_m))
@@ -290,7 +294,7 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
         first = FieldGrid.from_polygon(rings, cell_m, holes)
         grid = _sized(lambda size: FieldGrid.from_polygon(rings, size, holes), settings.cell_m, first)
     names = [one.get("name", "") for one in about.get("properties") or ()]
-    return _Ground(name, frame, grid, curve, names[0] if names else "", bool(about.get("simulated")))
+    return _Ground(name, frame, grid, curve, names[0] if names else "", simulated)
 
 
 def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: FieldGrid) -> FieldGrid:
@@ -330,7 +334,6 @@ def _rings(path: Path, frame: LocalFrame) -> tuple[list[Array], list[Array]]:
 
 
 def _field_of_bag(path: Path) -> Field:
-    field = read_parameters(configuration_of(bag_of(path)), "mapper").get("field")
-    if not field:
-        raise InputError("does not say in which field it was recorded", "give the field file with --field", path)
-    return load_field(Path(field))
+    """Field that the nodes of a recording had, which :func:`read_run` has found."""
+    mapper = read_parameters(configuration_of(bag_of(path)), "mapper")
+    return load_field(resource("fields", str(mapper["field"])))

@@ -21,6 +21,7 @@ from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 pytestmark = pytest.mark.slow  # the season that all use takes long to make
 
 FIELDS = Path(__file__).parents[3] / "config" / "fields"
+GOLDEN = Path(__file__).parents[2] / "golden"
 
 
 def test_surveys_are_in_order_of_time_with_their_means_and_changes(season):
@@ -80,6 +81,13 @@ def test_the_calibration_is_that_of_the_last_run(runs, tmp_path, curve):
     assert season.curve == curve
     last = season.surveys[-1]
     np.testing.assert_allclose(last.bands.vwc, possible_moisture(curve, last.bands.rate))
+
+
+def test_field_and_calibration_of_recordings_are_those_of_their_nodes():
+    season = make_season([GOLDEN / "one_stop", GOLDEN / "drive_and_stop"], SeasonSettings())
+    assert season.curve == CalibrationCurve(6.0, 1.4)
+    assert season.simulated
+    assert season.surveys[1].mean_vwc is not None
 
 
 def test_one_survey_is_no_season(runs):
