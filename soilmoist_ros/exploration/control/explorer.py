@@ -350,8 +350,13 @@ class Explorer:
             return self._cells
         if len(self.stops) <= MAX_STOPS:
             return np.ones(len(self.stops), bool)
+        # The farthest from those before, again and again: every n-th stop would leave out strips of the field.
         chosen = np.zeros(len(self.stops), bool)
-        chosen[:: -(-len(self.stops) // MAX_STOPS)] = True
+        gap_m2, number = np.full(len(self.stops), np.inf), 0
+        for _ in range(MAX_STOPS):
+            chosen[number] = True
+            gap_m2 = np.minimum(gap_m2, ((self._xy - self._xy[number]) ** 2).sum(axis=1))
+            number = int(gap_m2.argmax())
         return chosen
 
     def _variance(self, field_map: FieldMap, kept: NDArray[np.intp]) -> Array:
