@@ -186,6 +186,7 @@ def _settings(
         dwell=str(had.get("dwell", "unknown")),
         hours=float(had.get("hours", (last.time_used_s + last.time_left_s) / 3600)),
         seed=int(had.get("seed", 0)),
+        target=had.get("target", usual.target),
         preset=had.get("preset", usual.preset),
         model=mapper.get("model", "matern32"),
         fit=mapper.get("fit", "reml"),

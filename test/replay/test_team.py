@@ -31,7 +31,7 @@ def run_of(tmp_path):
         (run / CONFIGURATION / "planner.yaml").unlink()
         write_parameters(run, "mapper", {**had["mapper"], "others": others})
         for number, robot in enumerate(ROBOTS):
-            write_parameters(run, f"{robot}/planner", {**had["planner"], "seed": number})
+            write_parameters(run, f"{robot}/planner", {**had["planner"], "seed": number, "target": "vwc"})
         with (
             AnyReader([GOLDEN / "bag"]) as reader,
             Writer(run / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer,
@@ -70,6 +70,7 @@ def test_the_records_of_all_are_mapped_and_each_has_its_mission(run_of):
     mission, single = team.mission, alone.mission
     assert mission.settings.robots == 2
     assert (mission.settings.strategy, mission.settings.seed) == (single.settings.strategy, 0)
+    assert mission.settings.target == "vwc"
     assert [visit.robot for visit in mission.visits] == [1, 2] * len(single.visits)
     assert sum(len(track) for track in mission.tracks) == len(alone.track)
     assert min(len(track) for track in mission.tracks) == len(alone.track) // 2

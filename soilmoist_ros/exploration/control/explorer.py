@@ -40,11 +40,13 @@ class Plan:
     :param choice: the next stop, ``None`` if nothing is worth going to or can be reached
     :param travel_s: travel time to it [s], ``None`` without a choice
     :param forecast: a new forecast of the map, ``None`` if the last one is recent
+    :param home_s: travel time home from it, or from where the robot stays without a choice [s]; 0 without a home
     """
 
     choice: Choice | None
     travel_s: float | None
     forecast: Forecast | None = None
+    home_s: float = 0.0
 
 
 class Explorer:
@@ -62,8 +64,8 @@ class Explorer:
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
     :param home: where the robot must be at the end, if anywhere
     :param counting: when the robot counts
-    :param kept_for_home_s: time that the mission keeps for the way home from a place [s]; stops that it would find
-        too late for are not offered
+    :param kept_for_home_s: time that the mission keeps for the way home from a place with this travel time [s];
+        stops that it would find too late for are not offered
     :param min_last_dwell_s: a stop must leave at least this for counting [s], if it is more than ``min_dwell_s``
     :param forecasts: whether plans have forecasts of the map
     :param grid: the field, where the maps are only of the cells that represent it (:func:`planning_grid`); their
@@ -83,7 +85,7 @@ class Explorer:
         nominal_rate_cps: float = 4.0,
         home: Stop | None = None,
         counting: Counting = _ON_THE_WAY_TOO,
-        kept_for_home_s: Callable[[tuple[float, float]], float] | None = None,
+        kept_for_home_s: Callable[[tuple[float, float], float], float] | None = None,
         min_last_dwell_s: float = 0.0,
         forecasts: bool = True,
         grid: FieldGrid | None = None,
@@ -111,7 +113,7 @@ class Explorer:
         self._cells_xy = self._map_xy[self._cells]
         self._mapped = represented[mapped.mask]  # of the cells that are mapped
         self._considered = self._few_stops()
-        self._home_s = self._way_home_s(kept_for_home_s)
+        self._to_home_s, self._home_s = self._ways_home_s(kept_for_home_s)
         self._forecasts = forecasts
         few = spread_cells(self.grid.mask, FORECAST_CELLS)[self.grid.mask]
         self._forecaster = Forecaster(self._map_xy[few], self.grid.extent_m, nominal_rate_cps)
@@ -126,12 +128,12 @@ class Explorer:
         if same_strategy:
             self.strategy, self.warm_up = earlier.strategy, earlier.warm_up
 
-    def keep_for_home(self, kept_s: Callable[[tuple[float, float]], float]) -> None:
+    def keep_for_home(self, kept_s: Callable[[tuple[float, float], float], float]) -> None:
         """The mission keeps another time for the way home: it knows better how the robot moves.
 
         :param kept_s: as ``kept_for_home_s``
         """
-        self._home_s = self._way_home_s(kept_s)
+        self._to_home_s, self._home_s = self._ways_home_s(kept_s)
 
     def has_map(self, name: str) -> bool:
         """Whether there is a map of a property."""
@@ -150,13 +152,15 @@ class Explorer:
         strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
         choice = strategy.choose(situation, self.rng)
         forecast = self._forecast(request, 1 + len(others)) if self._forecasts else None
+        number = self._numbers.get(request.staying if choice is None else choice.stop.name)
+        home_s = 0.0 if number is None else float(self._to_home_s[number])
         if choice is None:
-            return Plan(None, None, forecast)
+            return Plan(None, None, forecast, home_s)
         if isinstance(self.dwell, Optimal) and choice.dwell is None:
             choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
         stays = bool(request.staying) and choice.stop.name == request.staying
         travel_s = 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0])
-        return Plan(choice, travel_s, forecast)
+        return Plan(choice, travel_s, forecast, home_s)
 
     def _forecast(self, request: RequestPlan, robots: int) -> Forecast | None:
         return self._forecaster.forecast(self.properties[0], request.time_used_s, request.time_left_s, robots)
@@ -350,8 +354,13 @@ class Explorer:
             return self._cells
         if len(self.stops) <= MAX_STOPS:
             return np.ones(len(self.stops), bool)
+        # The farthest from those before, again and again: every n-th stop would leave out strips of the field.
         chosen = np.zeros(len(self.stops), bool)
-        chosen[:: -(-len(self.stops) // MAX_STOPS)] = True
+        gap_m2, number = np.full(len(self.stops), np.inf), 0
+        for _ in range(MAX_STOPS):
+            chosen[number] = True
+            gap_m2 = np.minimum(gap_m2, ((self._xy - self._xy[number]) ** 2).sum(axis=1))
+            number = int(gap_m2.argmax())
         return chosen
 
     def _variance(self, field_map: FieldMap, kept: NDArray[np.intp]) -> Array:
@@ -362,14 +371,18 @@ class Explorer:
         assert field_map.kriging is not None
         return field_map.kriging.predict(self._xy[kept])[1]
 
-    def _way_home_s(self, kept_s: Callable[[tuple[float, float]], float] | None) -> Array:
+    def _ways_home_s(self, kept_s: Callable[[tuple[float, float], float], float] | None) -> tuple[Array, Array]:
+        """Travel times home from the stops [s], and the times that are kept for it [s]."""
         if self.home is None:
-            return np.zeros(len(self.stops))
+            return np.zeros(len(self.stops)), np.zeros(len(self.stops))
         # The way back is assumed to be as long as the way there.
         times = self.travel.travel_s((self.home.x_m, self.home.y_m), self.stops)
-        if kept_s is not None:
-            times = np.maximum(times, [kept_s((stop.x_m, stop.y_m)) for stop in self.stops])
-        return times
+        if kept_s is None:
+            return times, times
+        kept = [
+            kept_s((stop.x_m, stop.y_m), time_s) for stop, time_s in zip(self.stops, times.tolist(), strict=True)
+        ]
+        return times, np.maximum(times, kept)
 
 
 def _sum(arrays: Iterable[Array]) -> Array:

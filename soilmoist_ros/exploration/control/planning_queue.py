@@ -194,7 +194,7 @@ def answer(explorer: Explorer, job: PlanJob, needs_map: bool) -> Planned | PlanF
         _log.exception("planning failed")
         return PlanFailed(0.0, plan_id, f"{type(error).__name__}: {error}")
     reason = "" if plan.choice is not None else "no stop that is left fits into the time"
-    return Planned(0.0, plan_id, plan.choice, plan.travel_s, reason, plan.forecast)
+    return Planned(0.0, plan_id, plan.choice, plan.travel_s, reason, plan.forecast, plan.home_s)
 
 
 def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:

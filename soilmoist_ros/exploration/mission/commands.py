@@ -190,6 +190,8 @@ class Commands(Moves):
         if new.budget_s is not None and self.state.under_way and new.budget_s <= used_s:
             return False, f"{used_s / 3600:.2f} h are used already: give more, or send the robot home"
         self.state = replace(self.state, changes=changes)
+        if new.home is not None and self.state.target is not None:
+            self.state = replace(self.state, target=replace(self.state.target, home_s=0.0))
         self.rules = rules
         self.plan_again(f"settings changed by {command.by}")
         return True, f"changed: {', '.join(f'{name} {_plain(value)}' for name, value in values.items())}"

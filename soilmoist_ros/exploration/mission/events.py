@@ -60,6 +60,7 @@ class Planned:
     :param travel_s: expected travel time to it [s]; estimated from the straight distance if ``None``
     :param reason: why there is no choice
     :param forecast: a new forecast of the map's standard deviation, ``None`` if the last one is recent
+    :param home_s: travel time home from the choice, or from where the robot stays without one [s]; 0 if not known
     """
 
     now_s: float
@@ -68,6 +69,7 @@ class Planned:
     travel_s: float | None = None
     reason: str = ""
     forecast: Forecast | None = None
+    home_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -207,6 +207,9 @@ class _Turn(Commands, Dangers, Deadlines):
                 self.end(*end)
                 return
         staying = self.staying
+        if staying is not None and (choice is None or choice.stop.name == staying.stop.name):
+            staying = replace(staying, home_s=event.home_s)
+            self.state = replace(self.state, target=staying)
         if choice is None:
             reason = "nothing is left that is worth measuring or can be reached" + after_colon(event.reason)
             self.end_or_count_on(MissionEnd.NOTHING_LEFT, reason)
@@ -218,13 +221,12 @@ class _Turn(Commands, Dangers, Deadlines):
             travel_s = event.travel_s
             if travel_s is None:
                 travel_s = self.rules.travel_s(self.place, xy(choice.stop))
-            if staying is not None and not self.fits(choice.stop, travel_s):
+            if staying is not None and not self.fits(choice.stop, travel_s, event.home_s):
                 self.end_or_count_on(MissionEnd.TIME_UP, f"no time is left for {choice.stop.name}")
                 return
             self.settle()
-            self.state = replace(
-                self.state, target=Target(choice.stop, choice.reason, travel_s, dwell=choice.dwell)
-            )
+            target = Target(choice.stop, choice.reason, travel_s, dwell=choice.dwell, home_s=event.home_s)
+            self.state = replace(self.state, target=target)
             if self.rules.stays and math.dist(self.place, xy(choice.stop)) <= UNDER_THE_WHEELS_M:
                 self.count(Counting(*self.place, arrived_s=self.now_s, since_s=self.now_s, heard_s=self.now_s))
             else:

@@ -203,9 +203,9 @@ class Moves:
             reason = f"{reason}; no time for {queued.stop.name}, which {queued.who} requested"
         return reason, False
 
-    def fits(self, stop: Stop, travel_s: float) -> bool:
+    def fits(self, stop: Stop, travel_s: float, home_s: float = 0.0) -> bool:
         """Whether the time left suffices for a stop and the way home from it."""
-        needed_s = travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(xy(stop))
+        needed_s = travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(xy(stop), home_s)
         return needed_s <= self.left_s and self.now_s < self.leave_by_s()
 
     @property
@@ -217,9 +217,9 @@ class Moves:
         """Send the robot to its target, if the time left suffices."""
         target = self.state.target
         assert target is not None
-        needed_s = travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(xy(target.stop))
+        needed_s = travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(xy(target.stop), target.home_s)
         left_s = self.left_s
-        if self.fits(target.stop, travel_s):
+        if self.fits(target.stop, travel_s, target.home_s):
             self.send(Phase.TRAVELLING, target.stop, max(travel_s, target.travel_s), reason)
         else:
             reason = f"no time for {target.stop.name}: it needs {needed_s:.0f} s and {left_s:.0f} s are left"
@@ -521,9 +521,10 @@ class Moves:
     # Time ----------------------------------------------------------------------------------------------------
 
     def leave_by_s(self) -> float:
-        """When to set off for home at the latest, from here."""
+        """When to set off for home at the latest, from here and from the target."""
         assert self.state.started_s is not None
-        return self.state.started_s + self.rules.budget_s - self.rules.way_home_s(self.place)
+        home_s = 0.0 if self.state.target is None else self.state.target.home_s
+        return self.state.started_s + self.rules.budget_s - self.rules.way_home_s(self.place, home_s)
 
 
 def xy(stop: Stop) -> tuple[float, float]:

@@ -58,6 +58,7 @@ class Target:
     :param travel_s: time expected to it [s]
     :param attempts: how often going there failed
     :param dwell: its own dwell rule, ``None`` for the mission's
+    :param home_s: travel time from it to the home [s]; 0 if the planner has not given it
     """
 
     stop: Stop
@@ -65,6 +66,7 @@ class Target:
     travel_s: float
     attempts: int = 0
     dwell: StopRule = None
+    home_s: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -207,11 +207,16 @@ class MissionRules:
         """Estimated time of a trip [s]."""
         return self.stop_overhead_s + self.detour * math.dist(start, end) / self.speed_mps
 
-    def way_home_s(self, start: tuple[float, float]) -> float:
-        """Time to keep for the way home [s]; 0 without a home, or at home."""
+    def way_home_s(self, start: tuple[float, float], travel_s: float = 0.0) -> float:
+        """Time to keep for the way home [s]; 0 without a home, or at home.
+
+        :param start: where the robot sets off [m]
+        :param travel_s: travel time along the real route [s]; 0 if it is not known
+        """
         if self.home is None or self.is_at(start, self.home):
             return 0.0
-        return self.travel_s(start, (self.home.x_m, self.home.y_m)) + self.return_margin_s
+        straight_s = self.travel_s(start, (self.home.x_m, self.home.y_m))
+        return max(travel_s, straight_s) + self.return_margin_s
 
     def is_at(self, place: tuple[float, float], stop: Stop) -> bool:
         """Whether a place is within the arrival radius of a stop."""

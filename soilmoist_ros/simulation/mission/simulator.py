@@ -341,7 +341,9 @@ class _Simulation:
                 robot.explorer.travel.motion = robot.learned.motion
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.pending_of_others(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
-                answer = Planned(self.now_s, action.plan_id, plan.choice, plan.travel_s, forecast=plan.forecast)
+                answer = Planned(
+                    self.now_s, action.plan_id, plan.choice, plan.travel_s, "", plan.forecast, plan.home_s
+                )
                 robot.ahead = (plan.choice.stop, *plan.choice.ahead) if plan.choice else ()
                 if plan.forecast is not None:
                     self.forecasts.append(TimedForecast(self.now_s, plan.forecast))

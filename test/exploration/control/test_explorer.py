@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.actions import RequestPlan
@@ -13,7 +14,9 @@ from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
 from soilmoist_ros.exploration.planning.properties import Property
+from soilmoist_ros.exploration.planning.prospect import MAX_STOPS
 from soilmoist_ros.exploration.strategies.registry import make_strategy
+from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
@@ -29,14 +32,23 @@ REQUEST = RequestPlan(1, PlanKind.EXPLORE, (), 3600.0, 3600.0)
 PLACE = (2.5, 2.5)
 
 
-def explorer(factor=1.0, dwell="optimal", strategy="ivr"):
+def explorer(factor=1.0, dwell="optimal", strategy="ivr", stops=None):
     mapped = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)), factor=factor)
     mapped.field_map.set_samples(SAMPLES, FIT)
     mapped.field_map.update()
     return Explorer(
-        [mapped], cell_stops(GRID), FreeTravel(RobotMotion()), make_strategy(strategy), make_strategy("random"),
-        parse_dwell(dwell), np.random.default_rng(1),
+        [mapped], stops or cell_stops(GRID), FreeTravel(RobotMotion()), make_strategy(strategy),
+        make_strategy("random"), parse_dwell(dwell), np.random.default_rng(1),
     )  # fmt: skip
+
+
+def test_the_stops_that_are_compared_cover_all_of_the_field():
+    """Every tenth stop of rows of 70 was one of seven columns, the last of them far from the border."""
+    x, y = np.meshgrid(np.arange(0.5, 60.0, 60 / 70), np.arange(0.5, 50.0, 50 / 70))
+    stops = tuple(Stop(f"s{i}", *place) for i, place in enumerate(zip(x.ravel(), y.ravel(), strict=True)))
+    compared = explorer(stops=stops).situation(REQUEST, PLACE).prospect().stops
+    assert 400 <= len(compared) <= MAX_STOPS
+    assert KDTree(stops_xy(compared)).query(stops_xy(stops))[0].max() < 3.0
 
 
 def test_the_correction_factor_shortens_the_dwell_at_low_pressure():

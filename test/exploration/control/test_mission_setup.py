@@ -88,6 +88,28 @@ def test_no_stop_is_offered_that_the_mission_finds_too_late_for(left_s, strategy
         assert left_s < 60 + 12 + 60 + rules.way_home_s((10.0, 10.0))
 
 
+def test_the_reserve_is_kept_on_top_of_the_real_way_home():
+    """Around a ditch the way is several times the straight distance."""
+    ditch = (np.array([(9, -1), (11, -1), (11, 18), (9, 18)], float),)
+    divided = Field("divided", LocalFrame(53.0, 0.0), SQUARE, ditch, 1.0)
+    access = FieldAccess(divided, RobotMotion(0.6, 12.0), None, home="r0c6")
+    rules = MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"), home=access.home, return_margin_s=60.0)
+    settings = ExplorerSettings(strategy="random", preset="paper", seed=1, dwell=rules.dwell, motion=RobotMotion())
+    explorer = make_explorer(access, settings, rules)
+    home = (access.home.x_m, access.home.y_m)
+    beyond = access.stop("r0c13")
+    real_s = float(access.travel.travel_s(home, [beyond])[0])
+    assert real_s > rules.travel_s(home, (beyond.x_m, beyond.y_m)) + 20
+    for spare_s, offered in ((-1.0, False), (1.0, True)):
+        left_s = 2 * real_s + rules.min_dwell_s + 60.0 + spare_s
+        situation = explorer.situation(RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s), home)
+        row = situation.candidates.index(beyond)
+        assert np.isfinite(situation.travel_s[row]) == offered
+    others = tuple(stop.name for stop in access.stops if stop != beyond)
+    plan = explorer.plan(RequestPlan(1, PlanKind.EXPLORE, others, 3600.0, 3600.0), home)
+    assert (plan.choice.stop, plan.home_s) == (beyond, pytest.approx(real_s))
+
+
 def test_before_the_start_the_forecast_is_that_of_a_field_that_varies_as_expected():
     curve = CalibrationCurve(n0_cps=7.0, bulk_density_gcm3=1.4)
     rate = ExplorerSettings(

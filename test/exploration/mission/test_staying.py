@@ -111,6 +111,31 @@ def test_when_nothing_is_left_the_robot_counts_on():
     assert driver.last(VisitDone).visit.records == 7
 
 
+@pytest.mark.parametrize("choice", [EAST, None], ids=["chosen again", "the rest of the time"])
+def test_the_reserve_for_the_way_home_is_kept_where_the_real_way_is_long(choice):
+    """300 s around a ditch, not 40 s: the robot sets off with the reserve of 60 s left."""
+    driver = done(home=HOME, dwell=parse_dwell("fmi:60"), budget_s=1000.0)
+    driver.plan(choice, "fmi:3000" if choice else "", home_s=300.0)
+    leave_s = 1000.0 + 1000.0 - 300.0 - 60.0
+    while driver.now_s + 10.0 < leave_s:
+        driver.record()
+    assert driver.phase is Phase.COUNTING
+    driver.send(Tick, after=leave_s - driver.now_s)
+    assert driver.last(GoTo).stop == HOME
+    assert driver.reason == "going home: the time left is needed for the way home"
+
+
+def test_a_stop_is_not_driven_to_if_the_real_way_home_from_it_is_too_long():
+    driver = done(home=HOME, budget_s=500.0).plan(NORTH, home_s=300.0)
+    assert (driver.phase, driver.mission.status.target) == (Phase.COUNTING, EAST)
+
+
+def test_from_a_new_home_the_old_way_home_does_not_matter():
+    driver = Driver(home=HOME, budget_s=1000.0, dwell=parse_dwell("fmi:600")).start().plan(EAST, home_s=800.0)
+    driver.reach().send(Command, Verb.CHANGE, changes=Changes(home=Stop("gate", 60.0, 0.0)))
+    assert driver.send(Tick, after=300.0).phase is Phase.COUNTING
+
+
 def test_a_stop_that_has_become_too_far_is_not_driven_to():
     driver = done().plan(NORTH, travel_s=math.inf)
     assert driver.phase is Phase.COUNTING

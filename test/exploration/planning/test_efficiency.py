@@ -1,5 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.planning.efficiency import CLOSE, least_variance
 from soilmoist_ros.mapping import PoissonKriging, Variogram
+from soilmoist_ros.mapping.variogram.amplitude import Amplitude
 
 X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(2.0, 40.0, 4.0), np.arange(2.0, 30.0, 4.0)))
 CELLS = np.column_stack([X, Y])
@@ -14,9 +17,9 @@ EVEN = np.full(len(CELLS), 1 / len(CELLS))
 VARIOGRAM = Variogram("matern32", 0.0, 12.0, 1.0)
 
 
-def integrated_variance(xy, exposure_s, rate_cps=4.0, weight=EVEN):
+def integrated_variance(xy, exposure_s, rate_cps=4.0, weight=EVEN, variogram=VARIOGRAM):
     """What kriging leaves of the variance; the mean rate alone makes the noise."""
-    kriging = PoissonKriging(VARIOGRAM, False, mean_rate=rate_cps)
+    kriging = PoissonKriging(variogram, False, mean_rate=rate_cps)
     kriging.fit(xy, np.rint(rate_cps * exposure_s), exposure_s)
     return float(weight @ kriging.predict(CELLS)[1])
 
@@ -42,6 +45,18 @@ def test_the_design_it_finds_leaves_what_it_says():
     used = bound.dwell_s > 1e-3
     left = integrated_variance(CELLS[used], bound.dwell_s[used])
     assert bound.integrated_variance == pytest.approx(left, rel=0.01)
+
+
+def test_where_a_field_varies_more_the_bound_knows_it():
+    """Without the amplitude, a plan that counts where the field varies left less than the bound."""
+    smooth = (-0.9,) * 6
+    rough = Amplitude((0.0, 0.0), (40.0, 30.0), (*[(0.9, 0.9, 0.9, -0.9, -0.9, -0.9)] * 3, smooth, smooth, smooth))
+    uneven = replace(VARIOGRAM, amplitude=rough)
+    bound = least_variance(uneven, CELLS, EVEN, np.full(len(CELLS), 4.0), 3600.0)
+    amplitude = rough(CELLS)
+    left = integrated_variance(CELLS, 3600.0 * amplitude / amplitude.sum(), variogram=uneven)
+    assert 0.8 * left < bound.integrated_variance * (1 - bound.gap) <= left
+    assert bound.dwell_s[amplitude > 1].mean() > bound.dwell_s[amplitude < 1].mean()
 
 
 def test_more_time_and_fewer_noise_leave_less():
