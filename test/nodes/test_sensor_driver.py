@@ -274,6 +274,7 @@ def test_a_receiver_without_a_fix_says_so_and_records_have_no_place(ros, start, 
 
 
 def test_it_survives_what_connections_do(ros, start, outputs, logger):
+    logger.greeting = [text.encode() for text in format_header("CRS-0007", period_s=1.0).splitlines()]
     process = start(fix_wait_s=0.0, silence_limit_s=3.0)
     logger.send(line(1))
     logger.send(line(2)[:30], end=b"")

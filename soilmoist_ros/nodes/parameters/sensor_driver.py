@@ -30,7 +30,8 @@ PARAMETERS: Final = (
     Parameter(
         name="silence_limit_s",
         default=35.0,
-        description="time without data after which the driver reconnects",
+        description="time without data after which the driver reconnects; to the logger after 3.5 record periods "
+        "if these are longer",
         unit="s",
         low=0.1,
         high=86_400.0,
