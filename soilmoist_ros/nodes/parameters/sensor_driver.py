@@ -53,7 +53,8 @@ PARAMETERS: Final = (
     Parameter(
         name="record_dir",
         default="",
-        description="folder where records are stored before they are published, for mappers with the same folder; "
+        description="folder where records are stored before they are published, for mappers with the same folder, "
+        "and the logger's last header, for a driver that is started again; "
         "empty to store none",
     ),
     Parameter(name="frame_id", default="map", description="frame of the records: east, north, up about the datum"),

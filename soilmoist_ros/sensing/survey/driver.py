@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.sensing.formats.log_header import Header
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.links.line_reader import LineReader
@@ -62,6 +63,7 @@ class Batch:
     :param readings: raw records, for their weather
     :param records: corrected, geo-tagged records
     :param more: whether more lines are waiting
+    :param header: header of the readings, if the logger has sent it
     """
 
     logger_lines: Sequence[bytes]
@@ -70,6 +72,7 @@ class Batch:
     readings: Sequence[LoggerRecord]
     records: Sequence[CountRecord]
     more: bool
+    header: Header | None = None
 
 
 class Driver:
@@ -134,7 +137,8 @@ class Driver:
                 if now_s > 0:
                     self.stream.compare_clocks(reading.stamp_s, now_s)
         more = jammed or len(logger_lines) == LINES_PER_STEP
-        return Batch(logger_lines, gnss_lines, fixes, readings, self.stream.take_ready(steady_s), more)
+        ready, header = self.stream.take_ready(steady_s), self.stream.parser.header if readings else None
+        return Batch(logger_lines, gnss_lines, fixes, readings, ready, more, header)
 
     def health(self, now_s: float) -> list[Health]:
         """State of all parts.
