@@ -276,9 +276,7 @@ class RecordParser:
 
     def _accept(self, reading: Reading) -> LoggerRecord | None:
         """Check a record against the earlier ones; drop a duplicate."""
-        record, notes = reading.record, reading.notes
-        counts = tuple(-1.0 if math.isnan(n) else n for n in record.tube_counts)
-        key = hash((record.record_number, record.stamp_s, counts))  # the numbers need five times the memory
+        record, notes, key = reading.record, reading.notes, reading.key
         if key in self._seen:
             self._lose(Note(Kind.DUPLICATE, f"record {record.record_number} is repeated, and dropped"))
             return None

@@ -286,6 +286,18 @@ def test_duplicates_are_dropped() -> None:
     assert problems[0].severity is Severity.NOTE
 
 
+@pytest.mark.parametrize("again", [slice(2, 4), slice(1, 2), slice(0, 4)])
+def test_repeated_lines_of_a_logger_that_sends_rates_are_dropped(again) -> None:
+    names = load_logger_format("styx").header.columns
+    values = {"timestamp": "{}", "neutrons_cps": "{:.4f}", "external_pressure": "980.0"}
+    row = "\t".join(values.get(name, "*") for name in names)
+    lines = [row.format(1714557600 + 894 * n, (500 + n) / 894).encode() for n in range(5)]  # nominally 900 s
+    log = parse_log([*lines[:4], *lines[again], *lines[4:]], "styx", "signed", Path("x"))
+    whole = parse_log(lines, "styx", "signed", Path("x"))
+    assert [record.stamp_s for record in log.records] == [record.stamp_s for record in whole.records]
+    assert sum(problem.kind is Kind.DUPLICATE for problem in log.problems) == len(lines[again])
+
+
 def lines_of_days(number: int) -> list[bytes]:
     """Records, one each minute."""
     start = datetime(2024, 5, 1, tzinfo=UTC)
