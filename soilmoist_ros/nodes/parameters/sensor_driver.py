@@ -30,7 +30,8 @@ PARAMETERS: Final = (
     Parameter(
         name="silence_limit_s",
         default=35.0,
-        description="time without data after which the driver reconnects",
+        description="time without data after which the driver reconnects; to the logger after 3.5 record periods "
+        "if these are longer",
         unit="s",
         low=0.1,
         high=86_400.0,
@@ -52,7 +53,8 @@ PARAMETERS: Final = (
     Parameter(
         name="record_dir",
         default="",
-        description="folder where records are stored before they are published, for mappers with the same folder; "
+        description="folder where records are stored before they are published, for mappers with the same folder, "
+        "and the logger's last header, for a driver that is started again; "
         "empty to store none",
     ),
     Parameter(name="frame_id", default="map", description="frame of the records: east, north, up about the datum"),

@@ -16,8 +16,10 @@ from msg_adapters.environment import fix_to_message, weather_to_messages
 from msg_adapters.raw_line import line_to_message
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.nodes.wiring.driver_header import StoredHeader
 from soilmoist_ros.recording.bag.point_cloud import QUARANTINED
 from soilmoist_ros.recording.record_log import DRIVER, RecordLog
+from soilmoist_ros.sensing.formats.log_header import Header
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.driver import Batch
 
@@ -33,7 +35,9 @@ class DriverOutputs:
         self._node = node
         self._frames = given.text("frame_id"), given.text("sensor_frame"), given.text("gnss_frame")
         self._folder = given.text("record_dir")
+        self._logger = given.text("logger_uri"), given.text("logger_format")
         self._log: RecordLog | None = None
+        self._header: StoredHeader | None = None
         topics: dict[str, tuple[type, Any]] = {
             "counts": (PointCloud2, qos.RECORDS),
             QUARANTINED: (PointCloud2, qos.RECORDS),
@@ -48,19 +52,26 @@ class DriverOutputs:
             name: node.create_publisher(kind, name, profile) for name, (kind, profile) in topics.items()
         }
 
-    def open(self) -> None:
+    def open(self) -> Header | None:
         """Open the log of records, if there is one.
 
+        :return: the last header of the logger, if it is stored there
         :raises InputError: if the folder cannot be written
         """
-        if self._folder:
-            self._log = RecordLog(Path(self._folder).expanduser() / DRIVER, self._frames[0])
+        if not self._folder:
+            return None
+        folder = Path(self._folder).expanduser() / DRIVER
+        self._log = RecordLog(folder, self._frames[0])
+        self._header = StoredHeader(folder, *self._logger)
+        if self._header.header is not None:
+            self._node.get_logger().info(f"until the logger sends its header, the one of {folder} is used")
+        return self._header.header
 
     def close(self) -> None:
         """Close the log of records."""
         if self._log is not None:
             self._log.close()
-            self._log = None
+            self._log = self._header = None
 
     def publish(self, batch: Batch) -> None:
         """Publish what has come; each record is stored before."""
@@ -75,18 +86,22 @@ class DriverOutputs:
                 self._publishers[name].publish(message)
         good = [counts_to_message([record], frame) for record in batch.records if not record.quarantine]
         bad = [quarantined_to_message([record], frame) for record in batch.records if record.quarantine]
-        self._store([record for message in (*good, *bad) for record in counts_from_message(message)])
+        self._store([record for message in (*good, *bad) for record in counts_from_message(message)], batch.header)
         for name, messages in (("counts", good), (QUARANTINED, bad)):
             for message in messages:
                 self._publishers[name].publish(message)
 
-    def _store(self, records: list[CountRecord]) -> None:
+    def _store(self, records: list[CountRecord], header: Header | None) -> None:
         """Write records as receivers read them. A disk that fails does not stop the survey."""
-        if self._log is None or not records:
+        if self._log is None or self._header is None:
             return
         try:
-            self._log.write(records)
+            if records:
+                self._log.write(records)
+            if header is not None:
+                self._header.update(header)
         except OSError as error:
             self._node.get_logger().error(
-                f"records are published, but not stored: {error.strerror or error}", throttle_duration_sec=60.0
+                f"records or their header are not stored, only published: {error.strerror or error}",
+                throttle_duration_sec=60.0,
             )

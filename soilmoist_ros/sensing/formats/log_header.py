@@ -6,12 +6,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 from soilmoist_ros.sensing.formats.log_layout import is_header, plain_name, split_fields
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
 
 MAX_METADATA = 500
 _KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a log's lines need of its header.
+
+    :param names: names of the columns
+    :param units: units of the columns, empty without a line of units
+    :param values: serial number and record period as written, by their keys
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...] = ()
+    values: dict[str, str] = field(default_factory=dict)
 
 
 class HeaderReader:
@@ -37,6 +52,18 @@ class HeaderReader:
     def value_of(self, key: str) -> str:
         """Value of a key, empty if it has none."""
         return self._values.get(plain_name(key), "") if key else ""
+
+    @property
+    def content(self) -> Header:
+        """The header so far."""
+        keys = (self._format.serial_key, self._format.record_period.header_key)
+        values = {key: value for key in keys if (value := self.value_of(key))}
+        return Header(tuple(self.names), tuple(self.units), values)
+
+    def take_values(self, header: Header) -> None:
+        """Use the values of an earlier header until others come."""
+        for key, value in header.values.items():
+            self._set(key, value)
 
     def takes(self, fields: Sequence[str]) -> bool:
         """Read a line without a comment mark, and return whether it is part of the header."""

@@ -45,11 +45,13 @@ class Note:
 class Reading:
     """A record and the remarks about it.
 
+    :param key: number, time and counts as the line has them; a line that is repeated has the same
     :param notes: faults that do not drop the record
     :param gnss_offset_s: logger's time of day minus the receiver's [s], NaN if unknown
     """
 
     record: LoggerRecord
+    key: int
     notes: list[Note] = field(default_factory=list)
     gnss_offset_s: float = NAN
 
@@ -89,6 +91,9 @@ class FieldReader:
         live = [NAN if math.isnan(count) else time for count, time in zip(counts, live, strict=True)]
         live_s = max(time for time in live if not math.isnan(time))
         self._check_live_time(live_s, period_s)
+        # Not the counts of the record: those of a rate depend on the time since the line before.
+        written = (read_number(fields[source.index]) for source in self.layout.counts)
+        key = hash((number, stamp_s, *written))  # the numbers need five times the memory
         if self._logger.time.marks == "start":
             stamp_s += period_s or live_s
         humidity = self._quantity(fields, "humidity", self._logger.humidity, self.layout.humidity)
@@ -105,7 +110,7 @@ class FieldReader:
             line=line,
             record_number=number,
         )
-        return Reading(record, self._notes, self._gnss_offset(fields, record))
+        return Reading(record, key, self._notes, self._gnss_offset(fields, record))
 
     def _note(self, kind: Kind, message: str, column: str = "", remedy: str = "") -> None:
         self._notes.append(Note(kind, message, column, remedy))

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +24,7 @@ from soilmoist_ros.sensing.formats.log_file import (
     read_lines,
     unreadable_header,
 )
-from soilmoist_ros.sensing.formats.log_header import HeaderReader
+from soilmoist_ros.sensing.formats.log_header import Header, HeaderReader
 from soilmoist_ros.sensing.formats.log_layout import Layout, MissingColumnsError, build_layout, split_fields
 from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Note, Reading
 from soilmoist_ros.sensing.formats.log_values import MAX_LINE, decode_line, read_number, strip_checksum
@@ -171,6 +172,24 @@ class RecordParser:
         """Columns that the header lacks."""
         return self._bad_header.columns if self._bad_header else ()
 
+    @property
+    def header(self) -> Header | None:
+        """The header by which lines are read, if the logger has sent it; ``None`` before."""
+        used = self._reader is not None and not self._header.is_new and not self.format.header.columns
+        return self._header.content if used and self._header.names else None
+
+    def use_header(self, header: Header) -> None:
+        """Use an earlier header of this logger until it sends one; ignored if the columns are known or lacking.
+
+        Some loggers send their header only when they are switched on.
+        """
+        if self.layout is not None:
+            return
+        with contextlib.suppress(MissingColumnsError):
+            layout = build_layout(self.format, header.names, header.units)
+            self._reader = FieldReader(self.format, layout, self._side)
+            self._header.take_values(header)
+
     def feed(self, line: bytes, complete: bool = True) -> LoggerRecord | None:
         """Parse one line.
 
@@ -257,9 +276,7 @@ class RecordParser:
 
     def _accept(self, reading: Reading) -> LoggerRecord | None:
         """Check a record against the earlier ones; drop a duplicate."""
-        record, notes = reading.record, reading.notes
-        counts = tuple(-1.0 if math.isnan(n) else n for n in record.tube_counts)
-        key = hash((record.record_number, record.stamp_s, counts))  # the numbers need five times the memory
+        record, notes, key = reading.record, reading.notes, reading.key
         if key in self._seen:
             self._lose(Note(Kind.DUPLICATE, f"record {record.record_number} is repeated, and dropped"))
             return None

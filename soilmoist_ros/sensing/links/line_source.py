@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -29,7 +30,7 @@ class LinkStatus:
 
     :param uri: address of the source
     :param state: state of the link
-    :param attempts: attempts to connect since the last line
+    :param attempts: attempts to connect since the last line, or since the link fell silent
     :param connections: number of connections so far
     :param last_error: reason of the last failed or broken connection, empty if there is none
     :param n_bytes: bytes received
@@ -40,6 +41,7 @@ class LinkStatus:
     :param senders: addresses of the last few senders whose datagrams were accepted in the last minute
     :param is_open: whether datagrams of anybody are accepted
     :param silent_s: time since the last byte or connection [s]
+    :param silence_limit_s: such a time after which the link reconnects [s]
     """
 
     uri: str
@@ -55,6 +57,7 @@ class LinkStatus:
     senders: tuple[str, ...] = ()
     is_open: bool = False
     silent_s: float = 0.0
+    silence_limit_s: float = math.inf
 
 
 class LineSource(Protocol):

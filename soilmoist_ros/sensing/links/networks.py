@@ -69,16 +69,26 @@ def parse_networks(text: str) -> tuple[Network, ...]:
     return tuple(ipaddress.ip_network(part.strip()) for part in text.split(","))
 
 
-def bind_to_interface(link: socket.socket, interface: str) -> None:
+def bind_to_interface(link: socket.socket, interface: str) -> int:
     """Let a socket send and receive by one network interface only.
 
     :param link: a socket that is neither bound nor connected
     :param interface: name, such as ``eth1``; empty for all
+    :return: index of the interface, zero for all
     :raises OSError: if there is no such interface, or the system does not permit it
     """
     if not interface:
-        return
-    known = [name for _, name in socket.if_nameindex()]
+        return 0
+    known = {name: index for index, name in socket.if_nameindex()}
     if interface not in known:
         raise OSError(f"there is no network interface {interface!r}; there are: {', '.join(known)}")
     link.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode() + b"\0")
+    return known[interface]
+
+
+def is_same_interface(interface: str, index: int) -> bool:
+    """Whether an interface is there and not another one: an adapter that was unplugged gets another index."""
+    try:
+        return socket.if_nametoindex(interface) == index
+    except OSError:
+        return False

@@ -15,6 +15,9 @@ from soilmoist_ros.sensing.links.line_buffer import LineBuffer
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
 from soilmoist_ros.sensing.links.networks import Senders
 
+MAX_SILENT_PERIODS = 3.5
+"""Maximum time without a record before an error, as a multiple of the record period."""
+
 
 class Connection(Protocol):
     """One connection over some transport."""
@@ -38,12 +41,19 @@ class Retry:
 
     :param first_s: pause before the second attempt [s]; each later pause doubles
     :param max_s: maximum pause [s]
-    :param silence_s: time without a byte after which the link reconnects [s]
+    :param silence_s: least time without a byte after which the link reconnects [s]
+    :param period_s: usual time between lines, as far as it is known now, else zero [s]; called from any thread
     """
 
     first_s: float = 0.5
     max_s: float = 15.0
     silence_s: float = 35.0
+    period_s: Callable[[], float] = float
+
+    @property
+    def silence_limit_s(self) -> float:
+        """Time without a byte after which the link reconnects, at present [s]."""
+        return max(self.silence_s, MAX_SILENT_PERIODS * self.period_s())
 
     def pause_s(self, attempts: int, rng: random.Random) -> float:
         """Pause after a number of failed attempts [s].
@@ -91,10 +101,10 @@ class ReconnectingSource:
     @property
     def status(self) -> LinkStatus:
         """State of the link."""
-        silent_s = self._clock() - self._heard_at_s
+        silent_s, limit_s = self._clock() - self._heard_at_s, self._retry.silence_limit_s
         if self._closed.is_set():
             state = LinkState.CLOSED
-        elif self._silent or (self._connection is not None and silent_s > self._retry.silence_s):
+        elif self._silent or (self._connection is not None and silent_s > limit_s):
             state = LinkState.SILENT
         else:
             state = LinkState.CONNECTING if self._connection is None else LinkState.CONNECTED
@@ -113,6 +123,7 @@ class ReconnectingSource:
             senders=senders.recent,
             is_open=self._senders is not None and not senders.allowed,
             silent_s=silent_s,
+            silence_limit_s=limit_s,
         )
 
     def read_line(self, timeout_s: float) -> bytes | None:
@@ -156,13 +167,14 @@ class ReconnectingSource:
             self._connection.close()
 
     def _receive(self, connection: Connection, left_s: float) -> None:
-        quiet_s = self._clock() - self._heard_at_s
-        if quiet_s > self._retry.silence_s and not connection.datagrams:
+        quiet_s, limit_s = self._clock() - self._heard_at_s, self._retry.silence_limit_s
+        if quiet_s > limit_s and not connection.datagrams:
             self._silent = True
+            self._attempts = 0  # the device was there: a longer pause would only miss its next line
             self._fail(TimeoutError(f"no bytes for {quiet_s:.0f} s"))
             return
         try:
-            data = connection.receive(min(left_s, max(self._retry.silence_s - quiet_s, 0.05)))
+            data = connection.receive(min(left_s, max(limit_s - quiet_s, 0.05)))
         except (OSError, ValueError) as error:  # ValueError: closed by another thread
             self._fail(error)
             return

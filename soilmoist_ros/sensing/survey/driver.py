@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.sensing.formats.log_header import Header
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.links.line_reader import LineReader
@@ -38,7 +39,8 @@ class DriverSettings:
     :param logger_uri: address of the logger
     :param logger_format: name of a logger format, or path of a YAML file
     :param gnss_uri: address of the GNSS receiver; empty if the fixes have another source
-    :param silence_limit_s: time without a byte after which a link reconnects [s]
+    :param silence_limit_s: time without a byte after which a link reconnects [s]; for the logger 3.5 record
+        periods if these are longer
     :param fix_wait_s: maximum time that a record waits for a fix [s]
     :param arms: where antenna and sensor sit on the robot
     """
@@ -61,6 +63,7 @@ class Batch:
     :param readings: raw records, for their weather
     :param records: corrected, geo-tagged records
     :param more: whether more lines are waiting
+    :param header: header of the readings, if the logger has sent it
     """
 
     logger_lines: Sequence[bytes]
@@ -69,6 +72,7 @@ class Batch:
     readings: Sequence[LoggerRecord]
     records: Sequence[CountRecord]
     more: bool
+    header: Header | None = None
 
 
 class Driver:
@@ -133,7 +137,8 @@ class Driver:
                 if now_s > 0:
                     self.stream.compare_clocks(reading.stamp_s, now_s)
         more = jammed or len(logger_lines) == LINES_PER_STEP
-        return Batch(logger_lines, gnss_lines, fixes, readings, self.stream.take_ready(steady_s), more)
+        ready, header = self.stream.take_ready(steady_s), self.stream.parser.header if readings else None
+        return Batch(logger_lines, gnss_lines, fixes, readings, ready, more, header)
 
     def health(self, now_s: float) -> list[Health]:
         """State of all parts.
@@ -154,16 +159,22 @@ class Driver:
         reader = self._readers.get(name)
         return [] if reader is None else reader.take(LINES_PER_STEP)
 
+    def _record_period_s(self) -> float:
+        """Time between records, nominal or as they came; zero if unknown [s]."""
+        rate_hz = self.stream.record_rate_hz
+        return self.stream.parser.period_s or (1.0 / rate_hz if rate_hz > 0 else 0.0)
+
     def _open_all(self) -> dict[str, LineSource]:
         settings, playback = self._settings, PlaybackClock()
         retry = Retry(silence_s=settings.silence_limit_s)
+        logger_retry = Retry(silence_s=settings.silence_limit_s, period_s=self._record_period_s)
         parser = RecordParser(self.stream.parser.format, self._site.longitude, on_problem=lambda problem: None)
 
         def logger_stamp(line: bytes) -> float | None:
             record = parser.feed(line)
             return None if record is None else record.stamp_s
 
-        sources = {LOGGER: open_source(settings.logger_uri, retry, logger_stamp, playback)}
+        sources = {LOGGER: open_source(settings.logger_uri, logger_retry, logger_stamp, playback)}
         if settings.gnss_uri:
             nmea = NmeaParser(reference_stamp_s=self._reference_stamp_s, on_problem=lambda problem: None)
 

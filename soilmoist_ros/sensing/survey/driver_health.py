@@ -10,13 +10,12 @@ from collections import Counter
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.sensing.gnss import FixStatus
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
+from soilmoist_ros.sensing.links.reconnecting import MAX_SILENT_PERIODS
 from soilmoist_ros.sensing.problems import Kind, reason_text
 from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
 
 CLOCK_TOLERANCE_S = 5.0
 """Maximum difference of the clocks without a warning [s]."""
-MAX_SILENT_PERIODS = 3.5
-"""Maximum time without a record before an error, as a multiple of the record period."""
 STALE_FIX_S = 5.0
 """Maximum age of the last fix without a warning [s]."""
 NO_RECORD_S = 30.0
@@ -66,6 +65,7 @@ def link_health(name: str, status: LinkStatus) -> Health:
         "datagrams refused": str(status.n_refused),
         "last refused sender": status.last_refused or "none",
         "silent [s]": f"{status.silent_s:.1f}",
+        "silence limit [s]": f"{status.silence_limit_s:.1f}" if math.isfinite(status.silence_limit_s) else "none",
     }
     return Health(name, level, message, values)
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 import tracemalloc
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.corrections.tubes import combine_tubes, tube_shares
+from soilmoist_ros.sensing.formats.log_header import Header
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import (
     REMEMBERED_RECORDS,
@@ -284,6 +286,18 @@ def test_duplicates_are_dropped() -> None:
     assert problems[0].severity is Severity.NOTE
 
 
+@pytest.mark.parametrize("again", [slice(2, 4), slice(1, 2), slice(0, 4)])
+def test_repeated_lines_of_a_logger_that_sends_rates_are_dropped(again) -> None:
+    names = load_logger_format("styx").header.columns
+    values = {"timestamp": "{}", "neutrons_cps": "{:.4f}", "external_pressure": "980.0"}
+    row = "\t".join(values.get(name, "*") for name in names)
+    lines = [row.format(1714557600 + 894 * n, (500 + n) / 894).encode() for n in range(5)]  # nominally 900 s
+    log = parse_log([*lines[:4], *lines[again], *lines[4:]], "styx", "signed", Path("x"))
+    whole = parse_log(lines, "styx", "signed", Path("x"))
+    assert [record.stamp_s for record in log.records] == [record.stamp_s for record in whole.records]
+    assert sum(problem.kind is Kind.DUPLICATE for problem in log.problems) == len(lines[again])
+
+
 def lines_of_days(number: int) -> list[bytes]:
     """Records, one each minute."""
     start = datetime(2024, 5, 1, tzinfo=UTC)
@@ -346,6 +360,48 @@ def test_lines_before_a_header() -> None:
     parser = RecordParser(FORMATS["hydroinnova_rover"], "east")
     assert parser.feed(line()) is None
     assert kinds(parser.problems) == [Kind.NO_HEADER]
+
+
+def after_a_restart() -> tuple[RecordParser, RecordParser]:
+    """A parser that has read a header and a record, and one that knows only the header of the first."""
+    first, later = (RecordParser(FORMATS["hydroinnova_rover"], "east") for _ in range(2))
+    for one in ROVER_HEADER.splitlines():
+        first.feed(one)
+        assert first.header is None  # the second line of names may be on its way
+    assert first.feed(line()) is not None
+    assert first.header is not None
+    later.use_header(first.header)
+    return first, later
+
+
+def test_an_earlier_header_is_used_until_the_logger_sends_one() -> None:
+    first, later = after_a_restart()
+    again = line(number="8", time="2024/05/01 10:01:00")
+    assert later.feed(again) == replace(first.feed(again), line=1)
+    assert (later.period_s, later.serial, later.header) == (60.0, "4711", None)
+    assert later.feed(again + b", 5") is None  # it does not fit
+    assert kinds(problem for problem in later.problems if problem.lost) == [Kind.WRONG_FIELDS]
+    for one in (
+        b"//hello",
+        b"//Recordperiod = 5 minutes.",
+        b"//RecordNum,Date Time(UTC),N1Cts,N1ETsec",
+        b"//GpsUTC,LatDec,LongDec",
+    ):
+        later.feed(one)
+    record = later.feed(b"9,2024/05/01 10:02:00,41,60,0100200,52.5,13.4")
+    assert (record.tube_counts, record.record_number, later.period_s) == ((41,), 9, 300.0)
+    assert later.header.names == ("RecordNum", "Date Time(UTC)", "N1Cts", "N1ETsec", "GpsUTC", "LatDec", "LongDec")
+
+
+def test_an_earlier_header_without_the_columns_needed_is_not_used() -> None:
+    _, later = after_a_restart()
+    parser = RecordParser(FORMATS["hydroinnova_rover"], "east")
+    parser.use_header(Header(("RecordNum", "P4_mb")))
+    assert parser.layout is None
+    known = later.layout
+    later.use_header(Header(("RecordNum", "P4_mb")))
+    assert later.layout is known
+    assert RecordParser(FORMATS["styx"]).header is None  # its columns are always the same
 
 
 def test_header_without_the_columns_needed() -> None:

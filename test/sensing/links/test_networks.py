@@ -3,6 +3,7 @@
 """Links accept data from the networks and senders that their address names."""
 
 import socket
+from unittest import mock
 
 import pytest
 from scripted_server import ScriptedServer, opened, read, read_until, sends
@@ -113,6 +114,19 @@ def test_an_interface_that_is_missing_is_named_and_awaited(kind, port):
         read_until(source, lambda: source.status.attempts >= 3)
         assert source.status.state is LinkState.CONNECTING
         assert "there is no network interface 'usb7'; there are: " in source.status.last_error
+
+
+@pytest.mark.parametrize("index", [OSError("no such interface"), 99])
+def test_datagrams_come_again_when_an_adapter_was_unplugged(index, port, monkeypatch):
+    with opened(f"udp://0.0.0.0:{port}?interface=lo", RETRY) as source:
+        listening(source)
+        with monkeypatch.context() as unplugged:
+            unplugged.setattr(socket, "if_nametoindex", mock.Mock(side_effect=[index]))
+            read_until(source, lambda: source.status.state is LinkState.CONNECTING)
+        assert source.status.last_error == "the network interface 'lo' was unplugged"
+        read_until(source, lambda: source.status.connections == 2)
+        send(b"here\n", port, "127.0.0.1")
+        assert read(source, 1) == [b"here"]
 
 
 def test_senders_that_fall_silent_are_forgotten_and_their_number_is_bounded():

@@ -100,6 +100,49 @@ def test_it_connects_to_a_server_that_starts_late():
         assert source.status.attempts == 0
 
 
+class SlowLogger:
+    """A logger that sends a line each period to whoever listens then, in its own time."""
+
+    datagrams = False
+
+    def __init__(self, period_s):
+        self.period_s = period_s
+        self.now_s = 0.0
+
+    def receive(self, timeout_s):
+        next_s = (self.now_s // self.period_s + 1) * self.period_s
+        self.now_s = min(next_s, self.now_s + timeout_s)
+        return b"x\n" if self.now_s == next_s else None
+
+    def pause(self, pause_s):
+        self.now_s += pause_s
+
+    def close(self):
+        pass
+
+    def listen(self, retry, until_s):
+        """The source after a time, and its lines."""
+        source = ReconnectingSource("x", lambda: self, retry, lambda: self.now_s, random.Random(1))
+        source._closed.wait = self.pause
+        lines = 0
+        while self.now_s < until_s:
+            lines += source.read_line(5.0) is not None
+        return source, lines
+
+
+def test_a_link_waits_for_the_next_record_of_a_slow_logger():
+    source, lines = SlowLogger(900.0).listen(Retry(period_s=lambda: 900.0), 86_400.0)
+    assert (lines, source.status.connections) == (96, 1)
+    assert source.status.silence_limit_s == 3150.0
+    assert source.status.state is LinkState.CONNECTED
+
+
+def test_pauses_do_not_grow_while_a_device_that_is_there_sends_nothing():
+    source, lines = SlowLogger(900.0).listen(Retry(), 30 * 86_400.0)  # of an unknown period
+    assert source.status.attempts <= 1
+    assert lines >= 0.97 * 30 * 96  # each pause is half a second at most in 35 s
+
+
 @given(st.integers(1, 10_000), st.integers())
 def test_pauses_grow_but_are_bounded(attempts, seed):
     retry = Retry(first_s=0.5, max_s=15.0)

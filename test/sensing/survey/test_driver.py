@@ -83,6 +83,45 @@ def test_it_is_woken_when_lines_arrive_and_not_for_every_line(tmp_path):
     assert [part.level for part in driver.health(0.0)] == [Level.STALE]
 
 
+ROVER = b"""\
+//Recordperiod = 5 minutes.
+//RecordNum,Date Time(UTC),P4_mb,T1_C,RH1,N1Cts,N1ETsec
+1,2024/05/01 10:00:00,980.5,20.0,50.0,40,300
+"""
+STATION = b"""\
+"TOA5","farm","CR1000","10277"
+"TIMESTAMP","RECORD","BP_mbar_Avg","N1Cts_Tot"
+"TS","RN","mbar","counts"
+"","","Avg","Tot"
+"2024-05-01 10:00:00",1,980.5,400
+"2024-05-01 10:15:00",2,980.5,410
+"2024-05-01 10:30:00",3,980.5,420
+"""
+
+
+@pytest.mark.parametrize(
+    ("logger", "lines", "limit_s"),
+    [
+        (FORMAT, b"#hello\n", 35.0),
+        ("styx", b"hello\n", 3150.0),
+        ("hydroinnova_rover", b"//hello\n", 35.0),  # the period is in the header
+        ("hydroinnova_rover", ROVER, 1050.0),
+        ("toa5", STATION, 3150.0),  # it has no nominal period
+    ],
+)
+def test_the_link_of_a_logger_waits_as_long_as_its_records_are_apart(logger, lines, limit_s):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        host, port = server.getsockname()
+        uri = f"tcp://{host}:{port}"
+        driver = Driver(DriverSettings(uri, logger, uri), Site(longitude="east"), LocalFrame(50, 10))
+        with started(driver), server.accept()[0] as one, server.accept()[0] as other:
+            for client in (one, other):  # either is the logger
+                client.sendall(lines)
+            until(driver, lambda batches: sum(len(b.logger_lines) for b in batches) == lines.count(b"\n"))
+            parts = {part.name: part.values.get("silence limit [s]") for part in driver.health(0.0)}
+    assert (parts["logger link"], parts["GNSS link"]) == (f"{limit_s:.1f}", "35.0")
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
