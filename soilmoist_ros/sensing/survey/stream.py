@@ -8,7 +8,7 @@ from collections import Counter, deque
 
 from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.checks.clock import ClockDrift
+from soilmoist_ros.sensing.checks.clock import STEP_PAIRS, ClockDrift
 from soilmoist_ros.sensing.checks.rain import RainSigns
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
@@ -114,11 +114,15 @@ class SensorStream:
         :param now_s: monotonic time [s]
         """
         self.faulty.take_line(line)
+        n_steps = self.parser.clock.n_steps
         record = self.parser.feed(line)
         if record is None:
             return None
         self.last_record = record
         self.rain.add(record)
+        if self.parser.clock.n_steps > n_steps:
+            remedy = f"the places of the {STEP_PAIRS - 1} records before this one are wrong"
+            self._on_problem(Problem(Kind.CLOCK_OFFSET, Mistake(self.parser.clock.steps[-1], remedy)))
         self._compare_with_gnss(record)
         self._stamps.append(record.stamp_s)
         self.survey.take_record(
