@@ -59,8 +59,6 @@ class SensorStream:
     :param frame: plane of the coordinates
     :param logger: format of the logger, or name of the format
     :param fix_wait_s: maximum time that a record waits for a fix [s]
-    :param reference_stamp_s: a time within 12 h of the first fix [s since 1970 UTC], for receivers that send no
-        date; NaN if unknown
     :param arms: where antenna and sensor sit on the robot
     :raises InputError: if format, tube shares or neutron-monitor file are invalid
     """
@@ -71,7 +69,6 @@ class SensorStream:
         frame: LocalFrame,
         logger: LoggerFormat | str,
         fix_wait_s: float = 2.0,
-        reference_stamp_s: float = NAN,
         arms: LeverArms = NO_ARMS,
     ) -> None:
         self.logger_problems, self.gnss_problems = ProblemCount(), ProblemCount()
@@ -96,7 +93,7 @@ class SensorStream:
         self._bad: deque[bool] = deque(maxlen=LAST_RECORDS)
         self.faulty = FaultyLines()
         """Lines since the last record that could be corrected."""
-        self._nmea = NmeaParser(reference_stamp_s=reference_stamp_s, on_problem=self.gnss_problems.add)
+        self._nmea = NmeaParser(on_problem=self.gnss_problems.add)
         self._stamps: deque[float] = deque(maxlen=LAST_RECORDS)
         self._good: deque[bool] = deque(maxlen=LAST_RECORDS)
         self.clock = ClockDrift()
@@ -142,9 +139,13 @@ class SensorStream:
             mistake = Mistake(self.clock.message, "set the logger's clock by GNSS")
             self._on_problem(Problem(Kind.CLOCK_DRIFT, mistake))
 
-    def take_nmea_line(self, line: bytes) -> Fix | None:
-        """Process a line of the GNSS receiver; returns the fix that it completes, if any."""
-        fix = self._nmea.feed(line)
+    def take_nmea_line(self, line: bytes, now_s: float = NAN) -> Fix | None:
+        """Process a line of the GNSS receiver; returns the fix that it completes, if any.
+
+        :param now_s: time of the computer's clock, for receivers that send no date; NaN if unknown
+            [s since 1970 UTC]
+        """
+        fix = self._nmea.feed(line, now_s)
         if fix is not None:
             self.take_fix(fix)
         return fix

@@ -375,11 +375,11 @@ def test_a_receiver_that_corrects_its_clock_is_followed():
 
 
 def test_sentences_without_a_fix_and_without_a_date():
-    live = survey(reference_stamp_s=T0 + 3600)
+    live = survey()
     gga = nmea_sentences(T0 + 5, Position(50.0, 10.0, 30.0, 0.02))[1].encode()
     later = nmea_sentences(T0 + 6, Position(50.0, 10.0, 30.0, 0.02))[1].encode()
-    live.take_nmea_line(gga)
-    assert live.take_nmea_line(later).stamp_s == T0 + 5
+    live.take_nmea_line(gga, T0 + 3600)
+    assert live.take_nmea_line(later, T0 + 3600).stamp_s == T0 + 5
     for text in sentences_without_fix(T0 + 7) + sentences_without_fix(T0 + 8):
         live.take_nmea_line(text.encode())
     assert live.last_fix.status is FixStatus.NO_FIX
