@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
@@ -266,12 +267,24 @@ def test_a_stationary_probe_has_the_position_of_the_site_file():
 def test_intensity_comes_from_outside_if_it_is_good():
     site = Site(corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 150}})
     live = survey(site)
-    assert [live.survey.take_intensity(rate) for rate in (NAN, -1.0, 0.0, math.inf)] == [False] * 4
+    latest = live.survey.latest_intensity = LatestIntensity()
+    assert [latest.take(rate, 0.0) for rate in (NAN, -1.0, 0.0, math.inf)] == [False] * 4
     live.take_logger_line(line(record(1)), 0.0)
-    assert live.survey.take_intensity(100.0)
+    assert latest.take(100.0, 0.0)
     live.take_logger_line(line(record(2)), 0.0)
     assert [one.f_intensity for one in live.take_ready(9.0)] == [1.0, 1.5]
-    assert not survey().survey.take_intensity(100.0)  # the site says nothing of intensity
+
+
+def test_intensity_from_outside_is_that_of_the_site_again_when_it_is_too_old():
+    intensity = {"reference": 150, "constant": 150, "max_gap_hours": 2}
+    live = survey(Site(corrections={"pressure": None, "humidity": None, "intensity": intensity}))
+    latest = live.survey.latest_intensity = LatestIntensity()
+    assert latest.take(100.0, 5000.0)
+    for number, now_s in enumerate((5000.0, 12_199.0, 12_201.0)):
+        live.take_logger_line(line(record(number)), now_s)
+    latest.take(75.0, 12_300.0)
+    live.take_logger_line(line(record(3)), 12_300.0)
+    assert [one.f_intensity for one in live.take_ready(2e4)] == [1.5, 1.5, 1.0, 2.0]
 
 
 def test_intensity_comes_from_a_monitor_file(tmp_path):
