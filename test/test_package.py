@@ -269,6 +269,12 @@ def test_every_dependency_is_listed_with_its_licence():
     assert "unknown" not in PAGES["docs/dependencies.md"]
 
 
+def test_the_unit_asks_for_what_it_waits_for():
+    unit = (ROOT / "config/systemd/soilmoist.service").read_text(encoding="utf-8")
+    after, wants = (re.search(rf"^{key}=(.*)$", unit, re.MULTILINE)[1].split() for key in ("After", "Wants"))
+    assert after == wants == ["network-online.target", "time-sync.target"]
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")
 def test_systemd_understands_the_unit(tmp_path):
     unit = ROOT / "config/systemd/soilmoist.service"

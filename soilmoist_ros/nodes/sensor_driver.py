@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +25,7 @@ from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.runtime.soon import Soon
 from soilmoist_ros.nodes.wiring.driver_outputs import DriverOutputs
+from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
 from soilmoist_ros.sensing.gnss import fix_from_message
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
@@ -46,8 +48,11 @@ class SensorDriver(LifecycleNode):
             self.create_subscription(NavSatFix, "fix", self._on_fix, qos.SENSOR)
         self._outputs = DriverOutputs(self, self._given)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
-        if text("intensity_topic"):
-            self.create_subscription(Float64, text("intensity_topic"), self._on_intensity, qos.DEFAULT)
+        self._intensity = LatestIntensity()
+        if topic := text("intensity_topic"):
+            # A latched subscription has the value from before this start, but of latched publishers only.
+            for profile in (qos.DEFAULT, qos.LATCHED):
+                self.create_subscription(Float64, topic, self._on_intensity, profile)
         self._arrived = Soon(self, self._step)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(_RELEASE_S, self._step, clock=steady)
@@ -108,6 +113,8 @@ class SensorDriver(LifecycleNode):
         settings: dict[str, Any] = {name: options[name] for name in SETTINGS}
         settings["arms"] = LeverArms.of(options)
         self._driver = Driver(DriverSettings(**settings), sensor, field.frame, self._now_s())
+        if self._given.text("intensity_topic"):
+            self._driver.stream.survey.latest_intensity = self._intensity
 
     def _activate(self) -> None:
         assert self._driver is not None  # on_configure made it
@@ -132,7 +139,7 @@ class SensorDriver(LifecycleNode):
             self._step()
 
     def _on_intensity(self, message: Float64) -> None:
-        if self._driver is not None and not self._driver.stream.survey.take_intensity(float(message.data)):
+        if not self._intensity.take(float(message.data), time.monotonic()):
             self.get_logger().warning(f"an intensity of {message.data:g} is ignored")
 
     def _report(self) -> None:

@@ -347,6 +347,20 @@ def test_intensity_comes_by_topic(ros, start, outputs, logger, tmp_path):
     assert outputs.records[0].f_intensity == 1.0
 
 
+def test_the_last_intensity_of_a_latched_publisher_is_known_after_a_start(ros, start, outputs, logger, tmp_path):
+    site = tmp_path / "site.yaml"
+    site.write_text("corrections: {pressure: null, humidity: null, intensity: {reference: 150, constant: 150}}\n")
+    ros.node.create_publisher(Float64, "monitor", qos.LATCHED).publish(Float64(data=100.0))
+    start(fix_wait_s=0.0, site=str(site), intensity_topic="monitor")
+    numbers = itertools.count(1)
+
+    def count():
+        number = next(numbers)
+        logger.send(line(number, tube_counts=tuple(float(5 + (number * tube) % 7) for tube in range(1, 13))))
+
+    repeat_until(ros, count, lambda: outputs.records and outputs.records[-1].f_intensity == 1.5)
+
+
 def test_recordings_are_played_like_devices(ros, start, outputs, tmp_path):
     write_survey(tmp_path / "survey", 3, spacing_m=40.0, dwell_s=60.0)
     log, nmea = (tmp_path / "survey" / name for name in ("survey.log", "survey.nmea"))

@@ -170,7 +170,7 @@ class NmeaParser:
 
     A fix is complete when the epoch has all sentence types of the previous epoch, at the latest when the next
     epoch begins. :meth:`flush` returns the last fix. GGA has no date: the date of the last RMC is used, and
-    advances at midnight.
+    advances at midnight. Before the first one the time of day is that next to the present time, if known.
 
     :param uere_m: user-equivalent range error by GGA quality [m], for receivers that send no GST
     :param reference_stamp_s: a time within 12 h of the first epoch [s since 1970 UTC], if known; until a date is
@@ -193,14 +193,19 @@ class NmeaParser:
         self.line_number = 0
         self._uere_m = dict(uere_m)
         self._last_stamp_s = reference_stamp_s
+        self._has_date, self._now_s = False, NAN
         self._require_checksum = require_checksum
         self._on_problem = on_problem or self.problems.append
         self._path = path
         self._epoch: _Epoch | None = None
         self._expected: set[str] = set()
 
-    def feed(self, line: bytes) -> Fix | None:
-        """Parse one line; returns the fix that it completes, if any."""
+    def feed(self, line: bytes, now_s: float = NAN) -> Fix | None:
+        """Parse one line; returns the fix that it completes, if any.
+
+        :param now_s: present time, NaN if unknown [s since 1970 UTC]
+        """
+        self._now_s = now_s
         self.line_number += 1
         found = self._read(line)
         if found is None:
@@ -293,10 +298,12 @@ class NmeaParser:
         )
 
     def _stamp(self, epoch: _Epoch) -> float:
-        """Time of the epoch: with the date of its RMC, else within 12 h of the previous epoch."""
+        """Time of the epoch: with the date of its RMC, else within 12 h of the previous epoch, or of now."""
         midnight_s = epoch.value("RMC", "date")
+        if midnight_s is None and not self._has_date and math.isfinite(self._now_s):
+            self._last_stamp_s = self._now_s  # each time anew: the clock may have been wrong before
         if midnight_s is not None:
-            self._last_stamp_s = midnight_s + epoch.time_of_day_s
+            self._has_date, self._last_stamp_s = True, midnight_s + epoch.time_of_day_s
         elif not math.isnan(self._last_stamp_s):
             ahead_s = (epoch.time_of_day_s - self._last_stamp_s + DAY_S / 2) % DAY_S - DAY_S / 2
             self._last_stamp_s += ahead_s

@@ -79,7 +79,7 @@ class Driver:
     """Reads the devices in background threads; all other work runs in the caller's thread.
 
     :param frame: plane of the coordinates
-    :param now_s: time, if known [s since 1970 UTC]; dates the fixes of receivers that send no date
+    :param now_s: time, if known [s since 1970 UTC]; dates the recordings of receivers that send no date
     :raises InputError: if a setting is invalid
     """
 
@@ -87,9 +87,7 @@ class Driver:
         self._settings = settings
         self._site = site
         self._reference_stamp_s = now_s if now_s > 0 else NAN
-        self.stream = SensorStream(
-            site, frame, settings.logger_format, settings.fix_wait_s, self._reference_stamp_s, settings.arms
-        )
+        self.stream = SensorStream(site, frame, settings.logger_format, settings.fix_wait_s, settings.arms)
         self._open_all()  # checks the addresses without connecting
         self._readers: dict[str, LineReader] = {}
         self._awake = threading.Event()
@@ -126,7 +124,8 @@ class Driver:
         steady_s = time.monotonic()
         # All fixes first, so that a record that arrives with its fix does not wait.
         gnss_lines = self._lines(GNSS)
-        fixes = [fix for line in gnss_lines if (fix := self.stream.take_nmea_line(line)) is not None]
+        date_s = now_s if now_s > 0 else NAN
+        fixes = [fix for line in gnss_lines if (fix := self.stream.take_nmea_line(line, date_s)) is not None]
         jammed = len(gnss_lines) == LINES_PER_STEP
         logger_lines = [] if jammed else self._lines(LOGGER)
         readings = []

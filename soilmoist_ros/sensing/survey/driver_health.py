@@ -23,6 +23,9 @@ NO_RECORD_S = 30.0
 MAX_LOSSES = 1
 """Maximum number of recently lost records without a warning."""
 
+OLD_INTENSITY = 0.5
+"""Age of the incoming intensity without a warning, as a share of the age from which it is not used."""
+
 MIN_JUDGED = 3
 """Number of records from which more than half in quarantine are an error."""
 
@@ -97,6 +100,7 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         "index of dispersion": _number(stream.survey.checks.totals.used.index, 2),
         "logger clock minus ours [s]": _number(difference_s, 1),
         "weather": stream.rain.text or "no sign of rain",
+        **_intensity_values(stream),
         **_by_kind("dropped", problems.lost),
         **_by_kind("noted", problems.noted),
         **{f"quarantined: {reason_text(code)}": str(count) for code, count in sorted(stream.quarantined.items())},
@@ -126,6 +130,8 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
             level = Level.WARN
         elif doubt is not None:
             level, message = doubt
+        elif fault := _intensity_fault(stream):
+            level, message = Level.WARN, fault
         elif abs(offset_s) > CLOCK_TOLERANCE_S:
             level, message = Level.WARN, f"the logger's clock differs by {offset_s:+.0f} s from ours: set it"
     return Health("records", level, message, values)
@@ -159,6 +165,27 @@ def _doubt(stream: SensorStream) -> tuple[Level, str] | None:
     message = f"{bad} of the last {recent} records are quarantined{reason}"
     grave = recent >= MIN_JUDGED and 2 * bad > recent
     return (Level.ERROR, f"the counts cannot be trusted: {message}") if grave else (Level.WARN, message)
+
+
+def _intensity_values(stream: SensorStream) -> dict[str, str]:
+    latest, age_s = stream.survey.latest_intensity, stream.survey.intensity_age_s
+    if latest is None:
+        return {}
+    text = f"{latest.rate:g}" if math.isfinite(age_s) else "none yet"
+    return {"incoming intensity": text, "age of the intensity [s]": f"{age_s:.0f}"}
+
+
+def _intensity_fault(stream: SensorStream) -> str:
+    """What is wrong with an intensity from outside, and what to do; empty if nothing is."""
+    age_s, limit_s = stream.survey.intensity_age_s, stream.survey.max_intensity_age_s
+    if stream.survey.latest_intensity is None or age_s <= OLD_INTENSITY * limit_s:
+        return ""
+    remedy = "check the publisher of intensity_topic"
+    if math.isinf(age_s):
+        return f"no incoming intensity has come: that of the site file is used; {remedy}"
+    if age_s > limit_s:
+        return f"the incoming intensity is {age_s / 3600:.1f} h old: that of the site file is used; {remedy}"
+    return f"the incoming intensity is {age_s / 3600:.1f} h old, of at most {limit_s / 3600:.1f} h; {remedy}"
 
 
 def _faults(stream: SensorStream) -> str:

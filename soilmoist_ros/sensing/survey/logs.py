@@ -70,10 +70,14 @@ class SurveyRecords:
 
 @dataclass(frozen=True)
 class _Entry:
-    """A record and its log."""
+    """A record and its log.
+
+    :param clock_ahead_s: logger's clock minus GNSS time [s], 0 if unknown
+    """
 
     log: LogFile
     record: LoggerRecord
+    clock_ahead_s: float
 
 
 def process_logs(
@@ -97,12 +101,15 @@ def process_logs(
     entries = _in_order_of_time(logs)
     problems = [problem for log in logs for problem in log.problems]
     remedy = "set the clock before each survey; places are found with the drift taken off"
-    drifting = [log for log in logs if log.clock.is_clear]
-    problems += [Problem(Kind.CLOCK_DRIFT, Mistake(log.clock.message, remedy, log.path)) for log in drifting]
+    set_before = "set the clock before each survey; each part of the log is placed by its own offset"
+    for log in logs:
+        drifting = [clock for clock in log.clock.segments if clock.is_clear]
+        problems += [Problem(Kind.CLOCK_DRIFT, Mistake(clock.message, remedy, log.path)) for clock in drifting]
+        problems += [Problem(Kind.CLOCK_OFFSET, Mistake(step, set_before, log.path)) for step in log.clock.steps]
     entries = _without_duplicates(entries, problems)
     survey = _survey_of([entry.record for entry in entries], site, frame, track, problems, arms)
     # Positions in a log have the time of the logger's clock; positions of a separate receiver have GNSS time.
-    ahead_s = [0.0 if track is None else _clock_ahead_s(entry) for entry in entries]
+    ahead_s = [0.0 if track is None else entry.clock_ahead_s for entry in entries]
     if frame is None:
         survey.frame = _frame_about(survey, entries, ahead_s)
     found: list[CountRecord] = []
@@ -239,7 +246,7 @@ def _in_order_of_time(logs: Sequence[LogFile]) -> list[_Entry]:
         raise InputError(
             [Mistake(f"was written by probe {serial}", remedy, log.path) for serial, log in probes.items()]
         )
-    entries = [_Entry(log, record) for log in logs for record in log.records]
+    entries = [_Entry(log, *one) for log in logs for one in zip(log.records, _clock_ahead_s(log), strict=True)]
     if not entries:
         raise InputError(_all_lost(logs, [problem for log in logs for problem in log.problems]))
     return sorted(entries, key=lambda entry: entry.record.stamp_s)
@@ -280,12 +287,20 @@ def _survey_of(
         raise InputError(f"the logs cannot be used: {error}", "check the detector") from None
 
 
-def _clock_ahead_s(entry: _Entry) -> float:
-    """Logger's clock minus GNSS time [s], 0 if unknown."""
-    log = entry.log
-    if log.clock.is_clear:
-        return log.clock.ahead_s(entry.record.stamp_s)
-    return log.clock_offset_s if math.isfinite(log.clock_offset_s) else 0.0
+def _clock_ahead_s(log: LogFile) -> list[float]:
+    """Logger's clock minus GNSS time at each record of a log [s], 0 if unknown."""
+    if not len(log.clock):
+        return [log.clock_offset_s if math.isfinite(log.clock_offset_s) else 0.0] * len(log.records)
+    ahead_s: list[float] = []
+    rest = iter(log.records)
+    # In the order of the file: after the clock was set back, its times come again.
+    for clock in log.clock.segments:
+        is_last, is_clear, median_s = clock is log.clock, clock.is_clear, clock.median_s
+        for record in rest:
+            ahead_s.append(clock.ahead_s(record.stamp_s) if is_clear else median_s)
+            if record.stamp_s == clock.last_s and not is_last:
+                break
+    return ahead_s
 
 
 def _frame_about(survey: Survey, entries: Sequence[_Entry], ahead_s: Sequence[float]) -> LocalFrame | None:

@@ -8,7 +8,7 @@ from collections import Counter, deque
 
 from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.checks.clock import ClockDrift
+from soilmoist_ros.sensing.checks.clock import STEP_PAIRS, ClockDrift
 from soilmoist_ros.sensing.checks.rain import RainSigns
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
@@ -59,8 +59,6 @@ class SensorStream:
     :param frame: plane of the coordinates
     :param logger: format of the logger, or name of the format
     :param fix_wait_s: maximum time that a record waits for a fix [s]
-    :param reference_stamp_s: a time within 12 h of the first fix [s since 1970 UTC], for receivers that send no
-        date; NaN if unknown
     :param arms: where antenna and sensor sit on the robot
     :raises InputError: if format, tube shares or neutron-monitor file are invalid
     """
@@ -71,7 +69,6 @@ class SensorStream:
         frame: LocalFrame,
         logger: LoggerFormat | str,
         fix_wait_s: float = 2.0,
-        reference_stamp_s: float = NAN,
         arms: LeverArms = NO_ARMS,
     ) -> None:
         self.logger_problems, self.gnss_problems = ProblemCount(), ProblemCount()
@@ -96,7 +93,7 @@ class SensorStream:
         self._bad: deque[bool] = deque(maxlen=LAST_RECORDS)
         self.faulty = FaultyLines()
         """Lines since the last record that could be corrected."""
-        self._nmea = NmeaParser(reference_stamp_s=reference_stamp_s, on_problem=self.gnss_problems.add)
+        self._nmea = NmeaParser(on_problem=self.gnss_problems.add)
         self._stamps: deque[float] = deque(maxlen=LAST_RECORDS)
         self._good: deque[bool] = deque(maxlen=LAST_RECORDS)
         self.clock = ClockDrift()
@@ -114,11 +111,15 @@ class SensorStream:
         :param now_s: monotonic time [s]
         """
         self.faulty.take_line(line)
+        n_steps = self.parser.clock.n_steps
         record = self.parser.feed(line)
         if record is None:
             return None
         self.last_record = record
         self.rain.add(record)
+        if self.parser.clock.n_steps > n_steps:
+            remedy = f"the places of the {STEP_PAIRS - 1} records before this one are wrong"
+            self._on_problem(Problem(Kind.CLOCK_OFFSET, Mistake(self.parser.clock.steps[-1], remedy)))
         self._compare_with_gnss(record)
         self._stamps.append(record.stamp_s)
         self.survey.take_record(
@@ -138,9 +139,13 @@ class SensorStream:
             mistake = Mistake(self.clock.message, "set the logger's clock by GNSS")
             self._on_problem(Problem(Kind.CLOCK_DRIFT, mistake))
 
-    def take_nmea_line(self, line: bytes) -> Fix | None:
-        """Process a line of the GNSS receiver; returns the fix that it completes, if any."""
-        fix = self._nmea.feed(line)
+    def take_nmea_line(self, line: bytes, now_s: float = NAN) -> Fix | None:
+        """Process a line of the GNSS receiver; returns the fix that it completes, if any.
+
+        :param now_s: time of the computer's clock, for receivers that send no date; NaN if unknown
+            [s since 1970 UTC]
+        """
+        fix = self._nmea.feed(line, now_s)
         if fix is not None:
             self.take_fix(fix)
         return fix

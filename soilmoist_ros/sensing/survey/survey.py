@@ -18,6 +18,8 @@ from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.checks.checks import RecordChecks
 from soilmoist_ros.sensing.checks.finding import Finding
+from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
+from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
 from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.weather import WeatherSeries
 from soilmoist_ros.sensing.gnss import Fix
@@ -110,7 +112,11 @@ class Survey:
         self.frame = frame
         self._site, self._fix_wait_s = site, fix_wait_s
         self._keep_unplaced, self._on_problem = keep_unplaced, on_problem
-        self._intensity = intensity_source(site.corrections)
+        self._site_intensity = self._intensity = intensity_source(site.corrections)
+        self.latest_intensity: LatestIntensity | None = None
+        """Incoming intensity from outside, used while it is not too old; ``None`` to use that of the site only."""
+        self.intensity_age_s = math.inf
+        """Age of the latest intensity at the last record [s], infinite without one."""
         self._running_shares = RunningShares()
         self._shares: NDArray[np.float64] | None = None
         self._grows = ahead is None
@@ -166,6 +172,7 @@ class Survey:
                 self._running_shares.mask(tube, since_s)
         interval_s = counting_interval_s(record, self._last)
         self._last = record
+        self._intensity = self._intensity_at(now_s)
         findings = checked.findings
         try:
             corrected = replace(self.correct(record, unused_tubes), quarantine=checked.quarantine)
@@ -187,16 +194,6 @@ class Survey:
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
         self._places.take_fix(fix)
-
-    def take_intensity(self, rate: float) -> bool:
-        """Set the current incoming intensity; returns whether it is used.
-
-        :param rate: rate of a neutron monitor, in the unit of the site's reference; used if positive and finite
-        """
-        good = self._site.corrections.intensity is not None and math.isfinite(rate) and rate > 0
-        if good:
-            self._intensity = rate
-        return good
 
     def take_ready(self, now_s: float = math.inf) -> list[CountRecord]:
         """Remove and return the records whose wait is over, oldest first.
@@ -221,6 +218,20 @@ class Survey:
 
     def _correct(self, record: LoggerRecord, shares: NDArray[np.float64]) -> CountRecord:
         return correct_record(record, self._weather.at(record), self._site, self._intensity, shares)
+
+    @property
+    def max_intensity_age_s(self) -> float:
+        """Age from which an intensity from outside is not used [s]."""
+        intensity = self._site.corrections.intensity
+        return 0.0 if intensity is None else 3600 * intensity.max_gap_hours
+
+    def _intensity_at(self, now_s: float) -> NeutronMonitor | float | None:
+        """The intensity from outside, or that of the site if there is none or it is too old."""
+        if self.latest_intensity is None:
+            return self._site_intensity
+        self.intensity_age_s = self.latest_intensity.age_s(now_s)
+        fresh = self.intensity_age_s <= self.max_intensity_age_s
+        return self.latest_intensity.rate if fresh else self._site_intensity
 
     def _typical_cps(self, records: Sequence[LoggerRecord]) -> float:
         """Median rate of records that are known in advance [counts/s], NaN without any."""

@@ -39,3 +39,20 @@ def test_long_logs_need_little_memory():
     clock = drift(np.arange(20_000) * 1e-3)
     assert len(clock) <= MAX_PAIRS
     assert clock.slope == pytest.approx(1e-3 / 60, rel=1e-6)
+
+
+def test_a_clock_that_is_set_begins_anew_after_three_comparisons_and_late_lines_do_not():
+    late = [*[3600.0] * 6, 3640.0, 3600.0, 3700.0, 3760.0, 3820.0] * 200
+    clock = drift([*late, *[3600.0] * 3])
+    assert (clock.n_steps, clock.ahead_s(1.8e9)) == (0, 3600.0)
+    for number, offset_s in enumerate((0.0, 1.0, 0.0, 1.0, 0.0)):
+        assert clock.ahead_s(1.8e9) == (3600.0 if number < 3 else pytest.approx(0.5, abs=0.5))
+        clock.add(1.8e9 + number, offset_s)
+    before, since = clock.segments
+    assert (before.median_s, since.median_s, len(since)) == (3600.0, 0.0, 5)
+    assert list(clock.steps) == ["the logger's clock was set: +3600 s off GNSS time, now +0 s"]
+
+
+def test_first_lines_that_are_late_are_no_clock_that_was_set():
+    clock = drift([40.0, *[0.0] * 9])
+    assert (clock.n_steps, clock.ahead_s(1.7e9)) == (0, 0.0)

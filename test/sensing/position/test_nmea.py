@@ -60,6 +60,19 @@ def test_published_sentences() -> None:
     assert problems == []
 
 
+def test_without_a_date_the_day_follows_the_computers_clock_and_a_date_counts_for_good() -> None:
+    noon_s, day_s = stamp("2024-05-01 12:00:00"), 86_400.0
+    lines = [
+        *((gga(f"12000{second}"), noon_s - 3 * day_s) for second in (0, 1)),  # the clock of the last shutdown
+        *((gga(f"12000{second}"), noon_s + 60.0) for second in (2, 3)),
+        (rmc("120003"), noon_s + 60.0),
+        *((gga(f"12000{second}"), noon_s + 7 * day_s) for second in (4, 5, 6)),
+    ]
+    parser = NmeaParser()
+    fixes = [fix for line, now_s in lines if (fix := parser.feed(line, now_s)) is not None]
+    assert [fix.stamp_s - noon_s for fix in fixes] == [-3 * day_s, 1.0, 2.0, 3.0, 4.0, 5.0]
+
+
 def test_one_fix_per_epoch_in_any_order() -> None:
     lines = [
         part

@@ -9,6 +9,7 @@ import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.robot_logger import format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
@@ -49,6 +50,29 @@ def test_every_state_of_a_link_has_its_level(state, level):
     assert (part.level, part.name) == (level, "logger link")
     assert ("refused" in part.message) == (level is Level.ERROR)
     assert part.values["failed attempts"] == "3"
+
+
+def test_an_intensity_that_does_not_come_or_is_old_is_a_warning_with_its_age():
+    corrections = {"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 150}}
+    survey = SensorStream(Site(corrections=corrections), LocalFrame(50.0, 10.0), "thorvald_crs")
+    latest, said = LatestIntensity(), []
+    for number, now_h in enumerate((0.0, 0.0, 2.0, 4.0, 7.0), 1):
+        record = LoggerRecord(T0 + 10 * number, counted(number), (10.0,) * 12, record_number=number)
+        survey.take_logger_line(format_record(record).encode(), 3600 * now_h)
+        if number == 1:
+            assert records_health(survey, record.stamp_s).level is Level.OK, "no topic"
+            survey.survey.latest_intensity = latest
+        else:
+            part = records_health(survey, record.stamp_s)
+            said.append((part.level, part.message.partition(";")[0], part.values["age of the intensity [s]"]))
+        if number == 2:
+            latest.take(160.0, 0.0)
+    assert said == [
+        (Level.WARN, "no incoming intensity has come: that of the site file is used", "inf"),
+        (Level.OK, "counting", "7200"),
+        (Level.WARN, "the incoming intensity is 4.0 h old, of at most 6.0 h", "14400"),
+        (Level.WARN, "the incoming intensity is 7.0 h old: that of the site file is used", "25200"),
+    ]
 
 
 def test_missing_records_are_an_error(survey):

@@ -5,7 +5,7 @@
 import itertools
 import math
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
@@ -266,12 +267,24 @@ def test_a_stationary_probe_has_the_position_of_the_site_file():
 def test_intensity_comes_from_outside_if_it_is_good():
     site = Site(corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 150}})
     live = survey(site)
-    assert [live.survey.take_intensity(rate) for rate in (NAN, -1.0, 0.0, math.inf)] == [False] * 4
+    latest = live.survey.latest_intensity = LatestIntensity()
+    assert [latest.take(rate, 0.0) for rate in (NAN, -1.0, 0.0, math.inf)] == [False] * 4
     live.take_logger_line(line(record(1)), 0.0)
-    assert live.survey.take_intensity(100.0)
+    assert latest.take(100.0, 0.0)
     live.take_logger_line(line(record(2)), 0.0)
     assert [one.f_intensity for one in live.take_ready(9.0)] == [1.0, 1.5]
-    assert not survey().survey.take_intensity(100.0)  # the site says nothing of intensity
+
+
+def test_intensity_from_outside_is_that_of_the_site_again_when_it_is_too_old():
+    intensity = {"reference": 150, "constant": 150, "max_gap_hours": 2}
+    live = survey(Site(corrections={"pressure": None, "humidity": None, "intensity": intensity}))
+    latest = live.survey.latest_intensity = LatestIntensity()
+    assert latest.take(100.0, 5000.0)
+    for number, now_s in enumerate((5000.0, 12_199.0, 12_201.0)):
+        live.take_logger_line(line(record(number)), now_s)
+    latest.take(75.0, 12_300.0)
+    live.take_logger_line(line(record(3)), 12_300.0)
+    assert [one.f_intensity for one in live.take_ready(2e4)] == [1.5, 1.5, 1.0, 2.0]
 
 
 def test_intensity_comes_from_a_monitor_file(tmp_path):
@@ -333,6 +346,30 @@ def test_a_drift_of_the_loggers_clock_is_reported_once_and_a_silent_receiver_is_
     assert silent.logger_problems.noted[Kind.CLOCK_DRIFT] == 0
 
 
+def test_a_loggers_clock_that_is_set_is_noticed_within_three_records():
+    live = survey(UNCORRECTED.model_copy(update={"longitude": "east"}), "hydroinnova_rover")
+    for text in (
+        "//RecordNum,Date Time(UTC),P4_mb,T1_C,RH1,N1Cts,N1ETsec",
+        "//GpsUTC,LatDec,LongDec,Alt,Qual,HDOP",
+    ):
+        live.take_logger_line(text.encode(), 0.0)
+    east_m = []
+    for number in range(1, 41):
+        for second in range(60 * number - 59, 60 * number + 1):
+            live.take_fix(fix(float(second), float(second)))
+        true = datetime.fromtimestamp(T0 + 60 * number, UTC)
+        clock = true + timedelta(hours=1) if number <= 20 else true
+        live.take_logger_line(
+            f"{number},{clock:%Y/%m/%d %H:%M:%S},980,20,50,{600 + number % 7},60,"
+            f"0{true:%H%M%S},50.0,10.0,100,4,0.8".encode(),
+            60.0 * number,
+        )
+        east_m += [one.x_m for one in live.take_ready(60.0 * number + 3)]
+    wrong = [number for number, x_m in enumerate(east_m, 1) if abs(x_m - (60 * number - 30)) > 1.0]
+    assert (len(east_m), wrong) == (40, [21, 22])
+    assert live.logger_problems.noted[Kind.CLOCK_OFFSET] == 2
+
+
 def test_the_rate_of_records_is_by_the_loggers_time():
     live = survey()
     assert math.isnan(live.record_rate_hz)
@@ -351,11 +388,11 @@ def test_a_receiver_that_corrects_its_clock_is_followed():
 
 
 def test_sentences_without_a_fix_and_without_a_date():
-    live = survey(reference_stamp_s=T0 + 3600)
+    live = survey()
     gga = nmea_sentences(T0 + 5, Position(50.0, 10.0, 30.0, 0.02))[1].encode()
     later = nmea_sentences(T0 + 6, Position(50.0, 10.0, 30.0, 0.02))[1].encode()
-    live.take_nmea_line(gga)
-    assert live.take_nmea_line(later).stamp_s == T0 + 5
+    live.take_nmea_line(gga, T0 + 3600)
+    assert live.take_nmea_line(later, T0 + 3600).stamp_s == T0 + 5
     for text in sentences_without_fix(T0 + 7) + sentences_without_fix(T0 + 8):
         live.take_nmea_line(text.encode())
     assert live.last_fix.status is FixStatus.NO_FIX
