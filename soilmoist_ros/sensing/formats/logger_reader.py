@@ -63,7 +63,7 @@ class LogFile:
     :param serial: serial number of the logger, empty if unknown
     :param metadata: all ``key = value`` lines of the header
     :param period_s: nominal duration of a record [s], NaN if unknown
-    :param clock_offset_s: logger's clock minus GNSS time [s], median over the records, NaN if unknown.
+    :param clock_offset_s: logger's clock minus GNSS time [s], median since it was last set, NaN if unknown.
         Subtract it from the stamps before joining them with positions of another receiver
     :param n_lines: number of lines in the file
     :param unsigned_longitude: whether the site file gave the longitudes their sign
