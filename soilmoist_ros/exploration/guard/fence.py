@@ -29,7 +29,7 @@ _ENTRIES = 20
 _LEAVING = 2.0
 """A robot leaves a no-go area and its margin on a way of at most this multiple of the shortest one."""
 _NOISE_M = 0.1
-"""A robot that seems to be less deep in a no-go area than this is taken for one at its edge [m]."""
+"""A robot that seems to be less deep in a no-go area than this stands at the edge [m]."""
 _STUCK_M = 0.5
 """A place that seems to be this deep in a no-go area may be an error of the receiver [m]."""
 

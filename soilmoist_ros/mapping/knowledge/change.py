@@ -111,7 +111,9 @@ def field_change(
     if curve is not None:
         now, then = (kriging.predict(cells, one) if maps is None else maps[one] for one in (survey, other))
         vwc, vwc_sd = _moisture_change((now[0], now[1] + error_variance), then, variance, curve)
-        mean_vwc = _mean_moisture_change(kriging, grid, survey, other, curve, float(vwc.mean()), mean_errors)
+        mean_vwc = _mean_moisture_change(
+            kriging, places, share, survey, other, curve, float(vwc.mean()), mean_errors
+        )
     raster = grid.to_raster
     return FieldChange(
         raster(rate), raster(sd), raster(vwc), raster(vwc_sd), raster(sure),
@@ -196,7 +198,8 @@ def _moisture_change(
 
 def _mean_moisture_change(
     kriging: JointKriging,
-    grid: FieldGrid,
+    places: Array,
+    share: Array,
     survey: int,
     other: int,
     curve: MoistureCurve,
@@ -204,7 +207,6 @@ def _mean_moisture_change(
     errors: Array,
 ) -> Estimate:
     """Change of the mean moisture; its error to first order."""
-    places, share = mean_places(grid)
     slopes = {one: share * moisture_slope(curve, kriging.predict(places, one)[0]) for one in (survey, other)}
     _, variance = kriging.mean(places, {survey: slopes[survey], other: -slopes[other]})
     return Estimate(value, math.sqrt(variance + mean_variance_of(errors, slopes[survey])))

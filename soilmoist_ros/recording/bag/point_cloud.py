@@ -42,7 +42,7 @@ REASONS: Final[Mapping[int, str]] = MappingProxyType(
 UNKNOWN_REASON: Final = "unknown_reason"
 """Reason code of a number that is not in the table, such as 0."""
 _MAX_RECORDS: Final = 10_000
-"""Records of a message at most; a day has 8640. Drivers publish each in a message of its own."""
+"""Records of a message at most; a day has 8640. Drivers publish one in each message."""
 
 
 class PointCloud(Protocol):

@@ -131,7 +131,7 @@ def _oldest_first(bags: Sequence[_Closed]) -> list[_Closed]:
     """Bags by number; one without, such as one that was recovered, is sorted in by its time.
 
     For that, a bag with a number is of the time of the last one before it that a right clock has closed, or of the
-    first such one; while there is none, bags without a number are taken for those of an earlier release.
+    first such one; while there is none, bags without a number count as bags of an earlier release.
     """
     numbered = sorted((bag for bag in bags if bag.number), key=lambda bag: bag.number)
     placed = [(bag.changed_s, 0, bag) for bag in bags if not bag.number]

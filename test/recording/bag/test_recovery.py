@@ -202,16 +202,21 @@ def test_a_bad_sector_costs_its_chunks(long_bag, tmp_path, monkeypatch):
     assert found[-1] == long_bag.messages[-1]
 
 
-def test_a_bad_sector_gives_no_wrong_message_where_nothing_has_a_checksum(tmp_path, monkeypatch):
-    path, messages = tmp_path / "plain.mcap", [bytes([number]) * 500 for number in range(1, 100)]
+def write_foreign(path, messages, **options):
+    """A file as another writer makes it."""
     with path.open("wb") as file:
-        writer = Writer(file, use_chunking=False)
+        writer = Writer(file, **options)
         writer.start(profile="ros2")
         schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
         channel = writer.register_channel("/notes", "cdr", schema)
         for number, message in enumerate(messages):
             writer.add_message(channel, log_time=number, publish_time=number, data=message)
         writer.finish()
+
+
+def test_a_bad_sector_gives_no_wrong_message_where_nothing_has_a_checksum(tmp_path, monkeypatch):
+    path, messages = tmp_path / "plain.mcap", [bytes([number]) * 500 for number in range(1, 100)]
+    write_foreign(path, messages, use_chunking=False)
     for first in range(8192, 8192 + 531, 3):
         with monkeypatch.context() as disk:
             unreadable(disk, first, 12_288)
@@ -275,14 +280,7 @@ def test_a_large_chunk_that_was_cut_gives_the_messages_before_the_cut(tmp_path, 
     path = tmp_path / "large.mcap"
     data = random.Random(1)
     messages = [data.randbytes(1000) for _ in range(1500)]
-    with path.open("wb") as file:
-        writer = Writer(file, compression=compression, chunk_size=10 << 20)
-        writer.start(profile="ros2")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        channel = writer.register_channel("/notes", "cdr", schema)
-        for number, message in enumerate(messages):
-            writer.add_message(channel, log_time=number, publish_time=number, data=message)
-        writer.finish()
+    write_foreign(path, messages, compression=compression, chunk_size=10 << 20)
     path.write_bytes(path.read_bytes()[:1_000_000])
     found, scan = scanned(path)
     assert [message for _, _, message in found] == messages[: len(found)]
