@@ -192,6 +192,8 @@ class Fence:
 
         here, driven = shapely.Point(line[0]), shapely.LineString(line)
         for number, (area, wide) in enumerate(zip(self._no_go_areas, self._no_go, strict=True), 1):
+            if not driven.intersects(wide):
+                continue
             deep_m = area.exterior.distance(here) if area.contains(here) else 0.0
             if deep_m > max(self.margin_m, _STUCK_M) + TOLERANCE_M:
                 return f"the robot stands {deep_m:.1f} m deep in no-go area {number}"
