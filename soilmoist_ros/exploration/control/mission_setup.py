@@ -55,6 +55,8 @@ class AccessRules:
 
 
 NO_MARGIN = AccessRules()
+MOVED_M = 0.5
+"""A stop that a new map places this far away is another one [m]; a frame that is fitted anew differs by less."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,8 +196,12 @@ class FieldAccess:
             corners = self.travel.route(place, stop)
         except ValueError as error:
             raise InputError(str(error), "choose another stop") from None
+        there, now = (stop.x_m, stop.y_m), tuple(corners[-1].tolist())
+        if math.dist(there, now) > MOVED_M:  # it was chosen on an earlier map
+            moved = "{} is at ({:.1f}, {:.1f}) now, not at ({:.1f}, {:.1f})".format(stop.name, *now, *there)
+            raise InputError(moved, "choose it again")
         refusal = self.fence.refusal_of_entry(corners[0], corners[min(1, len(corners) - 1)], self._rules.entry_m)
-        if refusal or (refusal := self.fence.refusal(corners[1:] if len(corners) > 1 else corners)):
+        if refusal or (refusal := self.fence.refusal([*corners[1:], there])):
             raise InputError(f"the route to {stop.name} is not allowed: {refusal}", "drive the robot elsewhere")
         if self._fenced is None:
             return Way(corners)

@@ -194,10 +194,10 @@ class Fence:
         for number, (area, wide) in enumerate(zip(self._no_go_areas, self._no_go, strict=True), 1):
             if not driven.intersects(wide):
                 continue
-            deep_m = area.exterior.distance(here) if area.contains(here) else 0.0
+            deep_m = area.boundary.distance(here) if area.contains(here) else 0.0
             if deep_m > max(self.margin_m, _STUCK_M) + TOLERANCE_M:
                 return f"the robot stands {deep_m:.1f} m deep in no-go area {number}"
-            out_m = wide.exterior.distance(here) if wide.contains(here) else 0.0
+            out_m = wide.boundary.distance(here) if wide.contains(here) else 0.0  # holes have borders too
             deeper = wide.buffer(-out_m - TOLERANCE_M, join_style="mitre")
             far = deep_m > _NOISE_M and driven.intersection(wide).length > _LEAVING * out_m + TOLERANCE_M
             if far or driven.intersects(deeper):

@@ -19,6 +19,7 @@ What it holds to:
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from typing import assert_never
@@ -60,7 +61,7 @@ from soilmoist_ros.exploration.mission.stored import state_from_json, state_to_d
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionRules, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
-from soilmoist_ros.exploration.travel.stop import inside_any
+from soilmoist_ros.exploration.travel.stop import Stop, inside_any
 from soilmoist_ros.sensing.records import CountRecord
 
 
@@ -91,6 +92,13 @@ class Mission:
     def current_rules(self) -> MissionRules:
         """The rules with what an operator has changed."""
         return changed_rules(self.rules, self.state.changes)
+
+    def use_home(self, home: Stop | None) -> None:
+        """End at a home from now on: the same stop may have another place on a new map."""
+        self.rules = replace(self.rules, home=home)
+        changes = self.state.changes
+        if changes is not None and changes.home is not None:
+            self.state = replace(self.state, changes=dataclasses.replace(changes, home=home))
 
     @property
     def next_deadline_s(self) -> float | None:

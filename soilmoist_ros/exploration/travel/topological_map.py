@@ -71,8 +71,9 @@ class TopologicalMap:
             return None
 
     def has_ways_of(self, other: TopologicalMap) -> bool:
-        """Whether nodes, edges and datum are those of another map; names and dates of the maps may differ."""
-        return bool(self.document["nodes"] == other.document["nodes"]) and self.datum == other.datum
+        """Whether nodes, their places, edges and datum are those of another map; names and dates may differ."""
+        same = bool(self.document["nodes"] == other.document["nodes"]) and self.datum == other.datum
+        return same and np.array_equal(self.graph.xy, other.graph.xy)  # the map's transformation moves nodes
 
     def unknown_actions(self, known: Sequence[str]) -> str:
         """Which edges a navigation refuses since it does not know their action; empty if there are none.

@@ -70,6 +70,7 @@ class PlannerInputs:
         self._map: TopologicalMap | None = None  # in use
         self._newer: TopologicalMap | None = None  # to be used, as soon as that is possible
         self._map_fault = ""
+        self._unreadable = ""  # why the newest map is none
         self._ticks = 0
         self._faults: dict[str, str] = {}
         self._records = PlannerRecords(node, control, self._read_counts)
@@ -143,10 +144,13 @@ class PlannerInputs:
         try:
             found = parse_topological_map(message.data)
         except InputError as error:
+            self._newer, self._map_fault, self._unreadable = None, "", str(error)
             self._ignore("the map of the navigation", error)
             return
+        self._unreadable = ""
         if self._map is not None and found.has_ways_of(self._map):
-            self._newer = None  # it is published again, or is back
+            self._newer, self._map_fault = None, ""  # it is published again, or is back
+            self._frames.robot.take_map_datum(found.datum)  # an unusable one may have named another
             return
         self._newer, self._map_fault = found, ""
         if not self._control.takes_graph:
@@ -179,9 +183,10 @@ class PlannerInputs:
 
     @property
     def _map_changed(self) -> str:
-        if self._map is None or self._newer is None or not self._by_name:
+        if self._map is None or not self._by_name or (self._newer is None and not self._unreadable):
             return ""
-        why = f", which cannot be used ({self._map_fault})" if self._map_fault else ""
+        fault = self._map_fault or self._unreadable
+        why = f", which cannot be used ({fault})" if fault else ""
         return f"the navigation has another map than the planner{why}"
 
     def _use_newer(self) -> None:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a mission sends the robot: never where the fence refuses it (mission_setup.py, mission_control.py)."""
 
+import contextlib
 import logging
 import time
 from itertools import pairwise
@@ -17,6 +18,7 @@ from soilmoist_ros.exploration.control.mission_setup import AccessRules, Explore
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.guard.fenced_graph import Outside
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
+from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
@@ -101,6 +103,42 @@ def test_a_robot_deep_in_a_no_go_area_is_left_to_people(by_name):
     for x_m in (28.8, 29.0, 29.2):
         with pytest.raises(InputError, match=r"the robot stands (0\.8|1\.0) m deep in no-go area 1"):
             access.way((x_m, 20.0), Stop("w", 24.0, 20.0))
+
+
+WALL = np.array(
+    [
+        *([20, 29.4], [20, 20], [40, 20], [40, 40], [20, 40], [20, 30.6]),
+        *([20.3, 30.6], [20.3, 39.7], [39.7, 39.7], [39.7, 20.3], [20.3, 20.3], [20.3, 29.4]),
+    ]
+)
+
+
+@pytest.mark.parametrize("ways", ["in mid", None], ids=["graph", "free"])
+def test_a_robot_at_the_wall_of_a_pen_is_not_sent_through_it(ways):
+    """The gate is narrower than the robot: the wall and its margin enclose the pen."""
+    pen = Field("pen", LocalFrame(53.0, 0.0), SQUARE, (WALL,), 4.0)
+    places = {"out": (43, 30), "far": (50, 30), "in": (36, 30), "mid": (30, 30)}
+    both = graph(places, "out far", "in mid")
+    access = FieldAccess(pen, RobotMotion(), ways and both, RADIUS, place=(36.0, 30.0))
+    for x_m in (39.0, 39.3, 39.6):
+        with contextlib.suppress(InputError):
+            way = access.way((x_m, 30.0), Stop("mid", 30.0, 30.0)).corners
+            assert not shapely.LineString(way).intersects(shapely.Polygon(WALL))
+        assert access.fence.refusal_of_entry((x_m, 30.0), (45.0, 30.0), 10.0)
+        assert not access.fence.refusal_of_entry((x_m, 30.0), (35.0, 30.0), 10.0)
+
+
+def test_a_stop_that_a_new_map_has_moved_is_not_driven_to():
+    """The robot would go to the node's new place, then straight to the old one, through the pond."""
+    old = graph({"a": (10, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6), "b": (50, 20)}, "a s t u b")
+    new = graph({"b": (10, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6), "a": (50, 20)}, "b s t u a")
+    chosen = FieldAccess(FIELD, RobotMotion(), old, RADIUS).stop("b")
+    with pytest.raises(
+        InputError, match=r"b is at \(10\.0, 20\.0\) now, not at \(50\.0, 20\.0\) -> choose it again"
+    ):
+        FieldAccess(FIELD, RobotMotion(), new, RADIUS).way((10.0, 8.0), chosen)
+    nearly = graph({"s": (10, 6), "t": (30, 6), "u": (50, 6), "b": (50.1, 20)}, "s t u b")
+    assert FieldAccess(FIELD, RobotMotion(), nearly, RADIUS).way((10.0, 8.0), chosen).nodes == (chosen,)
 
 
 def test_the_way_back_into_the_field_keeps_the_margin_of_no_go_areas():
@@ -214,6 +252,7 @@ class Recorder:
             self.control.fix(place)
 
     def go(self, goal_id, stop, way):
+        self.goal_id = goal_id
         self.sent.append((stop, way))
 
     def __getattr__(self, name):
@@ -247,6 +286,40 @@ def test_a_goal_that_the_fence_refuses_is_never_sent_and_its_stop_ruled_out():
             break
     assert around.sent == []
     assert any("is ruled out for now: not sent: the route to" in reason for reason in around.reasons)
+
+
+@pytest.mark.parametrize("verb", ["measure", "home"])
+def test_after_a_new_map_in_a_pause_the_robot_is_sent_only_to_places_of_that_map(verb):
+    old = graph({"a": (10, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6), "b": (50, 20)}, "a s t u b")
+    new = graph({"b": (10, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6), "a": (50, 20)}, "b s t u a")
+    around = Recorder(old, (30.0, 6.0))
+    assert around.control.command(Verb.START).accepted
+    if verb == "measure":
+        assert around.control.request(OperatorRequest("measure", stops=("b",))).accepted
+    else:
+        assert around.control.request(OperatorRequest("change", home="b")).accepted
+        assert around.control.request(OperatorRequest("return_home")).accepted
+    around.until_sent()
+    assert around.sent[-1][0] == Stop("b", 50.0, 20.0)
+    assert around.control.command(Verb.PAUSE).accepted
+    around.control.ended(Ended(around.goal_id, Outcome.CANCELED, ""))
+    for _ in range(8):
+        around.time_s += 1.0
+        around.control.fix((30.0, 6.0))
+        around.control.tick()
+    around.control.use_graph(new)
+    around.sent.clear()
+    assert around.control.command(Verb.RESUME).accepted
+    for _ in range(20):
+        around.time_s += 1.0
+        around.control.fix((30.0, 6.0))
+        around.control.tick()
+        around.until_sent()
+    assert around.sent
+    places = {stop.name: (stop.x_m, stop.y_m) for stop in new.stops}
+    assert all(places[stop.name] == (stop.x_m, stop.y_m) for stop, _ in around.sent)
+    if verb == "home":
+        assert around.sent[-1][0].name == "b"
 
 
 def test_a_robot_in_another_part_of_the_map_uses_that_part(caplog):

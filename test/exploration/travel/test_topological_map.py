@@ -240,3 +240,7 @@ def test_ways_are_the_same_whatever_the_map_is_called():
     content = document()
     content["nodes"][0]["node"]["edges"].pop()
     assert not parse(content).has_ways_of(found)
+    content = dict(make_topological_map(graph(), "farm", NOON, frame="topo_map").document)
+    moved = copy.deepcopy(content)
+    moved["transformation"]["translation"]["x"] = 8.0
+    assert not parse(moved).has_ways_of(parse(content))
