@@ -258,6 +258,6 @@ def stored_records(planner: Mapping[str, object], out: str, namespace: str) -> d
     journal_dir, recordings = str(planner.get("journal_dir", "")), Path(out or RECORDINGS).expanduser().absolute()
     journal_path = Path(journal_dir).expanduser() if journal_dir else None
     session = open_session(
-        recordings / "records" / namespace.strip("/"), journal_path, planner.get("resume") == "fresh"
+        recordings / "records" / namespace.strip("/"), journal_path, planner.get("resume") == "fresh", recordings
     )
     return {"record_dir": str(session), "merge_from": [*filter(None, [journal_dir]), str(recordings)]}

@@ -29,12 +29,13 @@ _CATCH_UP_S: Final = (0.0, 5.0, 20.0)
 _log = logging.getLogger(__name__)
 
 
-def open_session(root: Path, journal: Path | None, fresh: bool) -> Path:
+def open_session(root: Path, journal: Path | None, fresh: bool, bags: Path | None = None) -> Path:
     """Folder of the session: the last one while its mission is interrupted, otherwise a new one.
 
     :param root: folder of all sessions
     :param journal: folder of the planner's journal; ``None`` without one
     :param fresh: whether the interrupted mission is forgotten
+    :param bags: folder of the recorder's bags: those that are in it now do not belong to a new session
     :raises InputError: if the journal cannot be read, or the folder cannot be made
     """
     from soilmoist_ros.exploration.mission.journal import is_under_way
@@ -49,7 +50,9 @@ def open_session(root: Path, journal: Path | None, fresh: bool) -> Path:
         folder.mkdir(parents=True)
         seq = max((entry.seq for entry in found.entries), default=0)
         number = 1 + max((number for number, _ in earlier), default=0)
-        write_whole(folder / SESSION, json.dumps({"journal_seq": seq, "number": number}).encode())
+        earlier_bags = {str(bags): _sizes(bags)} if bags is not None else {}
+        noted = {"journal_seq": seq, "number": number, "earlier_bags": earlier_bags}
+        write_whole(folder / SESSION, json.dumps(noted).encode())
     except OSError as error:
         remedy = "choose a folder on a disk that is writable and has space"
         raise InputError(f"no records can be written here: {error.strerror}", remedy, folder) from None
@@ -200,17 +203,47 @@ def _number(path: Path) -> int:
         return 0
 
 
-def _journal_seq(session: Path) -> int:
+def _session_file(folder: Path) -> Path | None:
+    """File of the session that a mapper's folder belongs to; ``None`` without one."""
+    # A property has SESSION/properties/NAME; the name may have slashes.
+    places = (folder, *(parent.parent for parent in folder.parents if parent.name == "properties"))
+    return next((place / SESSION for place in places if (place / SESSION).is_file()), None)
+
+
+def _journal_seq(folder: Path) -> int:
     """Last entry of the journal that is older than the session."""
-    path = session / SESSION
-    return int(read_json(path.read_bytes())["journal_seq"]) if path.is_file() else 0
+    path = _session_file(folder)
+    return int(read_json(path.read_bytes())["journal_seq"]) if path is not None else 0
 
 
-def _bags(path: Path, session: Path) -> list[Path]:
+def _bags(path: Path, folder: Path) -> list[Path]:
     """Bags in a folder that were written since the session began."""
-    started = session / SESSION
-    since_s = started.stat().st_mtime if started.is_file() else 0.0
     from soilmoist_ros.recording.bag.recovery import mcap_files
 
     bags = [path] if any(path.glob("*.mcap")) else sorted({file.parent for file in path.glob("*/*.mcap")})
+    started = _session_file(folder)
+    if started is None:
+        return bags
+    place = path.parent if bags == [path] else path
+    earlier = _earlier_bags(started).get(str(place))
+    if earlier is not None:  # sizes, as the clock may have been wrong
+        now = _sizes(place)
+        return [bag for bag in bags if now.get(bag.name) != earlier.get(bag.name)]
+    since_s = started.stat().st_mtime
     return [bag for bag in bags if max(file.stat().st_mtime for file in mcap_files(bag)) >= since_s]
+
+
+def _earlier_bags(path: Path) -> dict[str, dict[str, int]]:
+    """Sizes of the bags that are older than a session, by folder; none if its file is of an older version."""
+    try:
+        return {place: dict(sizes) for place, sizes in read_json(path.read_bytes())["earlier_bags"].items()}
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return {}
+
+
+def _sizes(folder: Path) -> dict[str, int]:
+    """Size of each bag in a folder [bytes]. One that is still recorded, or is made anew, gets another size."""
+    sizes: dict[str, int] = {}
+    for file in folder.glob("*/*.mcap"):
+        sizes[file.parent.name] = sizes.get(file.parent.name, 0) + file.lstat().st_size
+    return sizes

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import os
 import sys
 from pathlib import Path
@@ -22,6 +23,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.system.launching import parameters_from
+from soilmoist_ros.recording.map_sources import SESSION
 from soilmoist_ros.sensing.moisture.site import load_site
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -315,6 +317,7 @@ def test_driver_and_mapper_store_records_in_one_folder_and_each_launch_is_anothe
         assert salt["start_property"] == "salt"
         assert mapper["merge_from"] == salt["merge_from"] == [str(tmp_path / "journal" / "r1"), str(tmp_path)]
         assert Path(mapper["record_dir"]).parent == tmp_path / "records" / "r1"
+        assert str(tmp_path) in json.loads(Path(mapper["record_dir"], SESSION).read_text())["earlier_bags"]
         folders.append(mapper["record_dir"])
     assert folders[0] != folders[1]
 

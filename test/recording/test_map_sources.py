@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import math
 import os
+import shutil
 import tempfile
 from dataclasses import replace
 from datetime import datetime
@@ -339,6 +340,45 @@ def test_a_clock_that_was_set_back_does_not_resume_an_earlier_session(tmp_path, 
             journal.keep(mission)
     assert [session.name[:6] for session in opened] == ["202607", "202603"]
     assert open_session(root, folder, fresh=False) == opened[-1]
+
+
+@pytest.mark.parametrize("below", [".", "properties/salt", "properties/r1/salt"])
+@pytest.mark.parametrize("noted", [True, False])
+def test_a_new_map_has_no_records_of_earlier_missions(tmp_path, below, noted):
+    """With and without the bags in the file of the session: older versions have not noted them."""
+    out, many = tmp_path / "out", published(20)
+    write_bag(out / "earlier", many[:5])
+    with Journal.open(out / "journal") as pages:
+        journal, mission = MissionJournal(pages), Mission(RULES)
+        for record in many[5:10]:
+            journal.note(mission, RecordArrived(record.stamp_s, record))
+    for file in (out / "earlier").iterdir():
+        os.utime(file, (1.78e9, 1.78e9))
+    session = open_session(out / "records", out / "journal", fresh=True, bags=out if noted else None)
+    write_bag(out / "later", many[10:])
+    merge = [out / "journal", out, out / "earlier"]
+    sources = MapSources(MapRecords(field_map := FieldMap(GRID)), session / below, merge, ["/counts"])
+    sources.merge(sources.missed(OLD_S))
+    require_equal(field_map, many[10:])
+    sources.close()
+
+
+@pytest.mark.parametrize("clock_s", [1.7e9, 1.9e9])
+def test_bags_belong_to_a_session_whatever_the_clock_said(tmp_path, clock_s):
+    out, many = tmp_path / "out", published(20)
+    for name, records in (("earlier", many[:5]), ("again", many[5:7])):
+        write_bag(out / name, records)
+    session = open_session(out / "records", None, fresh=False, bags=out)
+    shutil.rmtree(out / "again")  # as a recorder with a fixed name may do
+    for name, records in (("again", many[7:10]), ("later", many[10:])):
+        write_bag(out / name, records)
+    os.utime(session / SESSION, (clock_s, clock_s))
+    for file in out.glob("*/*.mcap"):
+        os.utime(file, (1.78e9, 1.78e9))
+    sources = MapSources(MapRecords(field_map := FieldMap(GRID)), session, [out], ["/counts"])
+    sources.merge(sources.missed(OLD_S))
+    require_equal(field_map, many[7:])
+    sources.close()
 
 
 def test_counts_are_read_from_a_bag_that_was_cut(tmp_path):

@@ -12,6 +12,7 @@ from itertools import chain
 from pathlib import Path
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.retention import NUMBER, next_number
 from soilmoist_ros.recording.bag.storage import TOO_MUCH, inside
 from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
 from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES
@@ -70,7 +71,11 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
     first = next(messages, None)
     if first is None:
         raise InputError("holds no complete message", "nothing can be recovered: remove it", path)
-    writer = BagWriter(out)
+    try:
+        notes = {NUMBER: str(next_number(out.parent))}  # or a recorder would delete it as the oldest
+    except OSError:  # no recorder can record in a folder that cannot be listed
+        notes = {}
+    writer = BagWriter(out, notes=notes)
     try:
         with writer:
             for message in chain([first], messages):

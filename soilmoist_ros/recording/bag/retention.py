@@ -8,7 +8,7 @@ import math
 import re
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -128,10 +128,11 @@ def _notes(metadata: Path) -> dict[str, int]:
 
 
 def _oldest_first(bags: Sequence[_Closed]) -> list[_Closed]:
-    """Bags by number; one without, such as one that was recovered, is sorted in by its time.
+    """Bags by number; one without, such as one of an earlier release, is sorted in by its time.
 
     For that, a bag with a number is of the time of the last one before it that a right clock has closed, or of the
-    first such one; while there is none, bags without a number count as bags of an earlier release.
+    first such one; while there is none, bags without a number count as bags of an earlier release. None was closed
+    before one with a lower number, whatever its clock said: in the result ``closed_s`` grows with the number.
     """
     numbered = sorted((bag for bag in bags if bag.number), key=lambda bag: bag.number)
     placed = [(bag.changed_s, 0, bag) for bag in bags if not bag.number]
@@ -139,7 +140,8 @@ def _oldest_first(bags: Sequence[_Closed]) -> list[_Closed]:
     for bag in numbered:
         if bag.closed_s is not None:
             time_s = max(time_s, bag.closed_s)
-        placed.append((time_s, bag.number, bag))
+        closed_s = None if bag.closed_s is None else time_s
+        placed.append((time_s, bag.number, replace(bag, closed_s=closed_s)))
     return [bag for *_, bag in sorted(placed, key=lambda place: place[:2])]
 
 

@@ -9,6 +9,7 @@ import pytest
 from bags import NOTES, START_NS, text_message
 
 from soilmoist_ros.recording.bag.recorder import next_bag
+from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.bag.retention import CLOSED_S, Excess, Limits, delete_bags, excess_text, find_excess
 from soilmoist_ros.recording.bag.writer import BagWriter
 
@@ -91,8 +92,8 @@ def test_the_oldest_bag_is_the_first_whatever_the_clock_said(tmp_path):
         record(tmp_path, number, time_s, **({CLOSED_S: right[number]} if number in right else {}))
         for number, time_s in enumerate(times)
     ]
-    recovered = without_number(tmp_path / "recovered", NOW_S + 30)
-    expected = [*made[:4], recovered, *made[4:]]
+    earlier = without_number(tmp_path / "earlier", NOW_S + 30)
+    expected = [*made[:4], earlier, *made[4:]]
     assert find_excess(tmp_path, Limits(size_bytes=0), NOW_S, True).bags == tuple(expected)
 
 
@@ -100,6 +101,25 @@ def test_bags_of_an_earlier_release_are_older_than_those_of_a_clock_that_was_nev
     earlier = [without_number(tmp_path / f"earlier_{days}", NOW_S - days * 86_400) for days in (3, 2)]
     made = [record(tmp_path, number, 1000.0 - number) for number in (1, 2)]
     assert find_excess(tmp_path, Limits(size_bytes=0), NOW_S, True).bags == (*earlier, *made)
+
+
+def test_no_bag_is_older_than_one_with_a_lower_number(tmp_path):
+    """A clock that is synchronised to a wrong server says 2020."""
+    closed = (NOW_S - 2 * 86_400, 1_580_000_000.0, NOW_S - 3600)
+    made = [record(tmp_path, n, time_s, closed_s=f"{time_s:.0f}") for n, time_s in enumerate(closed)]
+    assert find_excess(tmp_path, Limits(age_s=30 * 86_400), NOW_S, True) == Excess()
+    assert find_excess(tmp_path, Limits(age_s=86_400), NOW_S, True).bags == tuple(made[:2])
+
+
+def test_a_recovered_bag_is_not_the_oldest_where_no_clock_was_ever_right(tmp_path):
+    made = [record(tmp_path, number, 1000.0 - number) for number in (1, 2)]
+    killed = next_bag(tmp_path / "killed", "run", "jazzy")
+    killed.write(NOTES, START_NS, START_NS, text_message("note"))
+    killed.flush()
+    killed.abandon()
+    recovered = recover_bag(killed.folder, tmp_path / "recovered").folder
+    made.append(record(tmp_path, 3, 500.0))
+    assert find_excess(tmp_path, Limits(size_bytes=0), NOW_S, True).bags == (*made[:2], recovered, made[2])
 
 
 def test_what_is_beyond_the_limits_is_said_in_words(tmp_path):
