@@ -217,6 +217,32 @@ def test_a_definition_that_is_not_that_of_its_type_is_refused(tmp_path):
         reader.read_counts()
 
 
+@pytest.mark.parametrize(
+    ("fields", "others"),
+    [
+        ("Nothing[200000] items", {"Nothing": "uint8[0] none"}),
+        ("string[200000] items", {}),
+        ("Row[500] rows", {"Row": "Cell[500] cells", "Cell": "float64 x"}),
+        ("A a\nA b", {"A": "B[300] a\nB[300] b", "B": "C[300] c", "C": "uint8 d"}),
+    ],
+)
+def test_a_definition_of_very_many_fields_is_refused_before_code_is_made_for_them(tmp_path, fields, others):
+    parts = [fields, *(f"MSG: own_msgs/{name}\n{text}" for name, text in others.items())]
+    topic = Topic("/many", Definition("own_msgs/msg/Many", f"\n{'=' * 80}\n".join(parts)))
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write(topic, START_NS, START_NS, b"\0\1\0\0")
+    with BagReader(tmp_path / "bag") as reader, pytest.raises(InputError, match="more than 100,000 fields"):
+        reader.decode(next(reader.messages()))
+
+
+def test_long_arrays_of_numbers_are_read(tmp_path):
+    topic = Topic("/many", Definition("own_msgs/msg/Many", "uint8[200000] pixels"))
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write(topic, START_NS, START_NS, b"\0\1\0\0" + b"\7" * 200_000)
+    with BagReader(tmp_path / "bag") as reader:
+        assert reader.decode(next(reader.messages())).pixels.sum() == 1_400_000
+
+
 def test_counts_of_another_frame_can_be_left_out(tmp_path):
     topic = make_topic("/counts", CLOUD)
     with BagWriter(tmp_path / "bag") as writer:
