@@ -130,6 +130,22 @@ def test_a_time_of_sqlite_that_is_none_is_damage(tmp_path, time, others):
         bag_info(tmp_path / "bag.db3")
 
 
+@pytest.mark.parametrize("table", ["topics", "messages"])
+@pytest.mark.parametrize(
+    "column",
+    [
+        "more BLOB GENERATED ALWAYS AS (zeroblob(1000000)) VIRTUAL",
+        f"more BLOB DEFAULT x'{'00' * 1000}'",
+    ],
+)
+def test_columns_of_sqlite_that_take_no_place_in_the_file_are_refused(tmp_path, table, column):
+    base = sqlite(tmp_path / "bag.db3", [START_NS])
+    base.execute(f"ALTER TABLE {table} ADD COLUMN {column}")
+    base.close()
+    with pytest.raises(InputError, match=f"the table {table} has values that are not in the file"):
+        bag_info(tmp_path / "bag.db3")
+
+
 def test_quarantined_records_are_read_with_the_others_and_their_reasons(tmp_path):
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         good = writer.add_connection("/r/counts", CLOUD, typestore=STORE)
