@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import fields
@@ -21,6 +22,8 @@ RECORDS: Final = "records.csv"
 COLUMNS: Final = tuple(field.name for field in fields(CountRecord))
 _NUMBERS: Final = tuple(name for name in COLUMNS if name != "quarantine")
 """Columns that every table has; tables of earlier releases have no quarantine."""
+
+_MAX_COUNTS: Final = 2**63
 
 
 def write_records(path: Path, records: Sequence[CountRecord]) -> None:
@@ -42,7 +45,8 @@ def write_records(path: Path, records: Sequence[CountRecord]) -> None:
 def read_records(path: Path) -> list[CountRecord]:
     """Records of a table, exactly as they were written.
 
-    :raises InputError: if the file cannot be read, a column is missing, or a row is not numeric; names the line
+    :raises InputError: if the file cannot be read, a column is missing, or a row is not a record that a sensor can
+        have made; names the line
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -51,17 +55,29 @@ def read_records(path: Path) -> list[CountRecord]:
     except UnicodeDecodeError:
         raise InputError("is not text", "give a table of records as soilmoist writes it", path) from None
     rows = csv.DictReader(text.splitlines())
-    missing = [name for name in _NUMBERS if name not in (rows.fieldnames or ())]
-    if missing:
-        raise InputError(f"has no column {', '.join(missing)}", "give a table as soilmoist writes it", path)
-    return [_record(row, path, rows.line_num) for row in rows]
+    try:
+        missing = [name for name in _NUMBERS if name not in (rows.fieldnames or ())]
+        if missing:
+            raise InputError(f"has no column {', '.join(missing)}", "give a table as soilmoist writes it", path)
+        return [_record(row, path, rows.line_num) for row in rows]
+    except csv.Error as error:  # a cell of very many characters
+        raise _no_record(error, path, rows.reader.line_num) from None
 
 
 def _record(row: dict[str, str], path: Path, line: int) -> CountRecord:
     try:
         values = {name: float(row[name]) for name in _NUMBERS if name != "raw_counts"}
+        for name, value in values.items():
+            if math.isinf(value) or (name == "stamp_s" and math.isnan(value)):
+                raise ValueError(f"{name} is {value}")
+        counts = int(row["raw_counts"])
+        if not 0 <= counts <= _MAX_COUNTS:
+            raise ValueError(f"raw_counts is {row['raw_counts']:.30}")
         quarantine = text_of_csv(row.get("quarantine") or "")
-        return CountRecord(raw_counts=int(row["raw_counts"]), **values, quarantine=quarantine)
+        return CountRecord(raw_counts=counts, **values, quarantine=quarantine)
     except (TypeError, ValueError) as error:
-        remedy = "delete the line, or restore the file"
-        raise InputError([Mistake(f"is not a record: {error}", remedy, path, line)]) from None
+        raise _no_record(error, path, line) from None
+
+
+def _no_record(error: Exception, path: Path, line: int) -> InputError:
+    return InputError([Mistake(f"is not a record: {error}", "delete the line, or restore the file", path, line)])

@@ -8,13 +8,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.property_names import property_weights
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
+from soilmoist_ros.foundation.plain_values import finite_number
 from soilmoist_ros.mapping.field_map import MapState
 from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.replay.comparison import Comparison, PublishedMap, compare
@@ -28,6 +29,9 @@ Array = NDArray[np.float64]
 
 FIRST = "moisture"
 """Name of the property with the topic ``counts`` in the robot's own namespace."""
+_NUMBERS: Final = ("hours", "seed", "until_sd", "until_gain")
+_TEXTS: Final = ("target", "preset")
+"""Parameters of a planner that a report shows."""
 
 
 @dataclass(frozen=True)
@@ -96,10 +100,27 @@ def read_planner(configuration: Path | None, topics: RunTopics) -> dict[str, Any
 
     :param configuration: folder of the configuration; the planner is named with or without its namespace
     :param topics: topics of the robot
+    :raises InputError: if a parameter that the replay shows is not a number or text as planners have it
     """
-    return read_parameters(configuration, f"{topics.namespace}planner") or read_parameters(
-        configuration, "planner"
-    )
+    for node in (f"{topics.namespace}planner", "planner"):
+        if had := read_parameters(configuration, node):
+            assert configuration is not None
+            _require_settings(had, configuration / f"{node}.yaml")
+            return had
+    return {}
+
+
+def _require_settings(had: Mapping[str, Any], path: Path) -> None:
+    """Check parameters before the work that would end with them."""
+    for name in filter(had.__contains__, _NUMBERS):
+        number = finite_number(had[name])
+        if number is None or number < 0:
+            message = f"{name} must be a number of at least 0, not {str(had[name])!r:.40}"
+            raise InputError(message, "restore the recorded file", path)
+    for name in filter(had.__contains__, _TEXTS):
+        if not isinstance(had[name], str):
+            message = f"{name} must be a text, not {str(had[name])!r:.40}"
+            raise InputError(message, "restore the recorded file", path)
 
 
 def _is_robot(topics: RunTopics, counts: str) -> bool:

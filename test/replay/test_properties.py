@@ -113,3 +113,26 @@ def test_the_command_writes_all_maps_and_says_so(run_with, tmp_path, capsys):
     assert "map_salt.tif" in said
     assert {"map_salt.tif", "samples_salt.geojson"} <= {path.name for path in out.iterdir()}
     assert ": Rate uncertainty" in (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("hours", "two"),
+        ("hours", float("inf")),
+        ("seed", float("nan")),
+        ("seed", 10**400),
+        ("until_sd", [1]),
+        ("until_gain", "much"),
+        ("preset", ["a"]),
+    ],
+)
+def test_a_damaged_parameter_of_the_planner_is_named_before_the_work(tmp_path, name, value):
+    run, steps = tmp_path / "run", []
+    shutil.copytree(GOLDEN, run)
+    had = read_parameters(run / CONFIGURATION, "planner")
+    path = write_parameters(run, "planner", {**had, name: value})
+    with pytest.raises(InputError, match=f"{name} must be") as error:
+        replay_bag(run, ReplaySettings(), lambda step, share: steps.append(step))
+    assert error.value.mistakes[0].path == path
+    assert "mapping" not in steps

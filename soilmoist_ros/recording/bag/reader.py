@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from heapq import merge
@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from soilmoist_ros.exploration.mission.visit import Visit
@@ -149,6 +150,7 @@ class BagReader:
             for name in new.keys() & known.keys():
                 if new[name][1] != known[name][1]:  # who reads a message relies on the fields of its type
                     raise ValueError(f"its definition of {name} is not that of ROS 2")
+            _require_small({**new, **self._types.fielddefs}, new)
             self._types.register({name: new[name] for name in new if name not in self._types.fielddefs})
 
     def find_topic(self, name: str, type_name: str) -> str:
@@ -271,6 +273,7 @@ def _size_bytes(path: Path) -> int:
 
 
 _MAX_DEFINITION: Final = 1 << 20
+_MAX_FIELDS: Final = 100_000
 
 
 def _types_in(definition: Definition) -> dict[str, Any]:
@@ -283,6 +286,32 @@ def _types_in(definition: Definition) -> dict[str, Any]:
     parts = definition.text.split(line)[1:] if definition.text.startswith(f"{line}IDL: ") else []
     texts = [part.partition("\n")[2] for part in parts] or [definition.text]
     return {name: fields for text in texts for name, fields in get_types_from_idl(text).items()}
+
+
+def _require_small(types: Mapping[str, Any], names: Iterable[str]) -> None:
+    """Refuse types with very many fields: rosbags writes code for each element of a fixed array, and runs it."""
+    sizes: dict[str, int] = {}
+
+    def fields_of(name: str) -> int:
+        if name not in sizes:
+            sizes[name] = max(1, sum(parts_of(*description) for _, description in types[name][1]))
+            if sizes[name] > _MAX_FIELDS:
+                raise ValueError(f"a {name} would have more than {_MAX_FIELDS:,} fields")
+        return sizes[name]
+
+    def parts_of(kind: Nodetype, about: Any) -> int:
+        if kind == Nodetype.NAME:
+            return fields_of(about)
+        if kind == Nodetype.BASE:
+            return 1
+        (inner, detail), length = about
+        if inner == Nodetype.BASE and detail[0] != "string":
+            return 1  # numbers are one numpy array, and need their bytes in the message
+        one = parts_of(inner, detail)
+        return int(length) * one if kind == Nodetype.ARRAY else one
+
+    for name in names:
+        fields_of(name)
 
 
 def _damaged(path: Path, error: Exception) -> InputError:

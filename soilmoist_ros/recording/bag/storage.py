@@ -24,6 +24,8 @@ from soilmoist_ros.recording.ros1.bag_file import Message, Ros1File
 
 TOO_MUCH: Final = "unpacks to far more than a recording of its size can: it is damaged, or was made to do harm"
 _PIECE: Final = 1 << 20
+_MAX_DEFAULT: Final = 100
+"""Longest default of a column of SQLite: rows that lack the column do not store it, however long it is."""
 
 
 @dataclass
@@ -218,10 +220,14 @@ class _Sqlite:
         tables = {name for (name,) in self._base.execute("SELECT name FROM sqlite_master WHERE type='table'")}
         if not {"messages", "topics"} <= tables:
             raise ValueError("is not a bag of rosbag2")
+        for name in tables & {"messages", "topics", "message_definitions"}:
+            columns = self._base.execute(f"PRAGMA table_xinfo({name})").fetchall()
+            if any(hidden or len(default or "") > _MAX_DEFAULT for *_, default, _, hidden in columns):
+                raise ValueError(f"the table {name} has values that are not in the file")
         definitions: dict[str, Definition] = {}
         if "message_definitions" in tables:
-            columns = "topic_type, encoded_message_definition, encoding, type_description_hash"
-            rows = self._base.execute(f"SELECT {columns} FROM message_definitions")
+            wanted = "topic_type, encoded_message_definition, encoding, type_description_hash"
+            rows = self._base.execute(f"SELECT {wanted} FROM message_definitions")
             definitions = {str(row[0]): Definition(*map(str, row)) for row in rows}
         known = {row[1] for row in self._base.execute("PRAGMA table_info(topics)")}
         qos = "offered_qos_profiles" if "offered_qos_profiles" in known else "''"

@@ -101,10 +101,11 @@ class Ros1File:
                 _require_same_fields(one)
         store = get_typestore(Stores.ROS2_JAZZY) if convert else None
         waiting: TimeOrder[tuple[int, int, bytes]] = TimeOrder()
+        allowance = Allowance(len(self._data))  # of this pass: a bag may be read once for each topic
         for chunk in self.chunks:
             for found in waiting.ready(chunk.start_ns):
                 yield _converted(store, wanted, *found)
-            for number, time_ns, data in self._messages_of(chunk):
+            for number, time_ns, data in self._messages_of(chunk, allowance):
                 if number in wanted:
                     waiting.add(time_ns, len(data), (number, time_ns, data))
         for found in waiting.ready():
@@ -145,13 +146,14 @@ class Ros1File:
         self.connections[_unpacked("<I", head, b"conn")] = Connection(topic, f"{package}/msg/{kind}", definition)
         self.counts.setdefault(topic, 0)
 
-    def _messages_of(self, chunk: _ChunkInfo) -> Iterator[tuple[int, int, bytes]]:
+    def _messages_of(self, chunk: _ChunkInfo, allowance: Allowance) -> Iterator[tuple[int, int, bytes]]:
         """Number of the connection, time and data of each message of a chunk."""
         head, (begin, end), _ = self._record(chunk.position, _CHUNK)
         data = _unpack(head[b"compression"], self._data[begin:end], _unpacked("<I", head, b"size"))
-        self._allowance.take(len(data))
+        allowance.take(len(data))
         position = 0
         while position < len(data):
+            allowance.take_records()
             inner, (begin, end), position = _record_at(data, position)
             if inner.get(b"op") == bytes([_MESSAGE]):
                 yield _unpacked("<I", inner, b"conn"), _time_ns(inner, b"time"), data[begin:end]

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -140,7 +141,13 @@ def _of_bag(path: Path, name: str) -> RunRecords | None:
 
 def _good(records: Sequence[CountRecord], path: Path) -> list[CountRecord]:
     """Records that a map can use."""
-    good = [one for one in records if not one.quarantine and one.effective_exposure_s > 0 and one.x_m == one.x_m]
+    good = [
+        one
+        for one in records
+        if not one.quarantine
+        and 0 < one.effective_exposure_s < math.inf
+        and all(map(math.isfinite, (one.stamp_s, one.x_m, one.y_m)))
+    ]
     if not good:
         raise InputError(f"has no usable record among {len(records)}", "leave it out", path)
     return sorted(good, key=lambda record: record.stamp_s)

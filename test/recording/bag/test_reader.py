@@ -130,6 +130,22 @@ def test_a_time_of_sqlite_that_is_none_is_damage(tmp_path, time, others):
         bag_info(tmp_path / "bag.db3")
 
 
+@pytest.mark.parametrize("table", ["topics", "messages"])
+@pytest.mark.parametrize(
+    "column",
+    [
+        "more BLOB GENERATED ALWAYS AS (zeroblob(1000000)) VIRTUAL",
+        f"more BLOB DEFAULT x'{'00' * 1000}'",
+    ],
+)
+def test_columns_of_sqlite_that_take_no_place_in_the_file_are_refused(tmp_path, table, column):
+    base = sqlite(tmp_path / "bag.db3", [START_NS])
+    base.execute(f"ALTER TABLE {table} ADD COLUMN {column}")
+    base.close()
+    with pytest.raises(InputError, match=f"the table {table} has values that are not in the file"):
+        bag_info(tmp_path / "bag.db3")
+
+
 def test_quarantined_records_are_read_with_the_others_and_their_reasons(tmp_path):
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         good = writer.add_connection("/r/counts", CLOUD, typestore=STORE)
@@ -215,6 +231,32 @@ def test_a_definition_that_is_not_that_of_its_type_is_refused(tmp_path):
         writer.write(topic, START_NS, START_NS, text_message("no cloud"))
     with BagReader(tmp_path / "bag") as reader, pytest.raises(InputError, match="is not that of ROS 2"):
         reader.read_counts()
+
+
+@pytest.mark.parametrize(
+    ("fields", "others"),
+    [
+        ("Nothing[200000] items", {"Nothing": "uint8[0] none"}),
+        ("string[200000] items", {}),
+        ("Row[500] rows", {"Row": "Cell[500] cells", "Cell": "float64 x"}),
+        ("A a\nA b", {"A": "B[300] a\nB[300] b", "B": "C[300] c", "C": "uint8 d"}),
+    ],
+)
+def test_a_definition_of_very_many_fields_is_refused_before_code_is_made_for_them(tmp_path, fields, others):
+    parts = [fields, *(f"MSG: own_msgs/{name}\n{text}" for name, text in others.items())]
+    topic = Topic("/many", Definition("own_msgs/msg/Many", f"\n{'=' * 80}\n".join(parts)))
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write(topic, START_NS, START_NS, b"\0\1\0\0")
+    with BagReader(tmp_path / "bag") as reader, pytest.raises(InputError, match="more than 100,000 fields"):
+        reader.decode(next(reader.messages()))
+
+
+def test_long_arrays_of_numbers_are_read(tmp_path):
+    topic = Topic("/many", Definition("own_msgs/msg/Many", "uint8[200000] pixels"))
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write(topic, START_NS, START_NS, b"\0\1\0\0" + b"\7" * 200_000)
+    with BagReader(tmp_path / "bag") as reader:
+        assert reader.decode(next(reader.messages())).pixels.sum() == 1_400_000
 
 
 def test_counts_of_another_frame_can_be_left_out(tmp_path):

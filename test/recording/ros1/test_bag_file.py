@@ -168,6 +168,24 @@ def test_chunks_that_claim_to_begin_at_once_do_not_wait_for_each_other_in_the_me
     assert peak < 320 << 20
 
 
+def test_a_small_bag_does_not_become_many_messages(tmp_path, monkeypatch):
+    monkeypatch.setattr("soilmoist_ros.recording.mcap.chunks._FREE_RECORDS", 0)
+    many = [("/a", TEXT, 1, text(""))] * 40_000
+    path = write(tmp_path / "run.bag", many, Writer.CompressionFormat.BZ2)
+    with BagReader(path) as bag:
+        for _ in range(2):  # each pass may read all of them
+            assert sum(1 for _ in bag.messages()) == 40_000
+    data = path.read_bytes()
+    begin = data.index(b"BZh")
+    (length,) = struct.unpack_from("<I", data, begin - 4)
+    (end,) = struct.unpack_from("<Q", data, data.index(b"index_pos=") + len(b"index_pos="))
+    at = data.index(b"index_pos=") + len(b"index_pos=")
+    without_index = data[: begin + length] + data[end:]
+    path.write_bytes(without_index[:at] + struct.pack("<Q", begin + length) + without_index[at + 8 :])
+    with BagReader(path) as bag, pytest.raises(InputError, match="unpacks to far more"):
+        list(bag.messages())
+
+
 def test_what_is_no_bag_of_ros_1_is_named(tmp_path):
     path = tmp_path / "run.bag"
     for content in (b"#ROSBAG V1.2\n" + bytes(50), b"x", MAGIC + b"\xff\xff\xff\x7f"):

@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import pytest
 from earlier_folders import FRAME, MAY_S, records, run_folder
 
@@ -27,6 +30,13 @@ def test_a_folder_without_runs_is_refused(tmp_path):
 def test_a_run_without_a_usable_record_is_refused(tmp_path):
     with pytest.raises(InputError, match="no usable record"):
         read_run(run_folder(tmp_path / "run", []))
+
+
+@pytest.mark.parametrize("change", [{"y_m": math.nan}, {"effective_exposure_s": math.nan}, {"x_m": math.nan}])
+def test_a_record_that_no_map_can_use_is_left_out(tmp_path, change):
+    good = records(1, MAY_S)
+    run = read_run(run_folder(tmp_path / "run", [*good, replace(good[0], **change)]))
+    assert run.records == good
 
 
 def test_a_run_without_its_table_is_refused(tmp_path):
