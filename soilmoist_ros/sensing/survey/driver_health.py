@@ -119,7 +119,7 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         offset_s = 0.0 if math.isnan(difference_s) else difference_s
         silent_s = now_s + offset_s - last.stamp_s
         values["age of the last record [s]"] = f"{silent_s:.1f}"
-        if silent_s > MAX_SILENT_PERIODS * (stream.parser.period_s or math.inf):
+        if silent_s > MAX_SILENT_PERIODS * (stream.record_period_s or math.inf):
             faults = _faults(stream) or "check the logger"
             level, message = Level.ERROR, f"no record for {silent_s:.0f} s: {faults}"
         elif doubt is not None and doubt[0] is Level.ERROR:
@@ -141,7 +141,7 @@ def _no_record_yet(stream: SensorStream, n_bytes: int, heard_s: float) -> tuple[
     """Verdict on a logger that has not sent one record that can be used."""
     faults = _faults(stream)
     # A logger that sends nothing but its header may be in its first counting interval.
-    limit_s = NO_RECORD_S if faults else max(NO_RECORD_S, MAX_SILENT_PERIODS * (stream.parser.period_s or 0.0))
+    limit_s = NO_RECORD_S if faults else max(NO_RECORD_S, MAX_SILENT_PERIODS * stream.record_period_s)
     if not n_bytes or heard_s <= limit_s:
         return (Level.WARN, f"no record yet: {faults}") if faults else (Level.STALE, "no record yet")
     remedy = faults or stream.faulty.remedy(stream.parser.format)
