@@ -183,6 +183,8 @@ def _intensity_fault(stream: SensorStream) -> str:
     remedy = "check the publisher of intensity_topic"
     if math.isinf(age_s):
         return f"no incoming intensity has come: that of the site file is used; {remedy}"
+    if stream.survey.keeps_old_intensity:
+        return f"the incoming intensity is {age_s / 3600:.1f} h old, and used: the site file has none; {remedy}"
     if age_s > limit_s:
         return f"the incoming intensity is {age_s / 3600:.1f} h old: that of the site file is used; {remedy}"
     return f"the incoming intensity is {age_s / 3600:.1f} h old, of at most {limit_s / 3600:.1f} h; {remedy}"

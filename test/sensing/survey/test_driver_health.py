@@ -75,6 +75,20 @@ def test_an_intensity_that_does_not_come_or_is_old_is_a_warning_with_its_age():
     ]
 
 
+def test_an_old_intensity_that_is_used_as_the_site_has_none_is_a_warning(tmp_path):
+    (tmp_path / "monitor.csv").write_text("2024-04-30 00:00:00;75\n2024-04-30 01:00:00;75\n")
+    intensity = {"reference": 150, "file": str(tmp_path / "monitor.csv")}
+    corrections = {"pressure": None, "humidity": None, "intensity": intensity}
+    survey = SensorStream(Site(corrections=corrections), LocalFrame(50.0, 10.0), "thorvald_crs")
+    survey.survey.latest_intensity = LatestIntensity()
+    survey.survey.latest_intensity.take(160.0, -7 * 3600.0)
+    count(survey, 1)
+    part = records_health(survey, T0 + 10)
+    assert (part.level, part.message.partition(";")[0]) == (
+        Level.WARN, "the incoming intensity is 7.0 h old, and used: the site file has none"
+    )  # fmt: skip
+
+
 def test_missing_records_are_an_error(survey):
     assert records_health(survey, T0).level is Level.STALE
     count(survey, 1)
