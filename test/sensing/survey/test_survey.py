@@ -128,6 +128,17 @@ def test_the_middle_of_the_interval_is_joined_by_gnss_time():
     assert survey.take_ready()[0].x_m == pytest.approx(75.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("back_s", [12.0, 33.0, 55.0])
+def test_own_positions_from_before_the_clock_was_set_back_are_not_used(back_s):
+    survey, x_m = Survey(UNCORRECTED, FRAME, tubes=12), []
+    for number in range(1, 121):
+        ahead_s = back_s if number <= 60 else 0.0
+        place = fix(10.0 * number).position
+        survey.take_record(record(10.0 * number + ahead_s, position=place, record_number=number), 10.0 * number)
+        x_m += [one.x_m for one in survey.take_ready(10.0 * number + 5.0)]
+    assert np.abs(np.array(x_m) - (10.0 * np.arange(1, 121) - 5.0)).max() < 10.0
+
+
 def test_logs_without_a_count_are_refused():
     with pytest.raises(ValueError, match="nothing was counted"):
         Survey(UNCORRECTED, FRAME, [record(10.0, tube_counts=(0.0,) * 12)])
