@@ -137,8 +137,13 @@ class SensorStream:
 
     def _compare_with_gnss(self, record: LoggerRecord) -> None:
         if self._new_fix is not None:  # a receiver that is silent shows no drift
+            n_steps = self.clock.n_steps
             self.clock.add(record.stamp_s, record.stamp_s - self._new_fix.stamp_s)
             self._new_fix = None
+            if self.clock.n_steps > n_steps and not len(self.parser.clock):
+                # Not for places: lines that come late from now on look like a clock that was set.
+                remedy = "set it by GNSS: records are placed by it"
+                self._on_problem(Problem(Kind.CLOCK_OFFSET, Mistake(self.clock.steps[-1], remedy)))
         if not self._drift_reported and self.clock.is_clear:
             self._drift_reported = True
             mistake = Mistake(self.clock.message, "set the logger's clock by GNSS")
