@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from datetime import UTC, datetime
 
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.sensing.gnss import FixStatus
@@ -130,7 +131,7 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
             level = Level.WARN
         elif doubt is not None:
             level, message = doubt
-        elif fault := _intensity_fault(stream):
+        elif fault := _header_fault(stream) or _intensity_fault(stream):
             level, message = Level.WARN, fault
         elif abs(offset_s) > CLOCK_TOLERANCE_S:
             level, message = Level.WARN, f"the logger's clock differs by {offset_s:+.0f} s from ours: set it"
@@ -165,6 +166,22 @@ def _doubt(stream: SensorStream) -> tuple[Level, str] | None:
     message = f"{bad} of the last {recent} records are quarantined{reason}"
     grave = recent >= MIN_JUDGED and 2 * bad > recent
     return (Level.ERROR, f"the counts cannot be trusted: {message}") if grave else (Level.WARN, message)
+
+
+def _header_fault(stream: SensorStream) -> str:
+    """What to do about a header that may be out of date, empty if the logger has sent its own.
+
+    Lines whose columns were exchanged fit it, too.
+    """
+    header = stream.parser.earlier_header
+    if header is None:
+        return ""
+    known = math.isfinite(header.stored_s)
+    date = f" of {datetime.fromtimestamp(header.stored_s, UTC):%Y-%m-%d %H:%M} UTC" if known else ""
+    return (
+        f"the columns are those of a stored header{date}: if the logger or its program was changed since then, "
+        "switch the logger off and on, or delete header.json in record_dir and start again"
+    )
 
 
 def _intensity_values(stream: SensorStream) -> dict[str, str]:
