@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hmac
 import ipaddress
 import secrets
@@ -39,7 +40,7 @@ class Access:
     machine (DNS rebinding). The first is refused by the origin, the second by the name of the host.
 
     :param names: names under which the page is reached, besides addresses and ``localhost``
-    :param renewed: called with each token that replaces a used one
+    :param renewed: called with each token that replaces a used one; may fail as files do
     :param public: address of the page behind a proxy, empty without one; then nobody steers without a token, since
         a proxy on this machine makes all visitors look like visitors from here
     :raises InputError: if ``public`` is no address of a page
@@ -101,7 +102,8 @@ class Access:
         session = secrets.token_urlsafe(24)
         self._sessions.add(session)
         self.token = secrets.token_urlsafe(16)
-        self._renewed(self.token)
+        with contextlib.suppress(OSError):  # the next token cannot be shown: this visitor may steer all the same
+            self._renewed(self.token)
         return session
 
 

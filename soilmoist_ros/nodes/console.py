@@ -274,8 +274,15 @@ class Console(Node):
 
         The log is published on ``/rosout``, recorded, and given to visitors who may only look.
         """
-        if self._invites:
+        if not self._invites:
+            return
+        try:
             print(invitation(self._page, token), file=sys.stderr, flush=True)
+        except OSError as error:  # the terminal is closed, or its file is on a full disk
+            reason = error.strerror or error
+            self.get_logger().warning(
+                f"no address for a further operator, the terminal cannot be written: {reason}"
+            )
 
     def _ignore(self, what: str, error: Exception) -> None:
         what = what.strip()

@@ -76,6 +76,15 @@ def test_a_token_is_good_for_one_visitor():
     assert access.session(access.token) not in (None, cookie)
 
 
+def test_a_visitor_with_the_token_steers_though_the_next_one_cannot_be_printed():
+    def closed(token):
+        raise OSError(5, "Input/output error")
+
+    access = Access(renewed=closed)
+    cookie = access.session(access.token)
+    assert access.may_steer(Visitor("192.168.1.9", AWAY, cookie))
+
+
 PROXIED = Access(public="https://robot.example:8443/")
 
 

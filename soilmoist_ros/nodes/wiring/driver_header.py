@@ -38,7 +38,9 @@ class StoredHeader:
         :raises OSError: if the disk refuses it
         """
         if header != self.header:
-            write_whole(self._path, json.dumps({**self._logger, **asdict(header)}, indent=1).encode())
+            content = {**self._logger, **asdict(header)}
+            del content["stored_s"]  # the time of the file
+            write_whole(self._path, json.dumps(content, indent=1).encode())
             self.header = header
 
     def _read(self) -> Header | None:
@@ -49,7 +51,8 @@ class StoredHeader:
             if any(content[key] != value for key, value in self._logger.items()):
                 return None
             names, units = (tuple(map(str, content[key])) for key in ("names", "units"))
-            return Header(names, units, {str(key): str(value) for key, value in content["values"].items()})
+            values = {str(key): str(value) for key, value in content["values"].items()}
+            return Header(names, units, values, self._path.stat().st_mtime)
         except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             _log.warning("%s is ignored, it cannot be read: %s", self._path, error)
             return None

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from soilmoist_ros.sensing.formats.log_layout import is_header, plain_name, split_fields
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
+from soilmoist_ros.sensing.records import NAN
 
 MAX_METADATA = 500
 _KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
@@ -22,11 +23,13 @@ class Header:
     :param names: names of the columns
     :param units: units of the columns, empty without a line of units
     :param values: serial number and record period as written, by their keys
+    :param stored_s: when an earlier header was stored [s since 1970 UTC], NaN if unknown
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...] = ()
     values: dict[str, str] = field(default_factory=dict)
+    stored_s: float = field(default=NAN, compare=False)
 
 
 class HeaderReader:

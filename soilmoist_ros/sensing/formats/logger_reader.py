@@ -123,6 +123,8 @@ class RecordParser:
         self.line_number = 0
         self.clock = ClockDrift()
         """Logger's clock against the GNSS time in the lines."""
+        self.earlier_header: Header | None = None
+        """The header of :meth:`use_header`, while lines are read by it."""
         self._side = _checked_side(self.format, longitude, path)
         self._on_problem = on_problem or self.problems.append
         self._path = path
@@ -189,6 +191,7 @@ class RecordParser:
             layout = build_layout(self.format, header.names, header.units)
             self._reader = FieldReader(self.format, layout, self._side)
             self._header.take_values(header)
+            self.earlier_header = header
 
     def feed(self, line: bytes, complete: bool = True) -> LoggerRecord | None:
         """Parse one line.
@@ -229,6 +232,7 @@ class RecordParser:
         if not self._header.is_new:
             return
         self._header.is_new = False
+        self.earlier_header = None
         try:
             layout = build_layout(self.format, self._header.names, self._header.units)
         except MissingColumnsError as error:

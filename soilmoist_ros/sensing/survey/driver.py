@@ -158,15 +158,10 @@ class Driver:
         reader = self._readers.get(name)
         return [] if reader is None else reader.take(LINES_PER_STEP)
 
-    def _record_period_s(self) -> float:
-        """Time between records, nominal or as they came; zero if unknown [s]."""
-        rate_hz = self.stream.record_rate_hz
-        return self.stream.parser.period_s or (1.0 / rate_hz if rate_hz > 0 else 0.0)
-
     def _open_all(self) -> dict[str, LineSource]:
         settings, playback = self._settings, PlaybackClock()
         retry = Retry(silence_s=settings.silence_limit_s)
-        logger_retry = Retry(silence_s=settings.silence_limit_s, period_s=self._record_period_s)
+        logger_retry = Retry(silence_s=settings.silence_limit_s, period_s=lambda: self.stream.record_period_s)
         parser = RecordParser(self.stream.parser.format, self._site.longitude, on_problem=lambda problem: None)
 
         def logger_stamp(line: bytes) -> float | None:

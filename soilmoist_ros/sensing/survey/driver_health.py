@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from datetime import UTC, datetime
 
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.sensing.gnss import FixStatus
@@ -119,7 +120,7 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         offset_s = 0.0 if math.isnan(difference_s) else difference_s
         silent_s = now_s + offset_s - last.stamp_s
         values["age of the last record [s]"] = f"{silent_s:.1f}"
-        if silent_s > MAX_SILENT_PERIODS * (stream.parser.period_s or math.inf):
+        if silent_s > MAX_SILENT_PERIODS * (stream.record_period_s or math.inf):
             faults = _faults(stream) or "check the logger"
             level, message = Level.ERROR, f"no record for {silent_s:.0f} s: {faults}"
         elif doubt is not None and doubt[0] is Level.ERROR:
@@ -130,7 +131,7 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
             level = Level.WARN
         elif doubt is not None:
             level, message = doubt
-        elif fault := _intensity_fault(stream):
+        elif fault := _header_fault(stream) or _intensity_fault(stream):
             level, message = Level.WARN, fault
         elif abs(offset_s) > CLOCK_TOLERANCE_S:
             level, message = Level.WARN, f"the logger's clock differs by {offset_s:+.0f} s from ours: set it"
@@ -141,7 +142,7 @@ def _no_record_yet(stream: SensorStream, n_bytes: int, heard_s: float) -> tuple[
     """Verdict on a logger that has not sent one record that can be used."""
     faults = _faults(stream)
     # A logger that sends nothing but its header may be in its first counting interval.
-    limit_s = NO_RECORD_S if faults else max(NO_RECORD_S, MAX_SILENT_PERIODS * (stream.parser.period_s or 0.0))
+    limit_s = NO_RECORD_S if faults else max(NO_RECORD_S, MAX_SILENT_PERIODS * stream.record_period_s)
     if not n_bytes or heard_s <= limit_s:
         return (Level.WARN, f"no record yet: {faults}") if faults else (Level.STALE, "no record yet")
     remedy = faults or stream.faulty.remedy(stream.parser.format)
@@ -167,6 +168,22 @@ def _doubt(stream: SensorStream) -> tuple[Level, str] | None:
     return (Level.ERROR, f"the counts cannot be trusted: {message}") if grave else (Level.WARN, message)
 
 
+def _header_fault(stream: SensorStream) -> str:
+    """What to do about a header that may be out of date, empty if the logger has sent its own.
+
+    Lines whose columns were exchanged fit it, too.
+    """
+    header = stream.parser.earlier_header
+    if header is None:
+        return ""
+    known = math.isfinite(header.stored_s)
+    date = f" of {datetime.fromtimestamp(header.stored_s, UTC):%Y-%m-%d %H:%M} UTC" if known else ""
+    return (
+        f"the columns are those of a stored header{date}: if the logger or its program was changed since then, "
+        "switch the logger off and on, or delete header.json in record_dir and start again"
+    )
+
+
 def _intensity_values(stream: SensorStream) -> dict[str, str]:
     latest, age_s = stream.survey.latest_intensity, stream.survey.intensity_age_s
     if latest is None:
@@ -183,6 +200,8 @@ def _intensity_fault(stream: SensorStream) -> str:
     remedy = "check the publisher of intensity_topic"
     if math.isinf(age_s):
         return f"no incoming intensity has come: that of the site file is used; {remedy}"
+    if stream.survey.keeps_old_intensity:
+        return f"the incoming intensity is {age_s / 3600:.1f} h old, and used: the site file has none; {remedy}"
     if age_s > limit_s:
         return f"the incoming intensity is {age_s / 3600:.1f} h old: that of the site file is used; {remedy}"
     return f"the incoming intensity is {age_s / 3600:.1f} h old, of at most {limit_s / 3600:.1f} h; {remedy}"

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -107,6 +107,8 @@ def process_logs(
         problems += [Problem(Kind.CLOCK_DRIFT, Mistake(clock.message, remedy, log.path)) for clock in drifting]
         problems += [Problem(Kind.CLOCK_OFFSET, Mistake(step, set_before, log.path)) for step in log.clock.steps]
     entries = _without_duplicates(entries, problems)
+    if any(log.clock.n_steps for log in logs):
+        entries = _by_gnss_time(entries)
     survey = _survey_of([entry.record for entry in entries], site, frame, track, problems, arms)
     # Positions in a log have the time of the logger's clock; positions of a separate receiver have GNSS time.
     ahead_s = [0.0 if track is None else entry.clock_ahead_s for entry in entries]
@@ -265,6 +267,19 @@ def _without_duplicates(entries: list[_Entry], problems: list[Problem]) -> list[
             mistake = Mistake(message, "give every log once", entry.log.path, record.line)
             problems.append(Problem(Kind.DUPLICATE, mistake, lost=True))
     return list(seen.values())
+
+
+def _by_gnss_time(entries: Sequence[_Entry]) -> list[_Entry]:
+    """Entries with stamps in GNSS time, in its order: a clock that was set mixes or parts those of a survey."""
+    shifted = [
+        replace(
+            entry,
+            record=replace(entry.record, stamp_s=entry.record.stamp_s - entry.clock_ahead_s),
+            clock_ahead_s=0.0,
+        )
+        for entry in entries
+    ]
+    return sorted(shifted, key=lambda entry: entry.record.stamp_s)
 
 
 def _survey_of(

@@ -35,11 +35,15 @@ class SurveyPlaces:
         self._site, self._arms = site, arms
         self.track = CheckedTrack(max_positions=MAX_FIXES) if track is None else track
         """Positions of a separate receiver."""
+        self._grows = grows
         self._own = CheckedTrack(max_positions=MAX_FIXES if grows else None)
 
     def add(self, record: LoggerRecord) -> None:
         """Store the position in a record for other records."""
         if record.position is not None:
+            # After the clock was set back, its times come again.
+            if self._grows and record.stamp_s < self._own.reached_s:
+                self._own = CheckedTrack(max_positions=MAX_FIXES)
             self._own.add(record.stamp_s, record.position)
 
     def take_fix(self, fix: Fix) -> None:

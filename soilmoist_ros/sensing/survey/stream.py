@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from itertools import pairwise
+from statistics import median_low
 
 from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
@@ -95,6 +97,7 @@ class SensorStream:
         """Lines since the last record that could be corrected."""
         self._nmea = NmeaParser(on_problem=self.gnss_problems.add)
         self._stamps: deque[float] = deque(maxlen=LAST_RECORDS)
+        self._period_s = 0.0
         self._good: deque[bool] = deque(maxlen=LAST_RECORDS)
         self.clock = ClockDrift()
         """Logger's clock against the last epoch of the receiver; lines may be late by a second or two."""
@@ -122,6 +125,8 @@ class SensorStream:
             self._on_problem(Problem(Kind.CLOCK_OFFSET, Mistake(self.parser.clock.steps[-1], remedy)))
         self._compare_with_gnss(record)
         self._stamps.append(record.stamp_s)
+        # The median, because a break or a clock that was set is one gap of many.
+        self._period_s = median_low([gap_s for a, b in pairwise(self._stamps) if (gap_s := b - a) > 0] or [0.0])
         self.survey.take_record(
             record,
             now_s,
@@ -132,8 +137,13 @@ class SensorStream:
 
     def _compare_with_gnss(self, record: LoggerRecord) -> None:
         if self._new_fix is not None:  # a receiver that is silent shows no drift
+            n_steps = self.clock.n_steps
             self.clock.add(record.stamp_s, record.stamp_s - self._new_fix.stamp_s)
             self._new_fix = None
+            if self.clock.n_steps > n_steps and not len(self.parser.clock):
+                # Not for places: lines that come late from now on look like a clock that was set.
+                remedy = "set it by GNSS: records are placed by it"
+                self._on_problem(Problem(Kind.CLOCK_OFFSET, Mistake(self.clock.steps[-1], remedy)))
         if not self._drift_reported and self.clock.is_clear:
             self._drift_reported = True
             mistake = Mistake(self.clock.message, "set the logger's clock by GNSS")
@@ -192,6 +202,14 @@ class SensorStream:
         """Recent records per second of the logger's time, NaN with fewer than two records."""
         spent_s = self._stamps[-1] - self._stamps[0] if self._stamps else 0.0
         return (len(self._stamps) - 1) / spent_s if spent_s > 0 else NAN
+
+    @property
+    def record_period_s(self) -> float:
+        """Usual time between records [s], nominal before two have come; zero if unknown. Called from any thread.
+
+        The nominal period of a format may be that of another set-up.
+        """
+        return self._period_s or self.parser.period_s or 0.0
 
     @property
     def recent_quarantined(self) -> tuple[int, int]:

@@ -44,6 +44,8 @@ MAX_TYPICAL = 500
 """Maximum number of records for the typical rate of a log."""
 LINE_DELAY_S = 0.25
 """Maximum delay of the receiver's lines after their record [s]."""
+MIN_INTENSITY_AGE_S = 3600.0
+"""Least age from which an intensity from outside is not used [s]: monitors publish hourly values."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,8 @@ class Survey:
         """Incoming intensity from outside, used while it is not too old; ``None`` to use that of the site only."""
         self.intensity_age_s = math.inf
         """Age of the latest intensity at the last record [s], infinite without one."""
+        self.keeps_old_intensity = False
+        """Whether the latest intensity was too old for the last record, but the site had none."""
         self._running_shares = RunningShares()
         self._shares: NDArray[np.float64] | None = None
         self._grows = ahead is None
@@ -172,7 +176,7 @@ class Survey:
                 self._running_shares.mask(tube, since_s)
         interval_s = counting_interval_s(record, self._last)
         self._last = record
-        self._intensity = self._intensity_at(now_s)
+        self._intensity = self._intensity_at(record.stamp_s, now_s)
         findings = checked.findings
         try:
             corrected = replace(self.correct(record, unused_tubes), quarantine=checked.quarantine)
@@ -223,15 +227,20 @@ class Survey:
     def max_intensity_age_s(self) -> float:
         """Age from which an intensity from outside is not used [s]."""
         intensity = self._site.corrections.intensity
-        return 0.0 if intensity is None else 3600 * intensity.max_gap_hours
+        return 0.0 if intensity is None else max(3600 * intensity.max_gap_hours, MIN_INTENSITY_AGE_S)
 
-    def _intensity_at(self, now_s: float) -> NeutronMonitor | float | None:
-        """The intensity from outside, or that of the site if there is none or it is too old."""
+    def _intensity_at(self, stamp_s: float, now_s: float) -> NeutronMonitor | float | None:
+        """The intensity from outside, or that of the site if there is none or it is too old.
+
+        An old one is better than a lost record: the site's file may end before the survey.
+        """
         if self.latest_intensity is None:
             return self._site_intensity
         self.intensity_age_s = self.latest_intensity.age_s(now_s)
-        fresh = self.intensity_age_s <= self.max_intensity_age_s
-        return self.latest_intensity.rate if fresh else self._site_intensity
+        fresh, site = self.intensity_age_s <= self.max_intensity_age_s, self._site_intensity
+        lacks = isinstance(site, NeutronMonitor) and site.at(stamp_s) is None
+        self.keeps_old_intensity = not fresh and lacks and math.isfinite(self.intensity_age_s)
+        return self.latest_intensity.rate if fresh or self.keeps_old_intensity else site
 
     def _typical_cps(self, records: Sequence[LoggerRecord]) -> float:
         """Median rate of records that are known in advance [counts/s], NaN without any."""

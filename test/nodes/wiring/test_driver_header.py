@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The last header of a logger, for a driver that starts again."""
 
+import os
+
 import pytest
 
 from soilmoist_ros.nodes.wiring.driver_header import NAME, StoredHeader
@@ -16,6 +18,8 @@ def test_a_header_comes_back_for_the_same_logger_only(tmp_path):
     assert stored.header is None
     stored.update(HEADER)
     assert StoredHeader(tmp_path, *LOGGER).header == HEADER
+    os.utime(tmp_path / NAME, (1.75e9, 1.75e9))
+    assert StoredHeader(tmp_path, *LOGGER).header.stored_s == 1.75e9
     assert StoredHeader(tmp_path, "serial:///dev/ttyUSB0", LOGGER[1]).header is None
     assert StoredHeader(tmp_path, LOGGER[0], "toa5").header is None
 

@@ -379,6 +379,7 @@ def test_an_earlier_header_is_used_until_the_logger_sends_one() -> None:
     again = line(number="8", time="2024/05/01 10:01:00")
     assert later.feed(again) == replace(first.feed(again), line=1)
     assert (later.period_s, later.serial, later.header) == (60.0, "4711", None)
+    assert later.earlier_header == first.header
     assert later.feed(again + b", 5") is None  # it does not fit
     assert kinds(problem for problem in later.problems if problem.lost) == [Kind.WRONG_FIELDS]
     for one in (
@@ -390,6 +391,7 @@ def test_an_earlier_header_is_used_until_the_logger_sends_one() -> None:
         later.feed(one)
     record = later.feed(b"9,2024/05/01 10:02:00,41,60,0100200,52.5,13.4")
     assert (record.tube_counts, record.record_number, later.period_s) == ((41,), 9, 300.0)
+    assert later.earlier_header is None
     assert later.header.names == ("RecordNum", "Date Time(UTC)", "N1Cts", "N1ETsec", "GpsUTC", "LatDec", "LongDec")
 
 
@@ -397,6 +399,7 @@ def test_an_earlier_header_without_the_columns_needed_is_not_used() -> None:
     _, later = after_a_restart()
     parser = RecordParser(FORMATS["hydroinnova_rover"], "east")
     parser.use_header(Header(("RecordNum", "P4_mb")))
+    assert parser.earlier_header is None
     assert parser.layout is None
     known = later.layout
     later.use_header(Header(("RecordNum", "P4_mb")))

@@ -3,10 +3,12 @@
 """Links and processing together, with recordings and a server."""
 
 import contextlib
+import itertools
 import math
 import socket
 import threading
 import time
+from datetime import UTC, datetime
 
 import pytest
 
@@ -137,6 +139,34 @@ def test_the_link_of_a_logger_waits_as_long_as_its_records_are_apart(logger, lin
             until(driver, lambda batches: sum(len(b.logger_lines) for b in batches) == lines.count(b"\n"))
             parts = {part.name: part.values.get("silence limit [s]") for part in driver.health(0.0)}
     assert (parts["logger link"], parts["GNSS link"]) == (f"{limit_s:.1f}", "35.0")
+
+
+FINAPP = (
+    b"Datetime (UTC),neutrons,muons,gamma,integration_time(s),V_in(Volt),temperature_in(C),temperature_ext(C),"
+    b"ur(%),pressure(hPa)"
+)
+TOA5 = [b'"TOA5","farm","CR1000","10277"', b'"TIMESTAMP","RECORD","N1Cts_Tot","N1ET_Tot"']
+
+
+@pytest.mark.parametrize(
+    ("logger", "header", "row", "gaps_s", "limit_s"),
+    [
+        ("finapp", [FINAPP], "{},15,90,1,30,12.5,20.0,18.0,50.0,1000.0", [30] * 9, 105.0),  # nominal: an hour
+        ("toa5", TOA5, '"{}",{},15,10', [10] * 9 + [3600, 10], 35.0),  # a break
+        ("toa5", TOA5, '"{}",{},15,10', [60] * 9 + [86400 * 700, -3600, 60], 210.0),
+        ("toa5", TOA5, '"{}",{},15,10', [300, 7200], 1050.0),
+    ],
+)
+def test_a_stuck_link_is_left_after_some_periods_of_the_records_that_came(logger, header, row, gaps_s, limit_s):
+    driver = Driver(DriverSettings("tcp://127.0.0.1:1", logger), Site(), LocalFrame(50, 10))
+    for line in header:
+        driver.stream.take_logger_line(line, 0.0)
+    for number, elapsed_s in enumerate(itertools.accumulate(gaps_s, initial=0)):
+        stamp = datetime.fromtimestamp(START_S + elapsed_s, UTC).strftime("%Y-%m-%d %H:%M:%S")
+        assert driver.stream.take_logger_line(row.format(stamp, number).encode(), 0.0)
+    with started(driver):
+        parts = {part.name: part.values.get("silence limit [s]") for part in driver.health(0.0)}
+    assert parts["logger link"] == f"{limit_s:.1f}"
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
+from soilmoist_ros.sensing.formats.log_header import Header
 from soilmoist_ros.sensing.formats.robot_logger import format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
@@ -73,6 +74,34 @@ def test_an_intensity_that_does_not_come_or_is_old_is_a_warning_with_its_age():
         (Level.WARN, "the incoming intensity is 4.0 h old, of at most 6.0 h", "14400"),
         (Level.WARN, "the incoming intensity is 7.0 h old: that of the site file is used", "25200"),
     ]
+
+
+def test_an_old_intensity_that_is_used_as_the_site_has_none_is_a_warning(tmp_path):
+    (tmp_path / "monitor.csv").write_text("2024-04-30 00:00:00;75\n2024-04-30 01:00:00;75\n")
+    intensity = {"reference": 150, "file": str(tmp_path / "monitor.csv")}
+    corrections = {"pressure": None, "humidity": None, "intensity": intensity}
+    survey = SensorStream(Site(corrections=corrections), LocalFrame(50.0, 10.0), "thorvald_crs")
+    survey.survey.latest_intensity = LatestIntensity()
+    survey.survey.latest_intensity.take(160.0, -7 * 3600.0)
+    count(survey, 1)
+    part = records_health(survey, T0 + 10)
+    assert (part.level, part.message.partition(";")[0]) == (
+        Level.WARN, "the incoming intensity is 7.0 h old, and used: the site file has none"
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("stored_s", "date"), [(T0 - 86400, " of 2026-05-27 20:26 UTC"), (NAN, "")])
+def test_columns_of_a_stored_header_are_a_warning_until_the_logger_sends_its_own(stored_s, date):
+    survey = SensorStream(Site(corrections={"pressure": None, "humidity": None}), LocalFrame(50.0, 10.0), "toa5")
+    names = ("TIMESTAMP", "RECORD", "N1Cts_Tot", "N1ET_Tot")
+    survey.parser.use_header(Header(names, stored_s=stored_s))
+    survey.take_logger_line(b'"2026-05-28 20:26:40",1,50,10', 0.0)
+    part = records_health(survey, T0)
+    assert part.level is Level.WARN
+    assert part.message.startswith(f"the columns are those of a stored header{date}: if the logger")
+    survey.take_logger_line(",".join(f'"{name}"' for name in names).encode(), 0.0)
+    survey.take_logger_line(b'"2026-05-28 20:26:50",2,51,10', 0.0)
+    assert records_health(survey, T0 + 10).level is Level.OK
 
 
 def test_missing_records_are_an_error(survey):

@@ -109,17 +109,27 @@ def test_a_drift_of_the_loggers_clock_is_reported_and_taken_off(tmp_path):
     assert survey.frame.to_geographic(survey.xy_m)[1:37, 0] == pytest.approx(expected, abs=1e-4)
 
 
-def test_a_log_whose_clock_was_set_is_placed_by_the_offset_of_each_part(tmp_path):
+@pytest.mark.parametrize("separate", [True, False])
+def test_a_log_whose_clock_was_set_is_placed_by_the_offset_of_each_part(separate, tmp_path):
     ahead_s = [105.0] * 20 + [0.0] * 15  # the times of the first part come again
-    stamps_s = [10.0 * k + ahead for k, ahead in enumerate(ahead_s, 1)]
-    log = write_log(tmp_path / "a.log", [record(stamp_s, 5.0 + k % 2) for k, stamp_s in enumerate(stamps_s)])
+    log = write_log(
+        tmp_path / "a.log",
+        [record(10.0 * k + ahead, 5.0 + k % 2, record_number=k) for k, ahead in enumerate(ahead_s, 1)],
+    )
     clock = ClockDrift()
     for one, ahead in zip(log.records, ahead_s, strict=True):
         clock.add(one.stamp_s, ahead)
-    survey = process_logs([replace(log, clock=clock)], NO_CORRECTIONS, track=track((0, 50.0), (400, 50.04)))
+    if not separate:
+        places = [Position(50.0 + 1e-3 * k, 10.0) for k in range(1, 36)]
+        pairs = zip(log.records, places, strict=True)
+        log = replace_records(log, [replace(one, position=place) for one, place in pairs])
+    moving = track((0, 50.0), (400, 50.04)) if separate else None
+    survey = process_logs([replace(log, clock=clock)], NO_CORRECTIONS, track=moving)
     north_deg = {one.stamp_s - T0: survey.frame.to_geographic((one.x_m, one.y_m))[0, 0] for one in survey.records}
-    expected = {stamp_s: 50.0 + 1e-4 * (10.0 * k - 5.0) for k, stamp_s in enumerate(stamps_s, 1)}
+    expected = {10.0 * k: 50.0 + 1e-4 * (10.0 * k - 5.0) for k in range(1, 36)}
+    first = expected.pop(10.0), north_deg.pop(10.0)
     assert north_deg == pytest.approx(expected, abs=1e-6)
+    assert first[1] == pytest.approx(first[0], abs=1e-6 if separate else 6e-4)  # no place before its middle
     [found] = [problem for problem in survey.problems if problem.kind is Kind.CLOCK_OFFSET]
     assert "was set: +105 s off GNSS time, now +0 s" in found.mistake.message
 

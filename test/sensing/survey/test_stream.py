@@ -370,6 +370,15 @@ def test_a_loggers_clock_that_is_set_is_noticed_within_three_records():
     assert live.logger_problems.noted[Kind.CLOCK_OFFSET] == 2
 
 
+def test_a_clock_that_is_set_is_reported_where_the_lines_have_no_gnss_time():
+    live = survey()
+    for number in range(1, 21):
+        live.take_fix(fix(10.0 * number))
+        one = record(number)
+        live.take_logger_line(line(replace(one, stamp_s=one.stamp_s - 40.0 * (number > 10))), 0.0)
+        assert live.logger_problems.noted[Kind.CLOCK_OFFSET] == (number > 12)
+
+
 def test_the_rate_of_records_is_by_the_loggers_time():
     live = survey()
     assert math.isnan(live.record_rate_hz)

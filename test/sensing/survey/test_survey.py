@@ -4,10 +4,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
@@ -126,9 +128,50 @@ def test_the_middle_of_the_interval_is_joined_by_gnss_time():
     assert survey.take_ready()[0].x_m == pytest.approx(75.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("back_s", [12.0, 33.0, 55.0])
+def test_own_positions_from_before_the_clock_was_set_back_are_not_used(back_s):
+    survey, x_m = Survey(UNCORRECTED, FRAME, tubes=12), []
+    for number in range(1, 121):
+        ahead_s = back_s if number <= 60 else 0.0
+        place = fix(10.0 * number).position
+        survey.take_record(record(10.0 * number + ahead_s, position=place, record_number=number), 10.0 * number)
+        x_m += [one.x_m for one in survey.take_ready(10.0 * number + 5.0)]
+    assert np.abs(np.array(x_m) - (10.0 * np.arange(1, 121) - 5.0)).max() < 10.0
+
+
 def test_logs_without_a_count_are_refused():
     with pytest.raises(ValueError, match="nothing was counted"):
         Survey(UNCORRECTED, FRAME, [record(10.0, tube_counts=(0.0,) * 12)])
+
+
+def intensities(ages_s, **intensity):
+    """The factors of a record at each age of the one intensity that came, and the last survey."""
+    site = Site(corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, **intensity}})
+    survey = Survey(site, FRAME, fix_wait_s=0.0)
+    survey.latest_intensity = LatestIntensity()
+    survey.latest_intensity.take(100.0, 0.0)
+    found = []
+    for age_s in ages_s:
+        survey.take_record(record(10.0 + age_s), age_s)
+        found.append(([one.f_intensity for one in survey.take_ready()], survey.keeps_old_intensity))
+    return found
+
+
+def test_an_old_intensity_from_outside_is_better_than_a_file_that_ends_before_the_survey(tmp_path):
+    path = tmp_path / "monitor.csv"
+    path.write_text("2024-04-30 00:00:00;75\n2024-04-30 01:00:00;75\n")
+    hours = 3600.0 * np.array([0.0, 5.9, 6.1])
+    assert intensities(hours, file=str(path)) == [([1.5], False), ([1.5], False), ([1.5], True)]
+    path.write_text("2024-05-01 09:00:00;75\n2024-05-01 17:00:00;75\n")
+    wanted = [([1.5], False), ([1.5], False), ([2.0], False)]
+    assert intensities(hours, file=str(path), max_gap_hours=8) == wanted[:2] + wanted[:1]
+    path.write_text("".join(f"2024-05-01 {hour:02}:00:00;75\n" for hour in range(9, 18)))
+    assert intensities(hours, file=str(path)) == wanted
+
+
+def test_an_intensity_from_outside_counts_for_an_hour_though_no_gap_of_the_file_is_filled():
+    found = intensities((0.5, 10.0, 3599.0, 3601.0), constant=150, max_gap_hours=0)
+    assert found == [([1.5], False), ([1.5], False), ([1.5], False), ([1.0], False)]
 
 
 def test_tube_shares_that_do_not_fit_are_refused_at_once():
