@@ -55,8 +55,8 @@ class AccessRules:
 
 
 NO_MARGIN = AccessRules()
-MOVED_M = 0.5
-"""A stop that a new map places this far away is another one [m]; a frame that is fitted anew differs by less."""
+MOVED_M = 2.0
+"""A stop that a new map places this far away is another one [m]; frames of robot and field may differ by less."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -94,10 +94,11 @@ class Mission:
         return changed_rules(self.rules, self.state.changes)
 
     def use_home(self, home: Stop | None) -> None:
-        """End at a home from now on: the same stop may have another place on a new map."""
+        """End at a home from now on, unless an operator has chosen another; on a new map it has another place."""
         self.rules = replace(self.rules, home=home)
         changes = self.state.changes
-        if changes is not None and changes.home is not None:
+        chosen = None if changes is None else changes.home
+        if changes is not None and chosen is not None and home is not None and chosen.name == home.name:
             self.state = replace(self.state, changes=dataclasses.replace(changes, home=home))
 
     @property

@@ -83,6 +83,8 @@ def find_excess(out: Path, limits: Limits, now_s: float, clock_right: bool) -> E
     :raises OSError: if the folder cannot be read
     """
     closed, total = _closed_bags(out)
+    latest_s = now_s if clock_right else math.inf  # a bag of the future had the clock of a wrong server
+    closed = [replace(bag, closed_s=None) if (bag.closed_s or 0) > latest_s else bag for bag in closed]
     found, undated, left_bytes = [], [], limits.size_bytes - total
     for bag in _oldest_first(closed):
         too_old = clock_right and bag.closed_s is not None and now_s - bag.closed_s > limits.age_s

@@ -25,6 +25,8 @@ from soilmoist_ros.sensing.survey.survey import Survey
 
 LAST_RECORDS = 20
 """Number of latest records for the diagnostics."""
+SURE_GAPS = 3
+"""Number of times between records from which they count more than the nominal period."""
 
 
 class ProblemCount:
@@ -126,7 +128,9 @@ class SensorStream:
         self._compare_with_gnss(record)
         self._stamps.append(record.stamp_s)
         # The median, because a break or a clock that was set is one gap of many.
-        self._period_s = median_low([gap_s for a, b in pairwise(self._stamps) if (gap_s := b - a) > 0] or [0.0])
+        gaps_s = [gap_s for a, b in pairwise(self._stamps) if (gap_s := b - a) > 0]
+        if len(gaps_s) >= SURE_GAPS or not self.parser.period_s:
+            self._period_s = median_low(gaps_s or [0.0])
         self.survey.take_record(
             record,
             now_s,
@@ -205,7 +209,7 @@ class SensorStream:
 
     @property
     def record_period_s(self) -> float:
-        """Usual time between records [s], nominal before two have come; zero if unknown. Called from any thread.
+        """Usual time between records [s], nominal for the first ones; zero if unknown. Called from any thread.
 
         The nominal period of a format may be that of another set-up.
         """

@@ -341,6 +341,17 @@ def test_a_field_and_earlier_runs_are_chosen_between_missions():
     assert ask(Around(), "change", field="half").code is ReplyCode.BAD_SETTING, "where no field can be opened"
 
 
+@pytest.mark.parametrize("at_first", ["", "r0c0"])
+def test_a_home_is_chosen_together_with_earlier_runs(at_first):
+    around = Around(budget_s=3600.0, surveys=surveys, home=at_first)
+    around.time_s = 1000.0
+    around.control.use_graph(None)
+    around.control.fix((1.0, 1.0))
+    home = around.control._access.stops[7].name
+    assert ask(around, "change", home=home, earlier=("one",)).accepted
+    assert around.control.settings["home"] == around.control._mission.current_rules.home.name == home
+
+
 def test_what_is_refused_changes_nothing():
     around = Around(budget_s=3600.0)
     around.begin()

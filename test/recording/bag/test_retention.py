@@ -94,7 +94,7 @@ def test_the_oldest_bag_is_the_first_whatever_the_clock_said(tmp_path):
     ]
     earlier = without_number(tmp_path / "earlier", NOW_S + 30)
     expected = [*made[:4], earlier, *made[4:]]
-    assert find_excess(tmp_path, Limits(size_bytes=0), NOW_S, True).bags == tuple(expected)
+    assert find_excess(tmp_path, Limits(size_bytes=0), NOW_S + 3600, True).bags == tuple(expected)
 
 
 def test_bags_of_an_earlier_release_are_older_than_those_of_a_clock_that_was_never_right(tmp_path):
@@ -109,6 +109,12 @@ def test_no_bag_is_older_than_one_with_a_lower_number(tmp_path):
     made = [record(tmp_path, n, time_s, closed_s=f"{time_s:.0f}") for n, time_s in enumerate(closed)]
     assert find_excess(tmp_path, Limits(age_s=30 * 86_400), NOW_S, True) == Excess()
     assert find_excess(tmp_path, Limits(age_s=86_400), NOW_S, True).bags == tuple(made[:2])
+
+
+def test_a_bag_of_the_future_keeps_no_other(tmp_path):
+    closed = (NOW_S + 3650 * 86_400, NOW_S - 55 * 86_400, NOW_S - 54 * 86_400)
+    made = [record(tmp_path, n, time_s, closed_s=f"{time_s:.0f}") for n, time_s in enumerate(closed)]
+    assert find_excess(tmp_path, Limits(age_s=30 * 86_400), NOW_S, True).bags == tuple(made[1:])
 
 
 def test_a_recovered_bag_is_not_the_oldest_where_no_clock_was_ever_right(tmp_path):

@@ -155,6 +155,7 @@ TOA5 = [b'"TOA5","farm","CR1000","10277"', b'"TIMESTAMP","RECORD","N1Cts_Tot","N
         ("toa5", TOA5, '"{}",{},15,10', [10] * 9 + [3600, 10], 35.0),  # a break
         ("toa5", TOA5, '"{}",{},15,10', [60] * 9 + [86400 * 700, -3600, 60], 210.0),
         ("toa5", TOA5, '"{}",{},15,10', [300, 7200], 1050.0),
+        ("finapp", [FINAPP], "{},15,90,1,30,12.5,20.0,18.0,50.0,1000.0", [8, -60], 12600.0),  # a clock set back
     ],
 )
 def test_a_stuck_link_is_left_after_some_periods_of_the_records_that_came(logger, header, row, gaps_s, limit_s):
