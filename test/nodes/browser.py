@@ -9,6 +9,7 @@ import shutil
 import socket
 import ssl
 import threading
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,6 +19,12 @@ FLAGS = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--host-resolver-rules=MAP *.example 127.0.0.1",
 )  # fmt: skip
+SLIDE_S = 60.0
+"""Longest time for a slide [s]; a busy machine draws the page slowly, and often."""
+UNDER_FINGER = """([x, y]) => {
+    const there = document.elementFromPoint(x, y), state = document.getElementById("state");
+    return `${there?.outerHTML.slice(0, 200)} at (${x}, ${y}); ${state?.innerText}`;
+}"""
 PHONE, DESK = {"width": 390, "height": 844}, {"width": 1280, "height": 800}
 
 
@@ -112,27 +119,28 @@ class Link:
 
 
 def slide(page: Any, text: str) -> None:
-    """Move a slide to its end, as a finger does."""
+    """Move a slide to its end, as a finger does that tries again when the page has moved under it."""
     from playwright.sync_api import Error
 
     knob = page.locator(f'.slide[data-slide^="{text}"] input:visible')
-    for _ in range(20):
+    deadline, missed = time.monotonic() + SLIDE_S, ""
+    while time.monotonic() < deadline:
         try:
             knob.evaluate("knob => knob.scrollIntoView({block: 'center'})")  # STOP covers the edge of a phone
-            if (box := knob.bounding_box()) is None:
-                continue
-            y = box["y"] + box["height"] / 2
-            page.mouse.move(box["x"] + 28, y)
-            page.mouse.down()
-            if knob.evaluate("knob => knob === document.activeElement"):
-                page.mouse.move(box["x"] + box["width"] / 2, y)
-                page.mouse.move(box["x"] + box["width"] - 4, y)
-                if knob.evaluate("knob => Number(knob.value)") >= 95:
-                    page.mouse.up()
-                    return
-        except Error:  # the page has just been drawn anew, with another slide
-            pass
-        page.mouse.move(1, 1)  # the finger missed it, because the page has moved: what it came upon is not clicked
+            if (box := knob.bounding_box()) is not None:
+                x, y = box["x"] + 28, box["y"] + box["height"] / 2
+                page.mouse.move(x, y)
+                page.mouse.down()
+                if knob.evaluate("knob => knob === document.activeElement"):
+                    page.mouse.move(box["x"] + box["width"] / 2, y)
+                    page.mouse.move(box["x"] + box["width"] - 4, y)
+                    if knob.evaluate("knob => Number(knob.value)") >= 95:
+                        page.mouse.up()
+                        return
+                missed = page.evaluate(UNDER_FINGER, [x, y])
+        except Error as error:  # the page has just been drawn anew, with another slide
+            missed = str(error)
+        page.mouse.move(1, 1)  # what the finger came upon is not clicked
         page.mouse.up()
         page.wait_for_timeout(100)
-    raise AssertionError(f"no finger moves the slide {text!r} to its end")
+    raise AssertionError(f"no finger moves the slide {text!r} to its end, at last because of: {missed}")
