@@ -231,7 +231,7 @@ def test_another_field_is_chosen_between_missions_and_the_mapper_follows(ros, tm
         ros.wait_for(lambda: len(navigation.goals) > 0, message="a goal")
         planning.process.kill()
         again = Commanded(ros, tmp_path)
-        again.wait_phase(Phase.PAUSED)
+        again.wait_state(lambda state: state.phase is Phase.PAUSED, "paused")
         assert again.state.field == str(tmp_path / "west.yaml"), "a restart keeps the field of the mission"
         again.accepted("abort")
         again.accepted("abort")
