@@ -230,7 +230,7 @@ class MissionControl:
         return changed.home.name if changed is not None and changed.home is not None else self._home
 
     def _use(self, access: FieldAccess) -> None:
-        self._mission.use_home(access.home)
+        self._mission.rules = replace(self._mission.rules, home=access.home)
         access.travel.motion = self._learned.motion
         self._watching.use(access)
 

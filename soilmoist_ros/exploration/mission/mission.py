@@ -19,7 +19,6 @@ What it holds to:
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from typing import assert_never
@@ -61,7 +60,7 @@ from soilmoist_ros.exploration.mission.stored import state_from_json, state_to_d
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionRules, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
-from soilmoist_ros.exploration.travel.stop import Stop, inside_any
+from soilmoist_ros.exploration.travel.stop import inside_any
 from soilmoist_ros.sensing.records import CountRecord
 
 
@@ -92,14 +91,6 @@ class Mission:
     def current_rules(self) -> MissionRules:
         """The rules with what an operator has changed."""
         return changed_rules(self.rules, self.state.changes)
-
-    def use_home(self, home: Stop | None) -> None:
-        """End at a home from now on, unless an operator has chosen another; on a new map it has another place."""
-        self.rules = replace(self.rules, home=home)
-        changes = self.state.changes
-        chosen = None if changes is None else changes.home
-        if changes is not None and chosen is not None and home is not None and chosen.name == home.name:
-            self.state = replace(self.state, changes=dataclasses.replace(changes, home=home))
 
     @property
     def next_deadline_s(self) -> float | None:

@@ -370,6 +370,8 @@ def changed_rules(rules: MissionRules, changes: Changes | None) -> MissionRules:
         for name in ("budget_s", "home", "warm_up_stops", "until_sd", "until_gain")
         if (value := getattr(changes, name)) is not None
     }
+    if changes.home is not None and rules.home is not None and changes.home.name == rules.home.name:
+        new["home"] = rules.home  # on a new map the stop has another place
     if changes.dwell is not None:
         new["dwell"] = parse_dwell(changes.dwell, rules.dwell.longest_s)
     return dataclasses.replace(rules, **new)

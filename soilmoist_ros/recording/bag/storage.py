@@ -220,16 +220,19 @@ class _Sqlite:
         tables = {name for (name,) in self._base.execute("SELECT name FROM sqlite_master WHERE type='table'")}
         if not {"messages", "topics"} <= tables:
             raise ValueError("is not a bag of rosbag2")
-        for name in tables & {"messages", "topics", "message_definitions"}:
-            columns = self._base.execute(f"PRAGMA table_xinfo({name})").fetchall()
-            if any(hidden or len(default or "") > _MAX_DEFAULT for *_, default, _, hidden in columns):
+        columns = {
+            name: self._base.execute(f"PRAGMA table_xinfo({name})").fetchall()
+            for name in tables & {"messages", "topics", "message_definitions"}
+        }
+        for name, described in columns.items():
+            if any(hidden or len(default or "") > _MAX_DEFAULT for *_, default, _, hidden in described):
                 raise ValueError(f"the table {name} has values that are not in the file")
         definitions: dict[str, Definition] = {}
         if "message_definitions" in tables:
             wanted = "topic_type, encoded_message_definition, encoding, type_description_hash"
             rows = self._base.execute(f"SELECT {wanted} FROM message_definitions")
             definitions = {str(row[0]): Definition(*map(str, row)) for row in rows}
-        known = {row[1] for row in self._base.execute("PRAGMA table_info(topics)")}
+        known = {row[1] for row in columns["topics"]}
         qos = "offered_qos_profiles" if "offered_qos_profiles" in known else "''"
         self._topics: dict[int, Topic] = {}
         self.content = Content()

@@ -44,6 +44,10 @@ def graph(places, *ways):
 MAP = graph(PLACES, "a p b", "a s t u b")
 
 
+OLD = graph({name: PLACES[name] for name in "astub"}, "a s t u b")
+NEW = graph({**{name: PLACES[name] for name in "stu"}, "a": PLACES["b"], "b": PLACES["a"]}, "b s t u a")
+
+
 def test_free_travel_keeps_the_robots_radius():
     access = FieldAccess(FIELD, RobotMotion(), None, RADIUS)
     way = access.way((10.0, 30.0), Stop("b", 50.0, 30.0))
@@ -130,13 +134,11 @@ def test_a_robot_at_the_wall_of_a_pen_is_not_sent_through_it(ways):
 
 def test_a_stop_that_a_new_map_has_moved_is_not_driven_to():
     """The robot would go to the node's new place, then straight to the old one, through the pond."""
-    old = graph({"a": (10, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6), "b": (50, 20)}, "a s t u b")
-    new = graph({"b": (10, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6), "a": (50, 20)}, "b s t u a")
-    chosen = FieldAccess(FIELD, RobotMotion(), old, RADIUS).stop("b")
+    chosen = FieldAccess(FIELD, RobotMotion(), OLD, RADIUS).stop("b")
     with pytest.raises(
         InputError, match=r"b is at \(10\.0, 20\.0\) now, not at \(50\.0, 20\.0\) -> choose it again"
     ):
-        FieldAccess(FIELD, RobotMotion(), new, RADIUS).way((10.0, 8.0), chosen)
+        FieldAccess(FIELD, RobotMotion(), NEW, RADIUS).way((10.0, 8.0), chosen)
     nearly = graph({"s": (10, 6), "t": (30, 6), "u": (50, 6), "b": (51.5, 20)}, "s t u b")
     assert FieldAccess(FIELD, RobotMotion(), nearly, RADIUS).way((10.0, 8.0), chosen).nodes == (chosen,)
 
@@ -290,9 +292,7 @@ def test_a_goal_that_the_fence_refuses_is_never_sent_and_its_stop_ruled_out():
 
 @pytest.mark.parametrize("verb", ["measure", "home"])
 def test_after_a_new_map_in_a_pause_the_robot_is_sent_only_to_places_of_that_map(verb):
-    old = graph({"a": (10, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6), "b": (50, 20)}, "a s t u b")
-    new = graph({"b": (10, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6), "a": (50, 20)}, "b s t u a")
-    around = Recorder(old, (30.0, 6.0))
+    around = Recorder(OLD, (30.0, 6.0))
     assert around.control.command(Verb.START).accepted
     if verb == "measure":
         assert around.control.request(OperatorRequest("measure", stops=("b",))).accepted
@@ -307,7 +307,7 @@ def test_after_a_new_map_in_a_pause_the_robot_is_sent_only_to_places_of_that_map
         around.time_s += 1.0
         around.control.fix((30.0, 6.0))
         around.control.tick()
-    around.control.use_graph(new)
+    around.control.use_graph(NEW)
     around.sent.clear()
     assert around.control.command(Verb.RESUME).accepted
     for _ in range(20):
@@ -316,7 +316,7 @@ def test_after_a_new_map_in_a_pause_the_robot_is_sent_only_to_places_of_that_map
         around.control.tick()
         around.until_sent()
     assert around.sent
-    places = {stop.name: (stop.x_m, stop.y_m) for stop in new.stops}
+    places = {stop.name: (stop.x_m, stop.y_m) for stop in NEW.stops}
     assert all(places[stop.name] == (stop.x_m, stop.y_m) for stop, _ in around.sent)
     if verb == "home":
         assert around.sent[-1][0].name == "b"
