@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.mission.types import READY, MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 from soilmoist_ros.foundation.health import Health
@@ -115,6 +115,8 @@ def headline(status: MissionStatus) -> str:
     """The state in a few words."""
     if status.emergency:
         return "Emergency stop: asking the robot to stop" if status.stop_requests else "Emergency stop"
+    if status.phase is Phase.IDLE and not status.reason.endswith(READY):
+        return "Not ready yet"
     text = _PHASES[status.phase]
     if "{stop}" in text:
         return text.format(stop=status.target.name if status.target else "a stop")

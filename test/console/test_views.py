@@ -53,6 +53,11 @@ def test_the_words_say_what_matters_most():
     assert headline(replace(STATUS, emergency=True)) == "Emergency stop"
     assert headline(replace(STATUS, emergency=True, stop_requests=1)) == "Emergency stop: asking the robot to stop"
     assert headline(replace(STATUS, phase=Phase.PAUSED, needs_operator=True)) == "Paused: the robot needs you"
+    idle = replace(STATUS, phase=Phase.IDLE)
+    for reason in ("waiting for start", "aborted by Ada; waiting for start"):
+        assert headline(replace(idle, reason=reason)) == "Ready"
+    for reason in ("waiting for a position", "waiting for start, which is refused: the battery is empty"):
+        assert headline(replace(idle, reason=reason)) == "Not ready yet"
     assert mission_view(STATUS, {})["error_percent"] == 5.0
     assert mission_view(replace(STATUS, raw_counts=0), {})["error_percent"] is None
 

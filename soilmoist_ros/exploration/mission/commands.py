@@ -14,7 +14,7 @@ from soilmoist_ros.exploration.mission.actions import ANYBODYS, CancelGoal
 from soilmoist_ros.exploration.mission.events import RESTART, Command
 from soilmoist_ros.exploration.mission.moves import Moves, xy
 from soilmoist_ros.exploration.mission.state import MissionState, QueuedStop, Todo, changed_rules, replace
-from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, Verb
+from soilmoist_ros.exploration.mission.types import READY, Changes, MissionEnd, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, is_polygon
 from soilmoist_ros.foundation.errors import InputError
@@ -101,7 +101,7 @@ class Commands(Moves):
             self.abandon(MissionEnd.ABORTED, reason)
         else:
             if self.state.phase is Phase.FINISHED:
-                self.enter(Phase.IDLE, "waiting for start")
+                self.enter(Phase.IDLE, READY)
             self.do(CancelGoal(ANYBODYS, reason))
         return True, self.state.reason
 

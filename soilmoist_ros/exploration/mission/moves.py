@@ -32,7 +32,7 @@ from soilmoist_ros.exploration.mission.state import (
     raw_rate,
     replace,
 )
-from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, PlanKind, Response
+from soilmoist_ros.exploration.mission.types import READY, MissionEnd, MissionRules, Phase, PlanKind, Response
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import DwellRule, parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -363,7 +363,7 @@ class Moves:
         """The mission is over, finished or aborted."""
         aborted = phase is Phase.IDLE
         self.state = replace(self.state, ended_s=self.now_s)
-        self.enter(phase, f"{reason}; waiting for start" if aborted else reason)
+        self.enter(phase, f"{reason}; {READY}" if aborted else reason)
         self.do(Save(reason))
         # Journals of earlier versions hold no code.
         code = self.state.ended or (MissionEnd.ABORTED if aborted else MissionEnd.TIME_UP)

@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from soilmoist_ros.exploration.mission.types import (
+    READY,
     Alarm,
     Changes,
     MissionEnd,
@@ -189,7 +190,7 @@ class MissionState:
     """
 
     phase: Phase = Phase.IDLE
-    reason: str = "waiting for start"
+    reason: str = READY
     now_s: float | None = None
     started_s: float | None = None
     ended_s: float | None = None

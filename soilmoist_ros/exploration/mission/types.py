@@ -18,6 +18,8 @@ Polygons = tuple[Polygon, ...]
 """Corners of areas: metres east and north of the field's datum."""
 
 
+READY = "waiting for start"
+"""End of the reason of a mission that can be started."""
 PUBLISHED_MIN_LAST_DWELL_S = 60.0
 """With the published presets, stops that leave less for counting are skipped [s]."""
 
