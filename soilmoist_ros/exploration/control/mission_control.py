@@ -65,15 +65,7 @@ from soilmoist_ros.exploration.mission.events import (
 )
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import (
-    READY,
-    Changes,
-    MissionRules,
-    MissionStatus,
-    Phase,
-    PlanKind,
-    Verb,
-)
+from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
@@ -526,7 +518,7 @@ class MissionControl:
         if missing:
             status = replace(status, reason=f"waiting for {', '.join(missing)}")
         elif status.phase is Phase.IDLE and self.dangers:
-            status = replace(status, reason=f"{READY}, which is refused: {self.dangers}")
+            status = replace(status, reason=f"waiting for start, which is refused: {self.dangers}")
         if status.phase in (Phase.PAUSED, Phase.CANCELLING) and self._interrupted:
             status = replace(status, reason=f"{self._interrupted}; resume or abort", needs_operator=True)
         if status.phase is Phase.IDLE and self._access is not None:
