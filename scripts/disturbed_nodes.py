@@ -34,6 +34,8 @@ BACK_AFTER_S = 1.5
 """Time after which a killed node is started again [s of the wall clock], as by a launch file."""
 LATE_S = 0.5
 """How late messages may be on a busy machine [s of the wall clock]."""
+ROUNDING_S = 1e-6
+"""How much later than it was a time that was heard may seem [s]: seconds since 1970 are known to 1.2e-7."""
 LEFT_BYTES = 3000
 """What a disk that is nearly full still takes."""
 PLAIN = {
@@ -258,7 +260,7 @@ class Disturber:
             self._resume()
 
     def _resume(self, verb: str = Verb.RESUME) -> bool:
-        asked_s = self._operator.now_s
+        asked_s = self._operator.now_s - ROUNDING_S  # a goal that follows at once is not before it
         reply = self._operator.ask(OperatorRequest(verb))
         self._note(f"{verb}: {'no answer' if reply is None else reply.message}")
         if reply is not None and reply.accepted:

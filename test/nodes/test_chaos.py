@@ -6,17 +6,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 from diagnostic_msgs.msg import DiagnosticStatus
+from rosgraph_msgs.msg import Clock
 
 from msg_adapters.mission import mission_to_message
+from msg_adapters.stamps import to_seconds, to_time
+from soilmoist_ros.exploration.control.operator_request import Reply, ReplyCode
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED
 from soilmoist_ros.recording.record_log import RecordTail
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
 from soilmoist_ros.simulation.rehearsal.judge import Kind
@@ -117,6 +121,28 @@ def test_a_state_without_a_time_is_from_when_it_was_heard(chaos, ros):
         assert [at_s for at_s, _ in operator.heard.statuses] == [5.0, 0.0], "no clock has been heard: it begins"
     finally:
         operator.close()
+
+
+def test_a_goal_in_the_moment_of_the_resume_comes_after_it(chaos, ros, monkeypatch):
+    from disturbed_nodes import Disturber
+    from real_nodes import START_S, Operator
+
+    operator = Operator(ros.domain, START_S)
+    monkeypatch.setattr(operator, "ask", lambda request: Reply(ReplyCode.ACCEPTED, "resumed"))
+    disturber = Disturber(SimpleNamespace(operator=operator), (), 300.0)
+    clock = ros.node.create_publisher(Clock, "/clock", CLOCK)
+    late_s = []
+    try:
+        for goal_s in (20.0, 40.39923024177551, 170.41072670006542):
+            stamp = to_time(START_S + goal_s)
+            heard_s = to_seconds(stamp) - START_S
+            ros.wait_for(lambda s=stamp, h=heard_s: clock.publish(Clock(clock=s)) or operator.now_s == h)
+            late_s.append(operator.now_s - goal_s)
+            assert disturber.start()
+            assert goal_s - 0.001 < disturber.acts.done[-1][0] <= goal_s
+    finally:
+        operator.close()
+    assert max(late_s) > 0.0, "none of these times is heard as later than it was"
 
 
 def test_seed_and_number_make_a_run(chaos):
