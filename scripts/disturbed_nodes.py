@@ -34,6 +34,8 @@ BACK_AFTER_S = 1.5
 """Time after which a killed node is started again [s of the wall clock], as by a launch file."""
 LATE_S = 0.5
 """How late messages may be on a busy machine [s of the wall clock]."""
+AGAIN_S = 10.0
+"""Time after which people try again [s]."""
 ROUNDING_S = 1e-6
 """How much later than it was a time that was heard may seem [s]: seconds since 1970 are known to 1.2e-7."""
 LEFT_BYTES = 3000
@@ -204,7 +206,7 @@ class Disturber:
         elif span.fault in PLAIN:
             self._stop(PLAIN[span.fault])
             if span.fault is Fault.PAUSE:
-                after(self._resume)
+                after(self._go_on)
         elif span.fault in STEPS_S:
             nodes.spoil(step_s=STEPS_S[span.fault] * (0.2 + span.size))
         match span.fault:
@@ -263,10 +265,15 @@ class Disturber:
         asked_s = self._operator.now_s - ROUNDING_S  # a goal that follows at once is not before it
         reply = self._operator.ask(OperatorRequest(verb))
         self._note(f"{verb}: {'no answer' if reply is None else reply.message}")
-        if reply is not None and reply.accepted:
+        if reply is None or reply.accepted:  # the answer may be lost, or late
             self.acts.done.append((asked_s, ""))
-            return True
-        return False
+        return reply is not None and reply.accepted
+
+    def _go_on(self) -> None:
+        """Resume a paused mission, and try again while an alarm forbids it."""
+        accepted, status = self._resume(), self._operator.status
+        if not accepted and status is not None and status.phase is Phase.PAUSED:
+            self._at(self._operator.now_s + AGAIN_S, self._go_on)
 
     def _stop(self, verb: Verb) -> None:
         reply = self._operator.ask(OperatorRequest(verb))

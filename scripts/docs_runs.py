@@ -155,7 +155,12 @@ def run_notebook(path: Path) -> nbformat.NotebookNode:
     with tempfile.TemporaryDirectory() as sockets:
         local = Config(KernelManager={"transport": "ipc", "ip": f"{sockets}/kernel"})
         NotebookClient(
-            notebook, kernel_name="python3", timeout=NOTEBOOK_LIMIT_S, resources=folder, config=local
+            notebook,
+            kernel_name="python3",
+            timeout=NOTEBOOK_LIMIT_S,
+            iopub_timeout=60,  # its default of 4 s loses outputs on a busy machine
+            resources=folder,
+            config=local,
         ).execute()
     return notebook
 

@@ -15,6 +15,7 @@ import math
 import os
 import shutil
 import signal
+import socket
 import struct
 import subprocess
 import threading
@@ -47,7 +48,6 @@ from msg_adapters.samples import samples_from_message
 from msg_adapters.soilmoist.command import reply_from_message, request_to_message
 from msg_adapters.soilmoist.visits import visit_from_message
 from msg_adapters.stamps import to_seconds
-from soilmoist_ros.console.invitation import free_port
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
 from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.exploration.mission.visit import Visit
@@ -281,7 +281,7 @@ class RealNodes:
             exit_when_finished=False,
         )
         files = write_configuration(demo, self.field, out)
-        ports = {device: free_port(0) for device in ("logger", "gnss")}
+        ports = {device: self._port() for device in ("logger", "gnss")}
         more: dict[str, dict[str, Any]] = {
             "recorder": {"out": str(out / "bags"), "name": "run"},
             "mapper": {"record_dir": str(self.session), "max_stamp_age_s": 0.0},
@@ -302,6 +302,13 @@ class RealNodes:
                 out, name, content["ros__parameters"] | more[name] | settings.more.get(name, {})
             )
         return files
+
+    def _port(self) -> int:
+        """A port that is held, so that it is given to nobody but a server that asks for it."""
+        held = self._stack.enter_context(socket.socket())
+        held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        held.bind(("127.0.0.1", 0))
+        return int(held.getsockname()[1])
 
     @property
     def session(self) -> Path:

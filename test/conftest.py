@@ -14,13 +14,19 @@ from types import ModuleType
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 # Every run uses the same examples at any machine speed; HYPOTHESIS_PROFILE=search looks for new examples.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 # The quick tests take the first of them.
 settings.register_profile("quick", derandomize=True, deadline=None, max_examples=25)
 settings.register_profile("search", deadline=None)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "repeatable")
+settings.load_profile(PROFILE)
+if PROFILE != "search" and hasattr(providers, "_get_local_constants"):
+    # Some values are drawn from the numbers and texts of those modules of the project that happen to be loaded,
+    # which depends on the tests that a worker ran before; there is no setting for it.
+    providers._get_local_constants = lambda: providers._local_constants
 
 # Set by scripts/test where all requirements are installed: a missing module is an error then, no reason to skip.
 if os.environ.get("MODULES_REQUIRED"):

@@ -69,7 +69,8 @@ def clean(built, tmp_path_factory):
     home = tmp_path_factory.mktemp("clean")
     run(sys.executable, "-m", "venv", home / "venv", cwd=home)
     before = installed_bytes(home / "venv")
-    run(home / "venv/bin/python", "-m", "pip", "install", "--quiet", built[1], cwd=home)
+    pinned = ("-c", ROOT / "requirements.txt")
+    run(home / "venv/bin/python", "-m", "pip", "install", "--quiet", *pinned, built[1], cwd=home)
     return home / "venv/bin", installed_bytes(home / "venv") - before
 
 

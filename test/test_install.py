@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Progress of the installation (scripts/install)."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -26,7 +27,7 @@ def test_it_names_what_is_downloaded_and_counts_what_is_installed(progress, caps
     progress.read("Installing collected packages: numpy, affine, click\n")
     assert progress._text() == "[" + 30 * "." + "] 0 of 3 packages installed"
     progress.end()
-    assert "3 packages, 0 s" in capsys.readouterr().out
+    assert re.search(r"3 packages, \d+ s", capsys.readouterr().out)
 
 
 @pytest.mark.process

@@ -17,6 +17,8 @@ LIMIT_S: Final = 900.0
 MAX_WAITING: Final = 5
 _YIELDING: Final = ("nice", "-n", "10")
 """The nodes come first."""
+_END_S: Final = 5.0
+"""Longest wait for what is ended [s]."""
 _SAID: Final = 400
 """Last characters of the output that are shown when a job fails."""
 
@@ -61,10 +63,13 @@ class Jobs:
 
     async def close(self) -> None:
         """End what runs."""
-        for task in tuple(self._tasks):
+        tasks = tuple(self._tasks)
+        for task in tasks:
             task.cancel()
         if self._process is not None and self._process.returncode is None:
             self._process.kill()
+        if tasks:  # else the process would outlast the loop that hears of its end
+            await asyncio.wait(tasks, timeout=_END_S)
 
     async def _do(self, name: str, arguments: Sequence[str]) -> None:
         try:

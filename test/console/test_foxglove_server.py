@@ -21,7 +21,7 @@ from soilmoist_ros.recording.mcap.definitions import Definition
 
 PROTOCOL = "foxglove.sdk.v1"
 TEXT = Definition("std_msgs/msg/String", "string data")
-LIMIT_S = 10.0
+LIMIT_S = 60.0
 
 
 @pytest.fixture

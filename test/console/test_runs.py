@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import time
 
 import pytest
@@ -125,6 +126,24 @@ def test_reports_exports_and_comparisons_are_made_by_the_commands(folder):
 def test_what_is_not_made(folder, content):
     with pytest.raises(InputError):
         make(folder, **content)
+
+
+@pytest.mark.slow
+def test_no_process_of_a_job_outlasts_the_end(tmp_path):
+    async def work():
+        jobs = Jobs(Board())
+        mark = f"import os, time; open(f'{tmp_path}/{{os.getpid()}}', 'w').close(); time.sleep(100)"
+        jobs.start("long", ["-c", mark])
+        jobs.start("waits", ["-c", ""])
+        deadline = time.monotonic() + 60
+        while not list(tmp_path.iterdir()) and time.monotonic() < deadline:
+            await asyncio.sleep(0.02)
+        await jobs.close()
+        (pid,) = (int(path.name) for path in tmp_path.iterdir())
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+
+    asyncio.run(work())
 
 
 @pytest.mark.slow

@@ -35,6 +35,10 @@ from soilmoist_ros.exploration.control.operator_request import Reply, ReplyCode
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
+pytestmark = pytest.mark.usefixtures("urgent_jobs")
+LIMIT_S = 180.0
+"""Longest wait for an answer [s]; machines that run tests are busy."""
+
 
 class Robots:
     """Robots that do as they are told, or do not answer."""
@@ -80,7 +84,7 @@ class Served:
     def get(self, path, **headers):
         request = urllib.request.Request(f"http://127.0.0.1:{self.port}{path}", headers=headers)
         try:
-            with urllib.request.urlopen(request, timeout=20) as answer:
+            with urllib.request.urlopen(request, timeout=LIMIT_S) as answer:
                 return answer.status, answer.read(), answer.headers
         except urllib.error.HTTPError as error:
             return error.code, error.read(), error.headers
@@ -91,7 +95,7 @@ class Served:
             f"http://127.0.0.1:{self.port}{path}", body, {"Content-Type": kind, **headers}
         )
         try:
-            with urllib.request.urlopen(request, timeout=20) as answer:
+            with urllib.request.urlopen(request, timeout=LIMIT_S) as answer:
                 return answer.status, json.loads(answer.read())
         except urllib.error.HTTPError as error:
             return error.code, error.read().decode()
@@ -143,7 +147,7 @@ def test_a_token_becomes_a_cookie(served):
     token = served.server._access.token
     opener = urllib.request.build_opener(Stay)
     with pytest.raises(urllib.error.HTTPError) as found:
-        opener.open(f"http://127.0.0.1:{served.port}/?token={token}", timeout=20)
+        opener.open(f"http://127.0.0.1:{served.port}/?token={token}", timeout=LIMIT_S)
     found.value.close()
     assert (found.value.code, found.value.headers["Location"]) == (303, "./")
     cookie = found.value.headers["Set-Cookie"]
@@ -201,25 +205,23 @@ def test_the_map_and_its_values(served):
 @pytest.mark.slow
 def test_viewers_receive_what_changes_twice_a_second_at_most(served):
     async def look():
-        messages, times = [], []
-        loop = asyncio.get_running_loop()
+        messages = []
         async with (
             aiohttp.ClientSession() as session,
             session.ws_connect(f"http://127.0.0.1:{served.port}/live") as socket,
         ):
             for number in range(4):
-                messages.append(await socket.receive_json(timeout=20))
-                times.append(loop.time())
+                messages.append(await socket.receive_json(timeout=LIMIT_S))
                 for step in range(100):
                     served.board.put("a", (*range(number + 1), step))
-        return messages, np.diff(times)
+        return messages
 
-    messages, gaps = asyncio.run(look())
+    messages = asyncio.run(look())
     assert messages[0]["set"]["viewer"] == {"may_steer": True, "holds": False, "holder": ""}
     assert messages[0]["set"]["robots"] == ["r1"]
     assert messages[1]["set"] == {"a": [0, 99]}
     assert [message["extend"] for message in messages[2:]] == [{"a": [1, [1, 99]]}, {"a": [2, [2, 99]]}]
-    assert min(gaps) > 0.3
+    assert min(np.diff([message["now"] for message in messages])) > 0.45, "by the clock of the server"
 
 
 def first_message(served):
@@ -230,7 +232,7 @@ def first_message(served):
             aiohttp.ClientSession() as session,
             session.ws_connect(f"http://127.0.0.1:{served.port}/live") as viewer,
         ):
-            return await viewer.receive(timeout=5)
+            return await viewer.receive(timeout=LIMIT_S)
 
     return asyncio.run(look())
 
@@ -266,7 +268,7 @@ def test_those_who_only_look_keep_no_operator_out(served, monkeypatch):
         far = {"Host": "192.168.1.5"}
         first = [await look(2, **far), await look(2, **far), await look(3, **far)]
         operators = [await look(1) for _ in range(3)]
-        assert all([(await one.receive_json(timeout=20))["set"]["viewer"]["may_steer"] for one in operators])
+        assert all([(await one.receive_json(timeout=LIMIT_S))["set"]["viewer"]["may_steer"] for one in operators])
         for number in (2, 4):
             with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
                 await look(number, **far)
@@ -360,7 +362,7 @@ def test_a_port_in_use_is_said(served):
     )
     try:
         port = free.start("127.0.0.1", served.port, else_free=True)
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=10) as reply:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=LIMIT_S) as reply:
             assert b"survey.js" in reply.read()
     finally:
         free.close()
@@ -368,7 +370,7 @@ def test_a_port_in_use_is_said(served):
 
 
 def background_of(served):
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + LIMIT_S
     while served.board.get("background") is None and time.monotonic() < deadline:
         time.sleep(0.02)
     return served.board.get("background")

@@ -52,6 +52,7 @@ class RosSystem:
         self.secured = make_keystore is not None
         self._make_keystore = make_keystore
         self.processes: list[NodeProcess] = []
+        self._clients: dict[tuple[type, str], Any] = {}
 
     def __enter__(self) -> RosSystem:
         with contextlib.ExitStack() as made:
@@ -141,23 +142,22 @@ class RosSystem:
 
     def call(self, kind: type, name: str, request: Any = None, timeout: float = LIMIT_S) -> Any:
         """Call a service and wait for its answer; ask again if the server's middleware says that it is lost."""
-        client = self.node.create_client(kind, name)
+        if (kind, name) not in self._clients:  # each new one may be unknown to the server when it answers
+            self._clients[kind, name] = self.node.create_client(kind, name)
+        client = self._clients[kind, name]
         question = kind.Request() if request is None else request
-        try:
-            assert client.wait_for_service(timeout), f"no service {name}"
-            lost, asked = self._lost_answers(), [client.call_async(question)]
+        assert client.wait_for_service(timeout), f"no service {name}"
+        lost, asked = self._lost_answers(), [client.call_async(question)]
 
-            def answer() -> bool:
-                if any(future.done() for future in asked):
-                    return True
-                if self._lost_answers() > lost + len(asked) - 1:
-                    asked.append(client.call_async(question))
-                return False
+        def answer() -> bool:
+            if any(future.done() for future in asked):
+                return True
+            if self._lost_answers() > lost + len(asked) - 1:
+                asked.append(client.call_async(question))
+            return False
 
-            self.wait_for(answer, timeout, f"an answer of {name}", every=0.05)
-            return next(future.result() for future in asked if future.done())
-        finally:
-            self.node.destroy_client(client)
+        self.wait_for(answer, timeout, f"an answer of {name}", every=0.05)
+        return next(future.result() for future in asked if future.done())
 
     def _lost_answers(self) -> int:
         """How many answers had a server that did not know its client's receiver yet (Fast DDS waits 0.1 s)."""

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 
@@ -40,7 +41,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 MISSION = {"hours": 0.15, "dwell": "fmi:40", "autostart": True}
 SLOW_RATE, RATE, LAST_RATE = 8.0, 40.0, 200.0
 """Speeds of the world relative to real time; the slow one leaves a busy machine time for an event."""
-END_S = 90.0
+END_S = 180.0
 """Longest wait for the end of a mission of some 10 s."""
 
 
@@ -58,7 +59,7 @@ class Received:
         """Check that the stamps are consecutive, without repetition."""
         assert stamps
         # A node that was killed may have stored a record that is still on its way to the test.
-        self._ros.wait_for(lambda: self.stamps[-1:] >= stamps[-1:], message="the last record that a node has stored")
+        self._ros.wait_for(lambda: self.stamps[-1:] >= stamps[-1:], message="the last stored record")
         first = self.stamps.index(stamps[0])
         assert stamps == self.stamps[first : first + len(stamps)]
 
@@ -80,21 +81,31 @@ def in_journal(folder, name=None):
     ]
 
 
+def last_event_s(folder):
+    """Time of the last event in a journal."""
+    entries = decode((folder / "journal.jsonl").read_bytes()).entries
+    return max(entry.payload["now_s"] for entry in entries if "now_s" in entry.payload)
+
+
 def recover(bag, target):
     """Recover as a user does."""
     main(["bag", "recover", str(bag), "--out", str(target)], standalone_mode=False)
     return target
 
 
-def require_progress(before, asking):
-    """Check that a resumed mission keeps everything that it used or gathered."""
+def require_progress(before, asking, last_s=math.inf):
+    """Check that a resumed mission keeps everything that it used or gathered.
+
+    :param before: what a mission said last
+    :param last_s: when it noted its last event in the journal; counting until later is not known to its successor
+    """
     # Its first status has the time of the last event in the journal; a status before the kill may be later.
     asking.wait(lambda status: status.now_s >= before.now_s, "the clock of the resumed mission")
     after = asking.status
     assert after.samples >= before.samples
     assert after.distance_m >= before.distance_m - 1e-6
     assert after.time_used_s >= before.time_used_s
-    assert after.counting_s >= before.counting_s
+    assert after.counting_s >= before.counting_s - max(0.0, before.now_s - last_s)
     if after.samples == before.samples:
         assert after.raw_counts >= before.raw_counts
 
@@ -154,11 +165,12 @@ def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path, seed):
         first.process.kill()
         world.rate = SLOW_RATE  # the restart takes a moment
         received.require(in_journal(folder))
+        before, last_s = first.status, last_event_s(folder)
 
         asking = Planning(ros, tmp_path, journal_dir=str(folder), **MISSION)
         asking.wait_phase(Phase.PAUSED)
         assert "resumable" in asking.status.reason
-        require_progress(first.status, asking)
+        require_progress(before, asking, last_s)
         ros.wait_for(lambda: world.goal is None, message="the robot to be stopped")
         goals, used_s = list(navigation.goals), asking.status.time_used_s
         world.rate = RATE
@@ -166,18 +178,19 @@ def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path, seed):
         assert (navigation.goals, world.goal, asking.status.phase) == (goals, None, Phase.PAUSED)
         asking.process.kill()
         world.rate = SLOW_RATE
+        before, last_s = asking.status, last_event_s(folder)
 
         going_on = Planning(
             ros, tmp_path, journal_dir=str(folder), resume="auto", exit_when_finished=True, **MISSION
         )
         going_on.wait(lambda status: status.phase not in (Phase.IDLE, Phase.PAUSED))
-        require_progress(asking.status, going_on)
+        require_progress(before, going_on, last_s)
         world.rate = RATE
         ros.wait_for(lambda: len(navigation.goals) > len(goals), message="another goal")
         world.rate = LAST_RATE
         assert going_on.process.wait(END_S) == 0
-        assert going_on.status.phase is Phase.FINISHED
-        require_progress(asking.status, going_on)
+        going_on.wait_phase(Phase.FINISHED)
+        require_progress(before, going_on, last_s)
         assert navigation.most_at_once == 1
     stamps = in_journal(folder)
     assert stamps == sorted(set(stamps)), "no record twice"
@@ -229,6 +242,7 @@ def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
             process.kill()
         world.rate = SLOW_RATE
         received.require(in_journal(folder))
+        before, last_event = first.status, last_event_s(folder)
 
         recovered = recover(tmp_path / "bags" / "run", tmp_path / "recovered")
         with BagReader(recovered) as reader:
@@ -247,14 +261,14 @@ def test_all_at_once_as_in_a_power_cut(ros, tmp_path):
         assert samples_from_message(samples[0]).counts.sum() > 0
         again = Planning(ros, tmp_path, journal_dir=str(folder), resume="auto", exit_when_finished=True, **MISSION)
         again.wait(lambda status: status.phase not in (Phase.IDLE, Phase.PAUSED))
-        require_progress(first.status, again)
+        require_progress(before, again, last_event)
         goals = len(navigation.goals)
         world.rate = RATE
         ros.wait_for(lambda: len(navigation.goals) > goals, message="another goal")
         world.rate = LAST_RATE
         assert again.process.wait(END_S) == 0
-        assert again.status.phase is Phase.FINISHED
-        assert samples_from_message(samples[-1]).counts.sum() > in_bag
+        again.wait_phase(Phase.FINISHED)
+        ros.wait_for(lambda: samples_from_message(samples[-1]).counts.sum() > in_bag, message="more counts")
         assert second.stop() == 0
     assert bag_info(tmp_path / "bags" / "run_2").whole
     assert "metadata.yaml" not in names(tmp_path / "bags" / "run"), "what was cut stays as it was"
@@ -302,7 +316,7 @@ def test_the_map_of_a_further_property_goes_on_too(ros, tmp_path):
         assert expected > 1000
         # A map of the killed mapper may arrive late, with a record that had not reached the planner.
         ros.wait_for(lambda: mapped("salt") == expected and mapped(""), message=f"{expected:g} counts of salt")
-        assert mapped("") < 1000, "what a record of the first has is 40"
+        assert mapped("") < 60 * len(in_journal(folder)), "a record has some 40 counts"
         before, world.sensor = mapped("salt"), True
         again = Planning(ros, tmp_path, journal_dir=str(folder), resume="auto", properties=["salt:0.5"], **MISSION)
         again.wait(lambda status: status.phase not in (Phase.IDLE, Phase.PAUSED))

@@ -252,7 +252,7 @@ def test_save_writes_the_outputs_and_a_later_mapper_starts_from_them(ros, start,
     assert "too few samples" in empty.message
     publish(publisher, records)
     ros.wait_for(lambda: outputs.complete(records[-2].stamp_s))
-    answer = ros.call(Trigger, "mapper/save", timeout=60)
+    answer = ros.call(Trigger, "mapper/save")
     assert (answer.success, answer.message) == (True, str(tmp_path / "saved"))
     names = {path.name for path in (tmp_path / "saved").iterdir()}
     assert names == {"map.tif", "samples.geojson", "report.html", "summary.json", "records.csv", "soilmoist.qgs"}
@@ -293,7 +293,7 @@ def test_an_earlier_survey_informs_the_map_and_the_report_names_it(ros, field, s
     np.testing.assert_array_equal(
         change_from_message(changes[-1])["change_vwc"], found.change.vwc.astype(np.float32)
     )
-    answer = ros.call(Trigger, "mapper/save", timeout=60)
+    answer = ros.call(Trigger, "mapper/save")
     assert answer.success
     summary = json.loads((tmp_path / "saved" / "summary.json").read_text())
     assert [one["name"] for one in summary["earlier"]] == ["may"]

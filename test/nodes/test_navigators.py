@@ -3,8 +3,8 @@
 """The navigators (action_navigator.py, goto_node.py, navigate_to_pose.py, goal_pose.py) and a faulty robot."""
 
 import math
+import queue
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -15,6 +15,8 @@ pytest.importorskip("nav2_msgs")
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 from nav2_msgs.action import NavigateToPose
+from rclpy.action import ActionClient
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from topological_navigation_msgs.action import GotoNode
 from virtual_navigation import SPEED_MPS, STOPS, Nav2, VirtualNavigation, World
@@ -37,15 +39,17 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 FAR, OTHER = STOPS[-1], STOPS[0]
 START = (-10.0, 5.0)
 WAY = Way(np.empty((0, 2)))
-LIMITS = GoalLimits(start_s=20.0, answer_s=10.0, lost_s=1.0, position_s=1.0)
+LIMITS = GoalLimits(start_s=20.0, answer_s=60.0, lost_s=20.0, position_s=20.0)
 
 
 class Driver:
-    """Calls a navigator as the planner does, and keeps the reports."""
+    """Calls a navigator as the planner does, from the thread that has its answers, and keeps the reports."""
 
     def __init__(self, ros, world, make):
         self.ros, self.world, self.ends = ros, world, {}
-        self.navigator = make(self.report)
+        self.node = Node("driver", context=ros.context)
+        self.navigator = make(self.node, self.report)
+        self.todo = queue.SimpleQueue()
         self.running = True
         self.thread = threading.Thread(target=self.run, daemon=True)
         self.thread.start()
@@ -55,11 +59,40 @@ class Driver:
         self.ends[ended.goal_id] = ended
 
     def run(self):
+        executor = SingleThreadedExecutor(context=self.ros.context)
+        executor.add_node(self.node)
         while self.running:
-            time.sleep(0.02)
+            executor.spin_once(timeout_sec=0.02)
+            while not self.todo.empty():
+                what, done = self.todo.get()
+                what()
+                done.set()
             now_s, place = self.world.now_s, self.world.place
             self.navigator.tick(now_s)
             self.navigator.moved(place, now_s)
+        executor.shutdown(timeout_sec=2)
+
+    def do(self, what):
+        """Call a function in that thread."""
+        done = threading.Event()
+        self.todo.put((what, done))
+        self.ros.wait_for(done.is_set, message="the thread of the navigator")
+
+    def go(self, *given):
+        self.do(lambda: self.navigator.go(*given))
+
+    def cancel(self, goal_id):
+        self.do(lambda: self.navigator.cancel(goal_id))
+
+    def stop(self):
+        self.running = False
+        self.thread.join(5)
+
+    def close(self):
+        self.stop()
+        for client in [one for one in self.node.waitables if isinstance(one, ActionClient)]:
+            client.destroy()
+        self.node.destroy_node()
 
     def end_of(self, goal_id):
         return self.ros.wait_for(lambda: self.ends.get(goal_id), message=f"the end of goal {goal_id}")
@@ -76,12 +109,12 @@ def drive(ros, world):
     drivers, tracks = [], {}
 
     def start(limits=LIMITS):
-        def make(report):
+        def make(node, report):
             client = GoalClient(2.0, limits)
             feedback = "topological_navigation/feedback"
             track = tracks[report] = Track(SPEED_MPS, 2.0)
             return GotoNodeNavigator(
-                ros.node, "topological_navigation", GotoNode, feedback, client, track, 2.0, report
+                node, "topological_navigation", GotoNode, feedback, client, track, 2.0, report
             )
 
         drivers.append(Driver(ros, world, make))
@@ -90,8 +123,7 @@ def drive(ros, world):
 
     yield start
     for driver in drivers:
-        driver.running = False
-        driver.thread.join(5)
+        driver.close()
 
 
 @pytest.fixture
@@ -103,11 +135,11 @@ def navigation(ros, world):
 def test_arrival_and_what_is_said_on_the_way(ros, world, navigation, drive):
     driver = drive()
     ros.wait_for(lambda: not driver.navigator.waiting_for)
-    driver.navigator.go(1, FAR, WAY)
+    driver.go(1, FAR, WAY)
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED
     assert world.place == (FAR.x_m, FAR.y_m)
     # the plain topic is best effort here, so it arrives only if the subscription adapts
-    driver.navigator.go(2, OTHER, WAY)
+    driver.go(2, OTHER, WAY)
     ros.wait_for(lambda: driver.navigator.on_the_way == OTHER.name, message="feedback of the plain topic")
 
 
@@ -115,7 +147,7 @@ def test_identities_of_old_goals_are_forgotten(navigation, drive):
     navigation.rejects = True
     driver = drive()
     for goal_id in range(KEPT_GOALS + 3):
-        driver.navigator.go(goal_id, FAR, WAY)
+        driver.go(goal_id, FAR, WAY)
         driver.end_of(goal_id)
     assert list(driver.navigator._ids) == list(range(3, KEPT_GOALS + 3))
 
@@ -132,17 +164,17 @@ def test_identities_of_old_goals_are_forgotten(navigation, drive):
 def test_what_is_not_an_arrival(navigation, drive, quirk, value, reason):
     setattr(navigation, quirk, value)
     driver = drive()
-    driver.navigator.go(1, FAR, WAY)
+    driver.go(1, FAR, WAY)
     assert driver.end_of(1).outcome is Outcome.FAILED
     assert reason in driver.end_of(1).reason
     setattr(navigation, quirk, type(value)())
-    driver.navigator.go(2, FAR, WAY)
+    driver.go(2, FAR, WAY)
     assert driver.end_of(2).outcome is Outcome.SUCCEEDED
 
 
 def test_a_stop_that_the_navigation_does_not_know(navigation, drive):
     driver = drive()
-    driver.navigator.go(1, Stop("nowhere", 0.0, 0.0), WAY)
+    driver.go(1, Stop("nowhere", 0.0, 0.0), WAY)
     assert driver.end_of(1).outcome is Outcome.FAILED
     assert "is the stop on its map" in driver.end_of(1).reason
 
@@ -152,9 +184,9 @@ def test_cancelling_stops_the_robot_whatever_is_answered(ros, world, navigation,
     navigation.cancels = cancels
     world.rate = 5.0
     driver = drive()
-    driver.navigator.go(1, FAR, WAY)
+    driver.go(1, FAR, WAY)
     ros.wait_for(lambda: navigation.goals and world.goal is not None)
-    driver.navigator.cancel(1)
+    driver.cancel(1)
     assert driver.end_of(1).outcome is Outcome.CANCELED
     assert world.goal is None
     assert navigation.ends == ["canceled"]
@@ -163,9 +195,9 @@ def test_cancelling_stops_the_robot_whatever_is_answered(ros, world, navigation,
 def test_a_second_goal_waits_for_the_end_of_the_first(ros, world, navigation, drive):
     world.rate = 10.0
     driver = drive()
-    driver.navigator.go(1, FAR, WAY)
+    driver.go(1, FAR, WAY)
     ros.wait_for(lambda: world.goal is not None)
-    driver.navigator.go(2, OTHER, WAY)
+    driver.go(2, OTHER, WAY)
     assert driver.end_of(1).outcome is Outcome.CANCELED
     assert driver.end_of(2).outcome is Outcome.SUCCEEDED
     assert navigation.most_at_once == 1
@@ -175,18 +207,18 @@ def test_a_second_goal_waits_for_the_end_of_the_first(ros, world, navigation, dr
 def test_goals_of_a_process_before_are_cancelled(ros, world, navigation, drive):
     world.rate = 5.0
     before = drive()
-    before.navigator.go(1, FAR, WAY)
+    before.go(1, FAR, WAY)
     ros.wait_for(lambda: world.goal is not None)
-    before.running = False
+    before.stop()
     after = drive()
-    after.navigator.cancel(1)
+    after.cancel(1)
     assert after.end_of(1).outcome is Outcome.CANCELED
     ros.wait_for(lambda: navigation.ends == ["canceled"])
 
 
 def test_the_server_may_come_late(ros, world, drive):
     driver = drive()
-    driver.navigator.go(1, OTHER, WAY)
+    driver.go(1, OTHER, WAY)
     assert "topological_navigation" in driver.navigator.waiting_for
     with VirtualNavigation(ros, world):
         assert driver.end_of(1).outcome is Outcome.SUCCEEDED
@@ -194,7 +226,7 @@ def test_the_server_may_come_late(ros, world, drive):
 
 def test_a_server_that_never_comes(drive):
     driver = drive(GoalLimits(start_s=0.3))
-    driver.navigator.go(1, OTHER, WAY)
+    driver.go(1, OTHER, WAY)
     assert driver.end_of(1).outcome is Outcome.FAILED
     assert "is not there" in driver.end_of(1).reason
 
@@ -203,13 +235,13 @@ def test_the_server_may_die_in_mid_goal_and_come_back(ros, world, drive):
     world.rate = 5.0
     driver = drive()
     with VirtualNavigation(ros, world) as first:
-        driver.navigator.go(1, FAR, WAY)
+        driver.go(1, FAR, WAY)
         ros.wait_for(lambda: world.goal is not None)
         first.die()
     assert driver.end_of(1).outcome is Outcome.FAILED
     world.rate = 30.0
     with VirtualNavigation(ros, world) as second:
-        driver.navigator.go(2, OTHER, WAY)
+        driver.go(2, OTHER, WAY)
         assert driver.end_of(2).outcome is Outcome.SUCCEEDED
         assert second.ends == ["succeeded"]
 
@@ -218,8 +250,8 @@ def test_no_goal_goes_to_two_navigations_of_one_name(ros, world, navigation, dri
     driver = drive()
     with VirtualNavigation(ros, world) as second:
         ros.wait_for(lambda: "one navigation: 2 nodes" in driver.navigator.waiting_for)
-        driver.navigator.tick(world.now_s)
-        driver.navigator.go(1, OTHER, WAY)
+        driver.do(lambda: driver.navigator.tick(world.now_s))
+        driver.go(1, OTHER, WAY)
         asked_s = world.now_s
         ros.wait_for(lambda: world.now_s > asked_s + 10.0)
         assert not navigation.goals
@@ -246,14 +278,14 @@ def test_a_robot_at_its_node_needs_no_goal(ros, world, navigation, drive):
     world.place = (FAR.x_m, FAR.y_m)
     driver = drive()
     ros.wait_for(lambda: driver.track.standing_at(FAR, 2.0), message="standstill")
-    driver.navigator.go(1, FAR, WAY)
+    driver.go(1, FAR, WAY)
     assert driver.end_of(1).reason == f"already at {FAR.name}"
     assert navigation.goals == []
 
 
 def test_nodes_on_the_way_are_goals_one_after_the_other(world, navigation, drive):
     driver = drive()
-    driver.navigator.go(1, FAR, Way(np.empty((0, 2)), (OTHER, FAR)))
+    driver.go(1, FAR, Way(np.empty((0, 2)), (OTHER, FAR)))
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED
     assert navigation.goals == [OTHER.name, FAR.name]
 
@@ -269,25 +301,24 @@ def drive_poses(ros, world):
     drivers = []
 
     def start(limits=LIMITS):
-        def make(report):
+        def make(node, report):
             client, track = GoalClient(2.0, limits), Track(SPEED_MPS, 2.0)
             name = "navigate_to_pose"
-            return NavigateToPoseNavigator(ros.node, name, NavigateToPose, client, track, 0.5, report)
+            return NavigateToPoseNavigator(node, name, NavigateToPose, client, track, 0.5, report)
 
         drivers.append(Driver(ros, world, make))
         return drivers[-1]
 
     yield start
     for driver in drivers:
-        driver.running = False
-        driver.thread.join(5)
+        driver.close()
 
 
 def test_nav2_arrives_by_way_points_facing_along_the_way(ros, world, nav2, drive_poses):
     driver = drive_poses()
     ros.wait_for(lambda: not driver.navigator.waiting_for)
     corner = (FAR.x_m, 5.0)
-    driver.navigator.go(1, FAR, Way(np.array([world.place, corner, (FAR.x_m, FAR.y_m)])))
+    driver.go(1, FAR, Way(np.array([world.place, corner, (FAR.x_m, FAR.y_m)])))
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED
     assert world.place == (FAR.x_m, FAR.y_m)
     assert nav2.goals == [corner, (FAR.x_m, FAR.y_m)]
@@ -299,7 +330,7 @@ def test_nav2_feedback_is_shown_and_has_an_age(ros, world, nav2, drive_poses):
     world.rate = 0.1
     driver = drive_poses()
     assert math.isnan(driver.navigator.feedback_age_s)
-    driver.navigator.go(1, FAR, WAY)
+    driver.go(1, FAR, WAY)
 
     def heard():
         if nav2.handle is not None:  # feedback may be lost before its subscription is discovered
@@ -322,7 +353,7 @@ def test_nav2_feedback_is_shown_and_has_an_age(ros, world, nav2, drive_poses):
 def test_what_is_no_arrival_for_nav2(nav2, drive_poses, quirk, value, reason):
     setattr(nav2, quirk, value)
     driver = drive_poses()
-    driver.navigator.go(1, FAR, WAY)
+    driver.go(1, FAR, WAY)
     assert driver.end_of(1).outcome is Outcome.FAILED
     assert reason in driver.end_of(1).reason
 
@@ -330,9 +361,9 @@ def test_what_is_no_arrival_for_nav2(nav2, drive_poses, quirk, value, reason):
 def test_nav2_is_cancelled_and_never_gets_the_next_way_point(ros, world, nav2, drive_poses):
     world.rate, nav2.cancels = 5.0, "properly"
     driver = drive_poses()
-    driver.navigator.go(1, FAR, Way(np.array([world.place, (FAR.x_m, 5.0), (FAR.x_m, FAR.y_m)])))
+    driver.go(1, FAR, Way(np.array([world.place, (FAR.x_m, 5.0), (FAR.x_m, FAR.y_m)])))
     ros.wait_for(lambda: world.goal is not None)
-    driver.navigator.cancel(1)
+    driver.cancel(1)
     assert driver.end_of(1).outcome is Outcome.CANCELED
     assert nav2.ends == ["canceled"]
     assert len(nav2.goals) == 1
@@ -349,17 +380,16 @@ def posing(ros, world):
 
     ros.node.create_subscription(PoseStamped, "goal_pose", take, 10)
     client = PoseClient(2.0, 5.0, SPEED_MPS)
-    driver = Driver(ros, world, lambda report: GoalPoseNavigator(ros.node, "nav", ["bag*"], client, report))
+    driver = Driver(ros, world, lambda node, report: GoalPoseNavigator(node, "nav", ["bag*"], client, report))
     ros.wait_for(lambda: not driver.navigator.waiting_for)
     driver.poses = poses
     yield driver
-    driver.running = False
-    driver.thread.join(5)
+    driver.close()
 
 
 def test_poses_arrive_when_the_robot_stands_there(world, posing):
     corner = (FAR.x_m, 5.0)
-    posing.navigator.go(1, FAR, Way(np.array([world.place, corner, (FAR.x_m, FAR.y_m)])))
+    posing.go(1, FAR, Way(np.array([world.place, corner, (FAR.x_m, FAR.y_m)])))
     assert posing.end_of(1).outcome is Outcome.SUCCEEDED
     assert world.place == (FAR.x_m, FAR.y_m)
     assert posing.poses == [(*corner, 0.0), (FAR.x_m, FAR.y_m, pytest.approx(math.pi / 2))]
@@ -367,9 +397,9 @@ def test_poses_arrive_when_the_robot_stands_there(world, posing):
 
 def test_poses_are_cancelled_by_staying(ros, world, posing):
     world.rate = 10.0
-    posing.navigator.go(1, FAR, WAY)
+    posing.go(1, FAR, WAY)
     ros.wait_for(lambda: world.goal is not None and world.place != START)
-    posing.navigator.cancel(1)
+    posing.cancel(1)
     assert posing.end_of(1).outcome is Outcome.CANCELED
     assert posing.poses[-1][:2] != (FAR.x_m, FAR.y_m)
     assert world.goal is None
@@ -377,10 +407,10 @@ def test_poses_are_cancelled_by_staying(ros, world, posing):
 
 def test_one_bad_fix_before_a_stop_does_not_send_the_robot_away(ros, world, posing):
     world.rate = 10.0
-    posing.navigator.go(1, FAR, WAY)
+    posing.go(1, FAR, WAY)
     ros.wait_for(lambda: math.dist(world.place, START) > 3.0)
-    posing.running = False
-    posing.thread.join(5)
+    world.rate = 0.5  # else its places are too old when the last one comes
+    posing.stop()
     posing.navigator.moved((1984.8, 25.4), world.now_s)
     posing.navigator.cancel(1)
     ros.wait_for(lambda: len(posing.poses) == 2, message="the pose that stops the robot")
@@ -397,9 +427,10 @@ def test_an_action_of_the_navigation_stops_the_robot_instead_of_a_pose(ros, worl
 
     ros.node.create_service(CancelGoal, "nav/_action/cancel_goal", answer)
     ros.wait_for(lambda: "cancels the action" in posing.navigator.on_the_way)
-    posing.navigator.go(1, FAR, WAY)
+    posing.do(lambda: posing.navigator.tick(world.now_s))  # which sees that action, too
+    posing.go(1, FAR, WAY)
     ros.wait_for(lambda: world.goal is not None)
-    posing.navigator.cancel(1)
+    posing.cancel(1)
     assert posing.end_of(1).outcome is Outcome.CANCELED
     assert len(posing.poses) == 1
     assert asked

@@ -45,8 +45,7 @@ def test_planner_and_mapper_have_one_grid(ros, tmp_path):
         ros.start("planner", params={**common, "strategy": "random", "navigator": "goal_pose", "graph": "free"})
         ros.wait_for(lambda: len(missions) > 2, message="the planner's status")
         ros.wait_for(lambda: ros.call(Trigger, "planner/start").success)
-        ros.wait_for(lambda: mission_from_message(missions[-1]).target is not None, message="the first stop")
-        stop = mission_from_message(missions[-1]).target
+        stop = ros.wait_for(lambda: mission_from_message(missions[-1]).target, message="the first stop")
     assert (stop.x_m % 5.0, stop.y_m % 5.0) == (2.5, 2.5)
 
 

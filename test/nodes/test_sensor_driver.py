@@ -233,8 +233,8 @@ def test_a_logger_that_does_not_repeat_its_header_is_read_again_after_a_kill(ros
         process = ros.start("sensor_driver", params=params)
         ros.wait_for(lambda: logger.connections == start)  # noqa: B023
         logger.send(f"{start},2026/06/01 08:0{start}:00,980,20,50,600,60".encode())
-        ros.wait_for((folder / NAME).exists, 30, "a header")
-        ros.wait_for(lambda: len(RecordTail(folder, "map").read().records) == start, 30, "a record")  # noqa: B023
+        ros.wait_for((folder / NAME).exists, message="a header")
+        ros.wait_for(lambda: len(RecordTail(folder, "map").read().records) == start, message="a record")  # noqa: B023
         process.kill()
         logger.greeting = ()
 
@@ -254,7 +254,8 @@ def test_records_go_out_at_their_places_with_all_that_belongs_to_them(ros, start
     assert (first.raw_counts, first.exposure_s) == (60, 10.0)
     assert first.f_pressure == pytest.approx(math.exp(0.0077 * (1000 - 1013.25)))
     assert outputs.counts[0].header.frame_id == "map"
-    ros.wait_for(lambda: outputs.fix and outputs.humidity and len(outputs.raw_logger) >= 2 + len(HEADER))
+    ros.wait_for(lambda: outputs.fix and outputs.humidity and outputs.pressure and outputs.temperature)
+    ros.wait_for(lambda: len(outputs.raw_logger) >= 2 + len(HEADER))
     received = [line_from_message(message) for message in outputs.raw_logger]
     assert [text for text in received if text != b"# hello"] == [*HEADER, line(1), line(2)]
     ros.wait_for(lambda: sum(b"GST" in line_from_message(message) for message in outputs.raw_gnss) == 23)
@@ -373,7 +374,7 @@ def test_recordings_are_played_like_devices(ros, start, outputs, tmp_path):
     log, nmea = (tmp_path / "survey" / name for name in ("survey.log", "survey.nmea"))
     number = sum(not text.startswith(b"#") for text in log.read_bytes().splitlines())
     start(logger_uri=f"{log.as_uri()}?speed=30", gnss_uri=f"{nmea.as_uri()}?speed=30", fix_wait_s=60.0)
-    ros.wait_for(lambda: outputs.counts and outputs.numbers[-1] == number, timeout=60, message="the last record")
+    ros.wait_for(lambda: outputs.counts and outputs.numbers[-1] == number, message="the last record")
     assert outputs.numbers == list(range(outputs.numbers[0], number + 1))  # first ones precede discovery
     assert not [one for one in outputs.records if math.isnan(one.x_m)]
 

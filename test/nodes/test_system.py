@@ -14,15 +14,19 @@ import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.counts import counts_from_message
+from msg_adapters.diagnostics import diagnostics_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.samples import samples_from_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.replay import ReplaySettings, replay_bag
@@ -34,7 +38,8 @@ from soilmoist_ros.simulation.mission.simulator import simulate_mission
 # rclpy warns when nodes of the system disappear during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
-LIMIT_S = 150.0
+HELD = f"skipped: {Skip.UNEXPECTED.value}"
+LIMIT_S = 600.0
 """Longest wait for the end of a mission that takes some 20 s on an idle machine."""
 
 
@@ -53,6 +58,7 @@ class Robot:
         self.missions = ros.collect(DiagnosticStatus, f"{namespace}/mission", LATCHED)
         self.counts = ros.collect(PointCloud2, f"{namespace}/counts", RECORDS)
         self.samples = ros.collect(PointCloud2, f"{namespace}/samples", LATCHED)
+        self.diagnostics = ros.collect(DiagnosticArray, "/diagnostics", RECORDS)
         self.processes = {}
         time = {"use_sim_time": True}
         if record:
@@ -63,12 +69,20 @@ class Robot:
         ports = folder / "ports.json"
         simulator = {"field": field, "logger_port": 0, "gnss_port": 0, "ports_file": str(ports), **dict(simulator)}
         self.start("field_simulator", **simulator)
-        ros.wait_for(lambda: self.alive() and ports.exists(), 60, "the simulator's ports")
+        ros.wait_for(lambda: self.alive() and ports.exists(), message="the simulator's ports")
         uris = {
             f"{name}_uri": "tcp://{host}:{port}".format(**address)
             for name, address in json.loads(ports.read_text()).items()
         }
-        self.start("sensor_driver", **files, **uris, **time)
+        self.start("sensor_driver", **files, **uris, autostart=False, **time)
+        receivers = 3 + record  # this test, mapper, planner, recorder
+        ros.wait_for(
+            lambda: self.alive() and ros.node.count_subscribers(f"{namespace}/counts") >= receivers,
+            message="all that need the first record",
+        )
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            request = ChangeState.Request(transition=Transition(id=transition))
+            ros.call(ChangeState, f"{namespace}/sensor_driver/change_state", request)
 
     def start(self, name, /, **params):
         """Start a node."""
@@ -102,11 +116,17 @@ class Robot:
         stamp_s = stamp.sec + 1e-9 * stamp.nanosec
         return [one for one in self.records() if one.stamp_s <= stamp_s + 1e-6 and np.isfinite(one.x_m)]
 
+    def held(self):
+        """How many records the mapper holds back, as chance wants it in one of some thousands."""
+        said = [part for message in self.diagnostics for part in diagnostics_from_message(message)]
+        its = [part.values for part in said if part.name.startswith(f"{self.namespace}/mapper")]
+        return next((int(one[HELD]) for one in reversed(its) if HELD in one), 0)
+
     def check_samples(self):
         """Check that the samples hold the received records, and at most a few from before the subscription."""
         received = [record.raw_counts for record in self.mapped()]
         assert (
-            sum(received)
+            sum(received) - self.held() * max(received)
             <= samples_from_message(self.samples[-1]).counts.sum()
             <= sum(received) + 3 * max(received)
         )
@@ -179,6 +199,8 @@ def test_simulated_time_waits_for_a_planner_that_is_slow(ros, tmp_path):
     for _ in range(2):
         robot.ros.wait_for(counting, LIMIT_S, "a visit")
         planner.send_signal(signal.SIGSTOP)
+        heard = len(clock)
+        robot.ros.wait_for(lambda heard=heard: len(clock) > heard + 2, message="times that are not from before")
         before_s = to_seconds(clock[-1].clock)
         time.sleep(4.0)  # in which 240 s pass if the time does not wait
         passed_s = to_seconds(clock[-1].clock) - before_s
@@ -199,7 +221,7 @@ def test_two_robots_do_not_hear_each_other(ros, tmp_path):
         Robot(ros, tmp_path / "2", "/robot_2", simulator={"speed": 50.0, "seed": 2, "start_time": "2027-01-01"},
               navigator="goal_pose", **mission),
     ]  # fmt: skip
-    ros.wait_for(lambda: all(robot.counts for robot in robots), 60, "records of both")
+    ros.wait_for(lambda: all(robot.counts for robot in robots), message="records of both")
     topics = {name for name, _ in ros.node.get_topic_names_and_types()}
     assert {name for name in topics if not name.startswith("/robot_")} <= {
         "/diagnostics", "/parameter_events", "/rosout", "/tf", "/tf_static",

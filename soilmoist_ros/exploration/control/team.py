@@ -21,6 +21,8 @@ from soilmoist_ros.mapping.samples.samples import as_samples
 
 Array = NDArray[np.float64]
 
+MIN_EXPOSURE_S = 1e-3
+"""What is counted in less changes no map; the variance of its rate need not be a number [s]."""
 SAME_CELLS = 0.5
 """Stops nearer than this to that of another robot count as the same stop [cells]."""
 
@@ -63,7 +65,7 @@ def foreseen(
     :returns: another map; the same without pending measurements at which something is to be counted
     :raises IllConditionedError: if the matrix cannot be factored
     """
-    pending = [each for each in pending_measurements if each.exposure_s > 0]
+    pending = [each for each in pending_measurements if each.exposure_s >= MIN_EXPOSURE_S]
     if not pending:
         return field_map
     rate = np.zeros(len(pending)) if field_map.kriging is None else field_map.kriging.predict(places(pending))[0]

@@ -135,6 +135,7 @@ class Judge:
         self._wrong_since_s: float | None = None
         self._progress_s = self._started_s = 0.0
         self._counted: list[Place] = []
+        self._target: Stop | None = None  # where they were counted
         self._sent = 0
         self._begun = False
         self._saved = False
@@ -164,6 +165,9 @@ class Judge:
         self._look_at_standstill(now_s, place, status)
         self._look_at_stop(now_s, place, status, obeys)
         if status.phase is Phase.COUNTING:
+            if status.target != self._target:  # a planner that was killed may not have published its last visit
+                self._target = status.target
+                self._counted.clear()
             self._counted.append(place)
         elif status.phase in MOVING:
             self._counted.clear()

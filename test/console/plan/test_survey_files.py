@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,7 @@ def test_names_become_paths(files, tmp_path):
     name = files.save("../../North /field", "polygon: []\n", "Ada")
     assert (tmp_path / "fields" / name).read_text().startswith("# Drawn on the operator's page by Ada, 20")
     assert name.startswith("north-field-2")
+    os.utime(tmp_path / "fields" / name, (1.0, 1.0))  # some file systems count time in steps of milliseconds
     second = files.save("../../North /field", "polygon: []\n", "")
     assert files.listed() == {
         "fields": [second, name], "fields_folder": str(tmp_path / "fields"),

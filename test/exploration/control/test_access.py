@@ -268,13 +268,14 @@ class Recorder:
         self.reasons.append(status.reason)
 
     def until_sent(self):
-        for _ in range(2000):
+        for _ in range(12_000):
             self.control.hand_on()
             self.time_s += 0.001
             self.control.show()
             if self.sent or self.status.phase is not Phase.PLANNING:
                 return
             time.sleep(0.005)
+        raise AssertionError("it still plans")
 
 
 def test_a_goal_that_the_fence_refuses_is_never_sent_and_its_stop_ruled_out():

@@ -129,10 +129,11 @@ class Around:
 
     def planned(self):
         """Wait for the thread that plans."""
-        deadline = time.monotonic() + 10
+        deadline = time.monotonic() + 60
         while self.status.phase is Phase.PLANNING and time.monotonic() < deadline:
             time.sleep(0.005)
             self.control.hand_on()
+        assert self.status.phase is not Phase.PLANNING
 
     def arrive(self):
         goal_id, stop = self.goals[-1]

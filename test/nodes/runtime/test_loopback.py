@@ -14,18 +14,22 @@ from soilmoist_ros.nodes.runtime.loopback import DOMAINS, LAST_PORT, PORTS_EACH,
 
 HOLD = """
 import sys
+from soilmoist_ros.nodes.runtime import loopback
 from soilmoist_ros.nodes.runtime.loopback import free_domain
+loopback.DOMAINS = [*map(int, sys.argv[1:])] or loopback.DOMAINS
 with free_domain() as domain:
     print(domain, flush=True)
     sys.stdin.read()
 """
+ASIDE = 101
+"""A domain that nobody else takes meanwhile."""
 DISCOVERY = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
 
 
-def hold(folder):
+def hold(folder, *domains):
     """A process with another folder for its files, as in a container that shares the network."""
     process = subprocess.Popen(
-        [sys.executable, "-c", HOLD],
+        [sys.executable, "-c", HOLD, *map(str, domains)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -49,7 +53,8 @@ def test_every_holder_has_a_domain_of_its_own(tmp_path):
 
 
 def test_the_domain_of_a_killed_process_is_free_again(tmp_path, monkeypatch):
-    other, domain = hold(tmp_path)
+    other, domain = hold(tmp_path, ASIDE)
+    assert domain == ASIDE
     monkeypatch.setattr(loopback, "DOMAINS", [domain])
     release(other)
     with free_domain() as mine:
@@ -57,9 +62,9 @@ def test_the_domain_of_a_killed_process_is_free_again(tmp_path, monkeypatch):
 
 
 def test_a_domain_is_given_back_after_an_error(monkeypatch):
+    monkeypatch.setattr(loopback, "DOMAINS", [ASIDE])
     with pytest.raises(OSError, match="the body"), free_domain() as domain:
         raise OSError("the body")
-    monkeypatch.setattr(loopback, "DOMAINS", [domain])
     with free_domain() as again:
         assert again == domain
 

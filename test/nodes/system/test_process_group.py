@@ -150,7 +150,7 @@ def test_a_node_that_ignores_sigint_is_killed_and_the_others_end_well(journal, t
     with group(tmp_path) as nodes:
         start(nodes, "good", "deaf", "good_2")
         ready(journal, 3)
-        nodes.stop(limit_s=0.3)
+        nodes.stop(limit_s=2.0)
         assert [name for name, _, text in said(journal) if text == "SIGINT"] == ["good_2", "good"]
         assert all(gone(number) for number in numbers(journal))
 

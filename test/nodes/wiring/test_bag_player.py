@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("rclpy")
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
-from ros_system import NodeProcess
+from ros_system import LIMIT_S, NodeProcess
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
@@ -88,15 +88,16 @@ def test_the_mapper_makes_the_map_that_the_replay_makes(ros, play):
     clock = ros.collect(Clock, "/clock", EVERY_CLOCK)
     ros.wait_for(lambda: ros.node.count_subscribers("counts") == 2, message="the mapper")
     player = play(run, "--time-factor", 100)
-    assert player.wait(60) == 0, player.output()
+    assert player.wait(LIMIT_S) == 0, player.output()
     assert "played 30 messages" in player.output()
     assert "note: played" not in player.output(), "it is the result, no warning"
     with BagReader(run / "bag") as reader:
         recorded, begin_ns = reader.read_counts(), reader.extent.start_ns
+    ros.wait_for(lambda: len(counts) == len(recorded), message="the last counts")
     played = [record for message in counts for record in counts_from_message(message)]
     assert repr(played) == repr(recorded)
     stamp_s = recorded[-1].stamp_s
-    ros.wait_for(lambda: maps and to_seconds(maps[-1].header.stamp) == stamp_s, 60, "the last map")
+    ros.wait_for(lambda: maps and to_seconds(maps[-1].header.stamp) == stamp_s, message="the last map")
     grid = replay.run.soil_map.grid
     assert soil_map_from_message(maps[-1]).tobytes() == map_cells(grid, replay.run.soil_map).tobytes()
     times = [to_seconds(one.clock) for one in clock]
@@ -106,7 +107,7 @@ def test_the_mapper_makes_the_map_that_the_replay_makes(ros, play):
 
 
 def test_it_starts_late_with_the_last_of_what_is_latched_and_pauses(ros, play, notes_bag):
-    notes = ros.collect(String, "/r/notes")
+    notes = ros.collect(String, "/r/notes", 1000)
     maps = ros.collect(String, "/topological_map_2", LATCHED)
     player = play(notes_bag, "--topics", "/r/notes|/topo.*", "--start", 20, "--time-factor", 12)
     assert ros.call(Trigger, "bag_player/pause").success
@@ -118,17 +119,18 @@ def test_it_starts_late_with_the_last_of_what_is_latched_and_pauses(ros, play, n
     assert len(notes) == received < 20
     ros.wait_for(lambda: "paused" in player.output())
     assert ros.call(Trigger, "bag_player/resume").success
-    assert player.wait(60) == 0, player.output()
+    assert player.wait(LIMIT_S) == 0, player.output()
+    ros.wait_for(lambda: len(notes) >= 20, message="the last note")
     assert [one.data for one in notes] == [f"/r/notes {number}" for number in range(20, 40)]
     assert [one.data for one in maps] == ["/topological_map_2 0"]
     assert "played 21 messages" in player.output()
-    assert to_seconds(clock[-1].clock) == START_S + 39
+    ros.wait_for(lambda: to_seconds(clock[-1].clock) == START_S + 39, message="the last time")
 
 
 def test_what_mapper_and_planner_publish_themselves_is_not_played(ros, play, notes_bag):
     maps = ros.collect(String, "/topological_map_2", LATCHED)
     player = play(notes_bag, "--time-factor", 100)
-    assert player.wait(60) == 0, player.output()
+    assert player.wait(LIMIT_S) == 0, player.output()
     ros.wait_for(lambda: len(maps) == 1)
     assert ros.node.count_publishers("/r/samples") == 0
     assert "played 1 messages" in player.output()
@@ -147,7 +149,8 @@ def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
     received = ros.collect(Clock, "/clock", EVERY_CLOCK)
     ends = ros.collect(String, "/fix")
     player = play(tmp_path / "bag")
-    assert player.wait(60) == 0, player.output()
+    assert player.wait(LIMIT_S) == 0, player.output()
+    ros.wait_for(lambda: ends, message="the end")
     assert [one.data for one in ends] == ["end"]
     times = [to_seconds(one.clock) for one in received]
     assert len(times) > 10
@@ -164,7 +167,7 @@ def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
 )
 def test_mistakes(play, notes_bag, options, said):
     player = play(notes_bag, *options)
-    assert player.wait(60) == 2
+    assert player.wait(LIMIT_S) == 2
     assert said in player.output()
 
 

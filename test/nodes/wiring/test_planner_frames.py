@@ -123,8 +123,9 @@ def test_a_robot_with_another_datum_arrives_at_the_right_places(ros, tmp_path):
         world.goal = move.inverse.place((x, y))
 
     poses = ros.collect(PoseWithCovarianceStamped, "robot_pose", DEFAULT)
-    with World(ros, rate=20.0) as world:
-        world.place = (3.0, 3.0)
+    world = World(ros, rate=20.0)
+    world.place = (3.0, 3.0)
+    with world:
         ros.node.create_subscription(PoseStamped, "goal_pose", take, 10)
         with Localisation(ros, world, move, "nav_map"):
             planning = Planning(
@@ -152,4 +153,5 @@ def test_a_map_of_the_navigation_with_another_datum_is_named_and_can_be_used(ros
         planning = Planning(ros, tmp_path, autostart=True, exit_when_finished=True, navigation_datum="map")
         assert planning.process.wait() == 0
         assert planning.status.samples >= 2
-        assert set(navigation.ends) == {"succeeded"}
+        assert set(navigation.ends[:-1]) == {"succeeded"}
+        assert navigation.ends[-1] in ("succeeded", "canceled"), "the time may be up on the way"

@@ -194,7 +194,7 @@ def test_a_disk_that_is_gone_is_left_for_a_new_bag(make, tmp_path, monkeypatch):
     recorder = make(retry_s=0.1)
     recorder.start()
     recorder.put(NOTES, START_NS, START_NS, DATA)
-    wait_for(lambda: "can no longer be written" in recorder.state.problem)
+    wait_for(lambda: (state := recorder.state).dropped and "can no longer be written" in state.problem)
     healed.set()
     wait_for(lambda: recorder.state.bag is not None and not recorder.state.problem)
     recorder.put(NOTES, START_NS + 1, START_NS, DATA)
@@ -503,6 +503,9 @@ def test_a_recorder_makes_space_in_its_bag_and_goes_on(make, tmp_path):
         sent += 1
         recorder.drop_oldest(recorder.state.size_bytes - 5000)
         time.sleep(0.002)
+    recorder.drop_oldest(0.0)
+    recorder.put(NOTES, START_NS + sent, START_NS, text_message("the last one is kept"))
+    sent += 1
     state = recorder.stop()
     assert (state.messages, state.dropped, state.problem) == (sent, 0, "")
     assert not (tmp_path / "run/run_0.mcap").exists()

@@ -39,7 +39,7 @@ def test_a_half_open_connection_is_replaced_after_the_silence_limit():
         client.sendall(b"a\n")
         hung.wait(LIMIT_S)
 
-    retry = Retry(0.01, 0.05, silence_s=0.3)
+    retry = Retry(0.01, 0.05, silence_s=1.0)
     with ScriptedServer(hang, sends(b"b\n")) as server, opened(server.uri, retry) as source:
         assert read(source, 1) == [b"a"]
         read_until(source, lambda: "no bytes for" in source.status.last_error)

@@ -74,8 +74,8 @@ def slow(tools, monkeypatch):
 
 @pytest.fixture
 def started(tools):
-    """Starts Dask's programs; what still runs is killed at the end."""
-    running = []
+    """Starts Dask's programs on ports that nobody else takes; what still runs is killed at the end."""
+    running, held = [], []
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join([str(tools), str(HERE), os.environ.get("PYTHONPATH", "")]),
         "MARK": str(tools / "died"),
@@ -93,8 +93,17 @@ def started(tools):
         running.append(process)
         return process
 
-    start.environment = environment
+    def port():
+        """A port that is held, so that it is given to none but a program that asks for it as Dask does."""
+        held.append(socket.socket())
+        held[-1].setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        held[-1].bind(("127.0.0.1", 0))
+        return held[-1].getsockname()[1]
+
+    start.environment, start.port = environment, port
     yield start
+    for one in held:
+        one.close()
     for process in running:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -104,9 +113,7 @@ def started(tools):
 @pytest.fixture
 def address(started):
     """A scheduler with one worker, which its nanny starts again."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = started.port()
     scheduler = started(
         "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"
     )
@@ -195,7 +202,7 @@ def test_workers_of_another_version_are_refused(tmp_path, slow, started, address
     assert outcome.complete
     started("-c", OTHER_VERSION, address.text, "--no-nanny", "--no-dashboard")
     with cluster.connect(address.text) as client:
-        wait_until(lambda: "9.9" in client.run(cluster.code_version).values())
+        wait_until(lambda: "9.9" in client.run(cluster.code_version, on_error="return").values())
     ours = re.escape(cluster.code_version())
     with pytest.raises(InputError, match=rf"this is soilmoist_ros {ours}, but the Dask worker tcp://\S+ has 9\.9"):
         run_campaign(campaign, tmp_path / "b", slow.simulate, scheduler=address.text)
@@ -334,9 +341,7 @@ def test_a_cluster_with_keys_computes_encrypted_and_refuses_others(tmp_path, slo
     assert {path.stat().st_mode & 0o077 for path in config.parent.iterdir()} == {0}
     assert subprocess.run([script, config.parent], capture_output=True).returncode == 2, "keys are never replaced"
     started.environment["DASK_CONFIG"] = str(config)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = started.port()
     address = f"tls://127.0.0.1:{port}"
     scheduler = "-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host"
     started(*scheduler, address.rpartition(":")[0], "--port", port)

@@ -125,6 +125,20 @@ def test_counting_at_a_wrong_place(judge):
     assert kinds(judge) == [Kind.WRONG_VISIT, Kind.NO_REASON]
 
 
+def test_places_of_a_visit_that_was_never_published_are_not_those_of_the_next(judge):
+    here, there = Stop("a", 5.0, 5.0), Stop("b", 5.0, 12.0)
+    judge.drove(1.0, (5, 12), [], replace(COUNTING, target=there))
+    judge.drove(61.0, (5, 5), [], replace(COUNTING, target=here))
+    visit = Visit(
+        "a", 5.0, 5.0, 60.0, 120.0, 100, "", stop_x_m=5.0, stop_y_m=5.0, ended=VisitEnd.ENOUGH, outcome="60 s"
+    )
+    judge.visited(120.0, visit)
+    assert kinds(judge) == []
+    judge.drove(121.0, (5, 12), [], replace(COUNTING, target=here))
+    judge.visited(180.0, visit)
+    assert kinds(judge) == [Kind.WRONG_VISIT]
+
+
 def test_goals(judge):
     judge.sent(1.0, (5, 5), "a")
     judge.sent(1.0, (-9, 5), "home", allowed=(-9, 5))
