@@ -13,7 +13,8 @@ from soilmoist_ros.sensing.records import NAN, CountRecord
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 records = st.builds(
     CountRecord,
-    **{name: numbers for name in COLUMNS if name not in ("raw_counts", "quarantine")},
+    **{name: numbers for name in COLUMNS if name not in ("stamp_s", "raw_counts", "quarantine")},
+    stamp_s=st.floats(-1e10, 253_402_300_799.0),
     raw_counts=st.integers(0, 2**32 - 1),
     quarantine=st.sampled_from(["", "noisy_tube"]),
 )
@@ -56,6 +57,7 @@ def test_a_missing_position_stays_missing(tmp_path):
         (lambda text: text.replace(",4,", f",{2**63 + 1},"), "records.csv:3: is not a record: raw_counts is 9223"),
         (lambda text: text.replace("2.0,2.0,", "nan,2.0,"), "records.csv:3: is not a record: stamp_s is nan"),
         (lambda text: text.replace("2.0,2.0,", "inf,2.0,"), "records.csv:3: is not a record: stamp_s is inf"),
+        (lambda text: text.replace("2.0,2.0,", "1e300,2.0,"), "records.csv:3: is not a record: stamp_s is 1e"),
         (lambda text: text.replace("2.0,2.0,", "2.0,-inf,"), "records.csv:3: is not a record: x_m is -inf"),
         (lambda text: text.replace("4,10.0,", "4,inf,"), "records.csv:3: is not a record: exposure_s is inf"),
         (lambda text: text[:-1] + "x" * 140_000, "records.csv:3: is not a record: field larger than"),
