@@ -14,7 +14,11 @@ from types import ModuleType
 
 import pytest
 from hypothesis import settings
-from hypothesis.internal.conjecture import providers
+
+try:
+    from hypothesis.internal.conjecture import providers
+except ImportError:  # as in Ubuntu 24.04, whose Hypothesis draws nothing from modules
+    providers = None
 
 # Every run uses the same examples at any machine speed; HYPOTHESIS_PROFILE=search looks for new examples.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -23,7 +27,7 @@ settings.register_profile("quick", derandomize=True, deadline=None, max_examples
 settings.register_profile("search", deadline=None)
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "repeatable")
 settings.load_profile(PROFILE)
-if PROFILE != "search" and hasattr(providers, "_get_local_constants"):
+if PROFILE != "search" and hasattr(providers, "_local_constants"):
     # Some values are drawn from the numbers and texts of those modules of the project that happen to be loaded,
     # which depends on the tests that a worker ran before; there is no setting for it.
     providers._get_local_constants = lambda: providers._local_constants
