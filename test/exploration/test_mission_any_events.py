@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from soilmoist_ros.exploration.mission.actions import (
+    ANYBODYS,
     Answer,
     CancelGoal,
     Finish,
@@ -45,6 +46,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing.records import CountRecord
 
 STOPS = [Stop("a", 10.0, 0.0), Stop("b", 0.0, 20.0), Stop("far", 400.0, 0.0)]
+STILL = (Phase.PAUSED, Phase.IDLE, Phase.FINISHED)
 PLACES = [(0.0, 0.0), (10.0, 0.0), (11.0, 1.0), (0.0, 20.0), (200.0, 0.0), (math.nan, 0.0)]
 WAITS = st.sampled_from([0.0, 1.0, 10.0, 31.0, 61.0, 400.0])
 STALE = st.sampled_from([0, 0, -1, 1])
@@ -79,17 +81,19 @@ class AnyEvents(RuleBasedStateMachine):
         """Let an event happen, to the mission and to one restored from its snapshot; check what both do."""
         before = self.mission.state
         restored = Mission.restore(self.rules, self.mission.snapshot())
-        assert restored.state == before
+        assert repr(restored.state) == repr(before)  # a travel time that is not known is not equal to itself
         actions = self.mission.step(event)
         self.watch(event, actions)
         written = json.dumps(event_to_dict(event), allow_nan=False)
-        assert restored.step(event_from_dict(json.loads(written))) == actions
-        assert restored.state == self.mission.state
+        assert repr(restored.step(event_from_dict(json.loads(written)))) == repr(actions)
+        assert repr(restored.state) == repr(self.mission.state)
         self.history.append((event, self.mission.state, actions))
         if isinstance(event, GoalReached | GoalFailed) and self.open_goal and self.open_goal[0] == event.goal_id:
             self.open_goal = None
         for action in actions:
             self.check_action(action, before)
+        if self.mission.state.phase in STILL and self.no_goal_moves_the_robot():
+            self.open_goal = None  # what moves a robot that stood without a mission is no goal
         self.check_progress(before)
 
     def watch(self, event, actions):
@@ -115,7 +119,10 @@ class AnyEvents(RuleBasedStateMachine):
                 asked_s = self.open_goal[1] if self.open_goal and self.open_goal[0] == goal_id else -math.inf
                 late = self.rules.standstill_s > 0 and self.now_s >= (asked_s or 0.0) + self.rules.cancel_limit_s
                 urgent = isinstance(self.history[-1][0], EmergencyStop)
-                assert self.open_goal == (goal_id, None) or late or urgent, "cancelled twice, or what is not open"
+                anybodys = goal_id == ANYBODYS and before.goal is None
+                assert self.open_goal == (goal_id, None) or late or urgent or anybodys, (
+                    "cancelled twice, or not open"
+                )
                 if self.open_goal == (goal_id, None) or (self.open_goal and late and not urgent):
                     self.open_goal = (goal_id, self.now_s)
             case StartCounting():
@@ -367,7 +374,7 @@ class AnyEvents(RuleBasedStateMachine):
         assert (state.goal is not None) == (state.phase in (Phase.TRAVELLING, Phase.RETURNING, Phase.CANCELLING))
         assert (state.todo is not None) == (state.phase in (Phase.CANCELLING, Phase.WAITING))
         assert state.wait_until_s is None or state.phase in (Phase.WAITING, Phase.CANCELLING)
-        if state.phase in (Phase.PAUSED, Phase.IDLE, Phase.FINISHED):
+        if state.phase in STILL:
             assert self.no_goal_moves_the_robot()
         assert (state.resume is not None) == (state.phase is Phase.PAUSED or state.todo is Todo.PAUSE)
         if state.phase in (Phase.IDLE, Phase.FINISHED):

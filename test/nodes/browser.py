@@ -19,11 +19,16 @@ FLAGS = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--host-resolver-rules=MAP *.example 127.0.0.1",
 )  # fmt: skip
-SLIDE_S = 60.0
-"""Longest time for a slide [s]; a busy machine draws the page slowly, and often."""
+SLIDE_S = 180.0
+"""Longest time for a slide [s]; on a busy machine a try takes seconds, and the page is drawn anew meanwhile."""
 UNDER_FINGER = """([x, y]) => {
     const there = document.elementFromPoint(x, y), state = document.getElementById("state");
     return `${there?.outerHTML.slice(0, 200)} at (${x}, ${y}); ${state?.innerText}`;
+}"""
+STATE = """knob => {
+    const {x, y} = knob.getBoundingClientRect(), focus = document.activeElement;
+    const name = focus === knob ? "it" : focus?.outerHTML.slice(0, 80);
+    return `now at (${x}, ${y}) with value ${knob.value}, and ${name} has the focus`;
 }"""
 PHONE, DESK = {"width": 390, "height": 844}, {"width": 1280, "height": 800}
 
@@ -123,8 +128,9 @@ def slide(page: Any, text: str) -> None:
     from playwright.sync_api import Error
 
     knob = page.locator(f'.slide[data-slide^="{text}"] input:visible')
-    deadline, missed = time.monotonic() + SLIDE_S, ""
+    deadline, tries, missed = time.monotonic() + SLIDE_S, 0, ""
     while time.monotonic() < deadline:
+        tries += 1
         try:
             knob.evaluate("knob => knob.scrollIntoView({block: 'center'})")  # STOP covers the edge of a phone
             if (box := knob.bounding_box()) is not None:
@@ -137,10 +143,13 @@ def slide(page: Any, text: str) -> None:
                     if knob.evaluate("knob => Number(knob.value)") >= 95:
                         page.mouse.up()
                         return
-                missed = page.evaluate(UNDER_FINGER, [x, y])
+                what = f"{box} when it was pressed, {knob.evaluate(STATE, timeout=1000)}"
+                missed = f"{what}, {page.evaluate(UNDER_FINGER, [x, y])}"
         except Error as error:  # the page has just been drawn anew, with another slide
             missed = str(error)
         page.mouse.move(1, 1)  # what the finger came upon is not clicked
         page.mouse.up()
         page.wait_for_timeout(100)
-    raise AssertionError(f"no finger moves the slide {text!r} to its end, at last because of: {missed}")
+    raise AssertionError(
+        f"no finger moves the slide {text!r} to its end in {tries} tries, at last because of: {missed}"
+    )
