@@ -15,8 +15,6 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
@@ -74,15 +72,7 @@ class Robot:
             f"{name}_uri": "tcp://{host}:{port}".format(**address)
             for name, address in json.loads(ports.read_text()).items()
         }
-        self.start("sensor_driver", **files, **uris, autostart=False, **time)
-        receivers = 3 + record  # this test, mapper, planner, recorder
-        ros.wait_for(
-            lambda: self.alive() and ros.node.count_subscribers(f"{namespace}/counts") >= receivers,
-            message="all that need the first record",
-        )
-        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
-            request = ChangeState.Request(transition=Transition(id=transition))
-            ros.call(ChangeState, f"{namespace}/sensor_driver/change_state", request)
+        self.start("sensor_driver", **files, **uris, **time)
 
     def start(self, name, /, **params):
         """Start a node."""
