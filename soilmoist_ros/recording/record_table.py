@@ -14,7 +14,7 @@ from typing import Final
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.plain_values import csv_text, text_of_csv
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, CountRecord
 
 RECORDS: Final = "records.csv"
 """Name of the table of records in an output folder, from which a later map can start."""
@@ -24,8 +24,6 @@ _NUMBERS: Final = tuple(name for name in COLUMNS if name != "quarantine")
 """Columns that every table has; tables of earlier releases have no quarantine."""
 
 _MAX_COUNTS: Final = 2**63
-_MAX_STAMP_S: Final = 253_402_300_799.0
-"""The end of the year 9999, the last that Python's calendar has [s since 1970 UTC]."""
 
 
 def write_records(path: Path, records: Sequence[CountRecord]) -> None:
@@ -70,7 +68,7 @@ def _record(row: dict[str, str], path: Path, line: int) -> CountRecord:
     try:
         values = {name: float(row[name]) for name in _NUMBERS if name != "raw_counts"}
         for name, value in values.items():
-            if math.isinf(value) or (name == "stamp_s" and not abs(value) <= _MAX_STAMP_S):
+            if math.isinf(value) or (name == "stamp_s" and not FIRST_STAMP_S <= value <= LAST_STAMP_S):
                 raise ValueError(f"{name} is {value}")
         counts = int(row["raw_counts"])
         if not 0 <= counts <= _MAX_COUNTS:

@@ -170,11 +170,6 @@ def test_a_walk_a_strategy_and_earlier_runs_are_in_the_plan_that_is_started(brow
     assert shapely.Polygon(field.polygon).symmetric_difference(shapely.Polygon(CORNERS)).area < 60
 
 
-def once(asked):
-    """Without the stops that the page asks for again, as it does after some seconds without an answer."""
-    return [one for number, one in enumerate(asked) if one not in asked[:number] or one[0] is not True]
-
-
 def wait_for(found):
     deadline = time.monotonic() + LIMIT_MS / 1000
     while not (answer := found()):
@@ -222,7 +217,7 @@ def test_two_operators_and_ten_viewers(browser, served):
     slide(bo, "Slide to take over")
     shows(ada, "actions", "Bo has the controls")
     assert [barriers(ada), barriers(bo)] == ["", ""]
-    assert once(served.robots.asked) == [("r1", "start", "Ada"), (True, "Bo")]
+    assert served.robots.asked == [("r1", "start", "Ada"), (True, "Bo")]
 
 
 def test_a_slide_stays_under_the_finger_while_the_page_changes(browser, served):
@@ -272,4 +267,4 @@ def test_behind_a_proxy_with_tls_the_page_steers_with_the_token_only(browser, se
         steering.locator("#stop").click()
         shows(looking, "stop", "STOP is pressed")
         assert page(f"https://evil.example:{link.port}/")[1].status == 403
-    assert once(served.robots.asked) == [("r1", "start", "console"), (True, "console")]
+    assert served.robots.asked == [("r1", "start", "console"), (True, "console")]

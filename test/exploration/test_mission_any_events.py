@@ -120,9 +120,8 @@ class AnyEvents(RuleBasedStateMachine):
                 late = self.rules.standstill_s > 0 and self.now_s >= (asked_s or 0.0) + self.rules.cancel_limit_s
                 urgent = isinstance(self.history[-1][0], EmergencyStop)
                 anybodys = goal_id == ANYBODYS and before.goal is None
-                assert self.open_goal == (goal_id, None) or late or urgent or anybodys, (
-                    "cancelled twice, or not open"
-                )
+                again = late or urgent or anybodys
+                assert self.open_goal == (goal_id, None) or again, "cancelled twice, or what is not open"
                 if self.open_goal == (goal_id, None) or (self.open_goal and late and not urgent):
                     self.open_goal = (goal_id, self.now_s)
             case StartCounting():

@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.record_table import COLUMNS, read_records, write_records
-from soilmoist_ros.sensing.records import NAN, CountRecord
+from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, NAN, CountRecord
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 records = st.builds(
     CountRecord,
     **{name: numbers for name in COLUMNS if name not in ("stamp_s", "raw_counts", "quarantine")},
-    stamp_s=st.floats(-1e10, 253_402_300_799.0),
+    stamp_s=st.floats(FIRST_STAMP_S, LAST_STAMP_S),
     raw_counts=st.integers(0, 2**32 - 1),
     quarantine=st.sampled_from(["", "noisy_tube"]),
 )

@@ -19,6 +19,7 @@ from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.recording.run_folder import SUMMARY
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.sensing.moisture.universal import UniversalCurve
+from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -31,7 +32,7 @@ CURVES: Mapping[str, type[CalibrationCurve | UniversalCurve]] = {
 """Calibration curves by the names in their parameters."""
 Number = Annotated[float, Field(ge=-1e300, le=1e300)]
 Positive = Annotated[float, Field(gt=0, le=1e300)]
-Stamp = Annotated[float, Field(ge=-62135596800, le=253402300799)]  # the years 1 to 9999
+Stamp = Annotated[float, Field(ge=FIRST_STAMP_S, le=LAST_STAMP_S)]
 
 
 class _Part(BaseModel):

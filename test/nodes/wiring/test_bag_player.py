@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("rclpy")
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
-from ros_system import LIMIT_S, NodeProcess
+from ros_system import NodeProcess
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
@@ -88,7 +88,7 @@ def test_the_mapper_makes_the_map_that_the_replay_makes(ros, play):
     clock = ros.collect(Clock, "/clock", EVERY_CLOCK)
     ros.wait_for(lambda: ros.node.count_subscribers("counts") == 2, message="the mapper")
     player = play(run, "--time-factor", 100)
-    assert player.wait(LIMIT_S) == 0, player.output()
+    assert player.wait() == 0, player.output()
     assert "played 30 messages" in player.output()
     assert "note: played" not in player.output(), "it is the result, no warning"
     with BagReader(run / "bag") as reader:
@@ -119,7 +119,7 @@ def test_it_starts_late_with_the_last_of_what_is_latched_and_pauses(ros, play, n
     assert len(notes) == received < 20
     ros.wait_for(lambda: "paused" in player.output())
     assert ros.call(Trigger, "bag_player/resume").success
-    assert player.wait(LIMIT_S) == 0, player.output()
+    assert player.wait() == 0, player.output()
     ros.wait_for(lambda: len(notes) >= 20, message="the last note")
     assert [one.data for one in notes] == [f"/r/notes {number}" for number in range(20, 40)]
     assert [one.data for one in maps] == ["/topological_map_2 0"]
@@ -130,7 +130,7 @@ def test_it_starts_late_with_the_last_of_what_is_latched_and_pauses(ros, play, n
 def test_what_mapper_and_planner_publish_themselves_is_not_played(ros, play, notes_bag):
     maps = ros.collect(String, "/topological_map_2", LATCHED)
     player = play(notes_bag, "--time-factor", 100)
-    assert player.wait(LIMIT_S) == 0, player.output()
+    assert player.wait() == 0, player.output()
     ros.wait_for(lambda: len(maps) == 1)
     assert ros.node.count_publishers("/r/samples") == 0
     assert "played 1 messages" in player.output()
@@ -149,7 +149,7 @@ def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
     received = ros.collect(Clock, "/clock", EVERY_CLOCK)
     ends = ros.collect(String, "/fix")
     player = play(tmp_path / "bag")
-    assert player.wait(LIMIT_S) == 0, player.output()
+    assert player.wait() == 0, player.output()
     ros.wait_for(lambda: ends, message="the end")
     assert [one.data for one in ends] == ["end"]
     times = [to_seconds(one.clock) for one in received]
@@ -167,7 +167,7 @@ def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
 )
 def test_mistakes(play, notes_bag, options, said):
     player = play(notes_bag, *options)
-    assert player.wait(LIMIT_S) == 2
+    assert player.wait() == 2
     assert said in player.output()
 
 

@@ -149,9 +149,9 @@ def test_a_map_of_the_navigation_with_another_datum_is_named_and_can_be_used(ros
     latitude, longitude = FRAME.to_geographic([(-150.0, 30.0)])[0].tolist()
     document = dict(make_map(PlaneMove(0.0, (150.0, -30.0))).document)
     document["meta"] = {"datum_latitude": latitude, "datum_longitude": longitude}
-    with World(ros, navigations_map=json.dumps(document)) as world, VirtualNavigation(ros, world) as navigation:
+    world = World(ros, rate=20.0, navigations_map=json.dumps(document))  # fast ones end on the way
+    with world, VirtualNavigation(ros, world) as navigation:
         planning = Planning(ros, tmp_path, autostart=True, exit_when_finished=True, navigation_datum="map")
         assert planning.process.wait() == 0
         assert planning.status.samples >= 2
-        assert set(navigation.ends[:-1]) == {"succeeded"}
-        assert navigation.ends[-1] in ("succeeded", "canceled"), "the time may be up on the way"
+        assert set(navigation.ends) == {"succeeded"}
