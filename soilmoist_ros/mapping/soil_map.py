@@ -278,7 +278,5 @@ def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Cha
         return samples
     samples, time_s = changing.timed.samples, changing.timed.time_s
     exposure_s = samples.exposure_s * changing.change.factor(time_s)
-    known_rate = kriging.mean_rate
-    rate = noise_rates(noise_rate(samples) if known_rate is None else known_rate, samples.xy)
-    uncertain = changing.change.uncertain(time_s) * np.broadcast_to(rate, len(samples))[:, None]
+    uncertain = changing.change.uncertain(time_s) * noise_rate(samples)
     return kriging.fit(samples.xy, samples.counts, exposure_s, samples.spread, uncertain).places

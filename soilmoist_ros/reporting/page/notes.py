@@ -180,7 +180,7 @@ def _on_change(soil_map: SoilMap) -> Iterator[Note]:
     change = soil_map.change
     if not change.text:
         return
-    allowed = "The map is of the field at the end" if change.drift is not None else "The map does not allow for it"
+    allowed = "The map is of the field at the end"
     jump = change.jump
     if jump is not None and jump.is_certain and jump.change_cps < 0:
         yield Note(

@@ -94,6 +94,32 @@ def test_a_drift_that_is_not_there_costs_little():
     assert auto < 1.05 * off
 
 
+SURFACES = {
+    "slope": lambda x, y: y / 50,
+    "bowl": lambda x, y: ((x - 30) / 30) ** 2 + ((y - 25) / 25) ** 2,
+    "wet end": lambda x, y: 1 / (1 + np.exp((y - 35) / 3)),
+    "ridges": lambda x, y: 0.5 + np.sin(x / 5) * np.cos(y / 8) / 3 + y / 100,
+    "hill": lambda x, y: np.exp(-((x - 40) ** 2 + (y - 15) ** 2) / 200),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
+@pytest.mark.parametrize("exposure_s", [10.0, 60.0])
+def test_the_pattern_of_a_field_is_no_drift(surface, exposure_s):
+    """A single sweep from south to north, of 2.5 to 5.5 counts/s: each pattern is a change over time as well."""
+    y, x = (axis.ravel() for axis in np.meshgrid(np.arange(2.5, 50, 5), np.arange(2.5, 60, 5), indexing="ij"))
+    time_s = np.linspace(0, HOURS * 3600, len(x))
+    of_cells = surface(*GRID.cells.T)
+    rate = np.interp(surface(x, y), (of_cells.min(), of_cells.max()), (2.5, 5.5))
+    for seed in range(4):
+        counts = np.random.default_rng(seed).poisson(rate * exposure_s)
+        timed = TimedSamples(Samples(np.column_stack([x, y]), counts, np.full(len(x), exposure_s)), time_s)
+        field_map = FieldMap(GRID)
+        field_map.set_records(records(timed))
+        assert field_map.update().change == Change()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("change", [0.1, -0.1, 0.3])
 def test_a_drift_does_not_become_a_pattern(change):
@@ -285,7 +311,7 @@ def test_a_map_with_a_drift_is_of_the_places_of_the_samples(at_once):
 
 
 def test_visits_near_one_place_share_its_micro_scale_variation():
-    timed = survey(2, 0.1)[0]
+    timed = survey(2, 0.2)[0]
     one, stops = timed.samples, np.tile(np.round(timed.samples.xy[:30]), (3, 1))
     nodes = TimedSamples(Samples(stops, one.counts, one.exposure_s), timed.time_s)
     near = TimedSamples(Samples(stops + 1e-7 * np.arange(90)[:, None], one.counts, one.exposure_s), timed.time_s)
