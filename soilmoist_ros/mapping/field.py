@@ -4,28 +4,34 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field as Setting
 from pydantic import model_validator
 
-from soilmoist_ros.foundation.configuration import read_limited
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
 from soilmoist_ros.foundation.places import distance_text
-from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.foundation.sections import Section, load_model
 from soilmoist_ros.mapping.covariates.source import CovariateSection, CovariateSource
 from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping.border_file import Border
+
+_log = logging.getLogger(__name__)
+
 MIN_AREA_M2, MAX_AREA_M2 = 1.0, 1e9
 """Areas beyond which a boundary is a mistake [m^2]."""
+MIN_NO_GO_M2 = 0.01
+"""Area below which a no-go area is a mistake; a post has more [m^2]."""
 MAX_DATUM_DISTANCE_M = 50_000.0
 """Distance of the boundary from its datum beyond which it is a mistake: the plane stretches by 0.5 m there [m]."""
 Vertex = tuple[float, float]
@@ -41,6 +47,19 @@ class Datum(Section):
     """Longitude, WGS-84, east positive [deg]."""
 
 
+class BorderSection(Section):
+    """A file with the border of a field, and what of it is meant."""
+
+    file: Path
+    """GeoJSON, KML, KMZ, GPX, WKT, ISOXML, shapefile, GeoPackage, or a zip file with one; from the field file."""
+    layer: str = ""
+    """Layer of the file with the border; by default the only one with areas."""
+    feature: str | int = ""
+    """Number (from 1) or any property, such as the name, of the feature that is meant; by default the only one."""
+    crs: str = ""
+    """Reference system of a file that names none, such as ``EPSG:25832``; by default WGS-84."""
+
+
 class FieldFile(Section):
     """What a field file may hold."""
 
@@ -53,9 +72,13 @@ class FieldFile(Section):
     polygon_lonlat: Ring | None = None
     """Boundary as [longitude, latitude] in degrees, east and north positive."""
     geojson: Path | None = None
-    """GeoJSON file with the boundary; a relative path starts at the field file. Its holes are no-go areas."""
+    """File with the boundary, as ``border``."""
+    border: Path | BorderSection | None = None
+    """File of another program with the boundary, or a section with ``file``; polygons inside are no-go areas."""
     no_go: tuple[Ring, ...] = ()
     """Areas inside the boundary that are not mapped or entered, as [x, y] in metres from the datum."""
+    no_go_lonlat: tuple[Ring, ...] = ()
+    """Areas inside the boundary that are not mapped or entered, as [longitude, latitude] in degrees."""
     cell_m: Annotated[float, Setting(gt=0)] | None = None
     """Cell size of the map [m]; chosen from the footprint and the extent if left out."""
     covariates: tuple[str | CovariateSection, ...] = ()
@@ -65,17 +88,24 @@ class FieldFile(Section):
 
     @model_validator(mode="after")
     def _one_boundary(self) -> FieldFile:
-        given = [key for key in ("polygon", "polygon_lonlat", "geojson") if getattr(self, key) is not None]
+        keys = ("polygon", "polygon_lonlat", "geojson", "border")
+        given = [key for key in keys if getattr(self, key) is not None]
         if len(given) != 1:
             found = f"but there are {len(given)}: {', '.join(given)}" if given else "but there is none"
-            raise ValueError(f"give one boundary: 'polygon', 'polygon_lonlat' or 'geojson', {found}")
+            raise ValueError(f"give one boundary: 'polygon', 'polygon_lonlat', 'geojson' or 'border', {found}")
         if self.datum is None and (self.polygon is not None or self.no_go):
             raise ValueError("a boundary or no-go area in metres needs a 'datum' to start from")
-        for lon, lat in self.polygon_lonlat or []:
+        for lon, lat in [*(self.polygon_lonlat or []), *(one for ring in self.no_go_lonlat for one in ring)]:
             if not (-180 <= lon <= 180 and -90 <= lat <= 90):
                 hint = ", but [latitude, longitude]: longitude comes first" if _is_place(lon, lat) else ""
                 raise ValueError(f"[{lon}, {lat}] is not [longitude, latitude] in degrees{hint}")
         return self
+
+    @property
+    def border_section(self) -> BorderSection | None:
+        """The file with the boundary, if it is in one."""
+        given = self.border if self.border is not None else self.geojson
+        return BorderSection(file=given) if isinstance(given, Path) else given
 
 
 def _is_place(latitude_deg: float, longitude_deg: float) -> bool:
@@ -92,6 +122,7 @@ class Field:
     :param no_go: boundaries of areas to leave out, each of shape (k, 2) [m]
     :param cell_m: cell size of the map [m], ``None`` to choose it
     :param covariates: files with covariates
+    :param notes: what was decided when the file with the border was read, in words
     """
 
     name: str
@@ -100,6 +131,7 @@ class Field:
     no_go: tuple[NDArray[np.float64], ...] = ()
     cell_m: float | None = None
     covariates: tuple[CovariateSource, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def grid(self, cell_m: float | None = None, footprint_radius_m: float = 10.0) -> FieldGrid:
         """Grid of the field: the only place where one is laid, so that maps, stops and truth share their cells.
@@ -147,40 +179,71 @@ def _grid(field: Field, cell_m: float) -> FieldGrid:
 def load_field(path: Path) -> Field:
     """Read a field file.
 
-    :raises InputError: with every mistake in the file or in the GeoJSON that it names
+    :raises InputError: with every mistake in the file or in the file with the border that it names
     """
-    if path.suffix.lower() == ".geojson":
-        remedy = f"write a field file, a YAML file with the line 'geojson: {path.name}'"
-        raise InputError("is GeoJSON, not a field file", remedy, path)
+    if path.suffix.lower() in _BORDER_ENDINGS:
+        kind, key = ("GeoJSON", "geojson") if path.suffix.lower() == ".geojson" else ("a border", "border")
+        remedy = f"write a field file, a YAML file with the line '{key}: {path.name}'"
+        raise InputError(f"is {kind}, not a field file", remedy, path)
     content = load_model(path, FieldFile)
-    holes_lonlat: list[NDArray[np.float64]] = []
+    section = content.border_section
+    border = _read_border(path, section) if section is not None else None
     lonlat: NDArray[np.float64] | None = None
-    if content.geojson is not None:
-        lonlat, holes_lonlat = _read_geojson(path.parent / content.geojson)
+    if border is not None:
+        lonlat = border.outline
     elif content.polygon_lonlat is not None:
         lonlat = _open_ring(content.polygon_lonlat)
     if content.datum is not None:
         frame = LocalFrame(content.datum.latitude_deg, content.datum.longitude_deg)
     else:
         assert lonlat is not None  # the model refuses a boundary in metres without a datum
-        frame = LocalFrame(*(float(value) for value in np.round(lonlat.mean(axis=0)[::-1], 7)))
-    if lonlat is not None:
-        polygon = frame.to_local(lonlat[:, 1], lonlat[:, 0])
-        if not np.all(np.isfinite(polygon)):
-            raise InputError("the boundary is not on the datum's side of the earth", "check 'datum'", path)
-    else:
-        polygon = _open_ring(content.polygon or [])
-    no_go = [frame.to_local(hole[:, 1], hole[:, 0]) for hole in holes_lonlat]
+        frame = _frame_about(lonlat)
+    shown = path.parent / section.file if section is not None else path
+    polygon = (
+        frame.to_local(lonlat[:, 1], lonlat[:, 0]) if lonlat is not None else _open_ring(content.polygon or [])
+    )
+    if not np.all(np.isfinite(polygon)):
+        raise InputError("the boundary is not on the datum's side of the earth", "check 'datum'", path)
+    in_degrees = [*(border.no_go if border is not None else ()), *map(_open_ring, content.no_go_lonlat)]
+    no_go = [frame.to_local(ring[:, 1], ring[:, 0]) for ring in in_degrees]
     no_go += [_open_ring(ring) for ring in content.no_go]
-    _require_valid(polygon, "the boundary", path)
-    _require_plausible(polygon, lonlat, frame, path)
+    _require_valid(polygon, "the boundary", shown)
+    _require_plausible(polygon, lonlat, frame, shown, section is not None)
     for number, ring in enumerate(no_go, start=1):
         _require_valid(ring, f"no-go area {number}", path)
+        _require_inside(ring, number, polygon, frame, path, number <= len(in_degrees))
     covariates = tuple(
         CovariateSource.parse(one, path.parent) if isinstance(one, str) else one.source(path.parent)
         for one in content.covariates
     )
-    return Field(content.name, frame, polygon, tuple(no_go), content.cell_m, covariates)
+    notes = border.notes if border is not None else ()
+    for note in notes:
+        _log_once(str(shown), note)
+    return Field(content.name, frame, polygon, tuple(no_go), content.cell_m, covariates, notes)
+
+
+_BORDER_ENDINGS = (".geojson", ".shp", ".gpkg", ".fgb", ".kml", ".kmz", ".gpx", ".wkt", ".osm", ".xml", ".zip")
+
+
+def _read_border(path: Path, section: BorderSection) -> Border:
+    from soilmoist_ros.mapping.border_file import BorderSource, read_border
+
+    return read_border(
+        BorderSource(path.parent / section.file, section.layer, str(section.feature), section.crs.strip())
+    )
+
+
+@lru_cache(maxsize=256)
+def _log_once(file: str, note: str) -> None:
+    _log.info("%s: %s", file, note)
+
+
+def _frame_about(lonlat: NDArray[np.float64]) -> LocalFrame:
+    """Plane about the mean of the corners, which may lie on both sides of the 180th meridian."""
+    first = lonlat[0, 0]
+    longitude = first + float(np.mean((lonlat[:, 0] - first + 180) % 360 - 180))
+    latitude = float(lonlat[:, 1].mean())
+    return LocalFrame(round(latitude, 7), round((longitude + 180) % 360 - 180, 7))
 
 
 def _open_ring(vertices: Iterable[Any]) -> NDArray[np.float64]:
@@ -205,13 +268,51 @@ def _require_valid(ring: NDArray[np.float64], name: str, path: Path) -> None:
         raise InputError(f"{name} encloses no area", "give at least three corners not on one line", path)
 
 
+def _require_inside(
+    ring: NDArray[np.float64],
+    number: int,
+    polygon: NDArray[np.float64],
+    frame: LocalFrame,
+    path: Path,
+    lonlat: bool,
+) -> None:
+    """Check that a no-go area has the size of one, and touches the field: else it would fence off nothing.
+
+    :param lonlat: whether it was given in degrees
+    """
+    from shapely import Polygon
+
+    area, field = Polygon(ring), Polygon(polygon)
+    distance_m = float(area.distance(field))
+    if distance_m == 0 and area.area >= MIN_NO_GO_M2:
+        return
+    what = f"no-go area {number} lies {distance_text(distance_m)} from the field"
+    if distance_m == 0:
+        what = f"no-go area {number} encloses {area.area:.2g} m2"
+    flipped = Polygon(ring[:, ::-1])
+    if lonlat:
+        hint = "check its corners: longitude comes first, east and north are positive"
+    elif np.all(np.hypot(*(ring - (frame.longitude_deg, frame.latitude_deg)).T) < 1):
+        hint = "it looks like [longitude, latitude] in degrees: give it under 'no_go_lonlat'"
+    elif np.all(np.hypot(*(ring - (frame.latitude_deg, frame.longitude_deg)).T) < 1):
+        hint = "it looks like degrees, latitude first: give [longitude, latitude] under 'no_go_lonlat'"
+    elif np.abs(ring).max() > 10 * MAX_DATUM_DISTANCE_M:
+        hint = "give it in metres from the datum, not as coordinates of a map projection"
+    elif distance_m > 0 and flipped.intersects(field):
+        hint = "with x and y of each corner swapped it touches the field: x (east) comes first"
+    else:
+        hint = "give it in metres east and north of the datum, or remove it"
+    raise InputError(what, hint, path)
+
+
 def _require_plausible(
-    polygon: NDArray[np.float64], lonlat: NDArray[np.float64] | None, frame: LocalFrame, path: Path
+    polygon: NDArray[np.float64], lonlat: NDArray[np.float64] | None, frame: LocalFrame, path: Path, in_file: bool
 ) -> None:
     """Check area and place of a boundary: mistakes of units, order and datum are off by orders of magnitude.
 
     :param polygon: boundary in the plane of the field [m]
     :param lonlat: boundary as longitude and latitude [deg], if it was given so
+    :param in_file: whether it is in a file of another program
     """
     from shapely import Polygon
 
@@ -221,56 +322,25 @@ def _require_plausible(
         size = f"{shape.area / 1e6:,.0f} km2" if large else f"{shape.area:.3g} m2"
         what = "too large for a survey" if large else "smaller than any footprint of the sensor"
         hint = "check the corners: 'polygon' is in metres from the datum, 'polygon_lonlat' in degrees"
+        near = np.abs(polygon - (frame.longitude_deg, frame.latitude_deg)).max() < 1
+        if lonlat is None and not large and near:
+            hint = "the corners look like degrees: give [longitude, latitude] under 'polygon_lonlat'"
+        elif in_file:
+            hint = "check the corners and the reference system of the file"
         raise InputError(f"the boundary encloses {size}, {what}", hint, path)
     distance_m = float(np.hypot(shape.centroid.x, shape.centroid.y))
     if lonlat is not None:
-        longitude, latitude = lonlat.mean(axis=0).tolist()
+        longitude, latitude = lonlat[0].tolist()
         distance_m, _ = distance_and_bearing((frame.latitude_deg, frame.longitude_deg), (latitude, longitude))
     if distance_m > MAX_DATUM_DISTANCE_M:
         swapped = lonlat is not None and np.all(np.abs(lonlat[:, 0]) <= 90)
         near = swapped and np.hypot(*frame.to_local(longitude, latitude)[0]) <= MAX_DATUM_DISTANCE_M
-        if near:
+        if near and in_file:
+            hint = "the file has latitude first: export it again with longitude first, as its format requires"
+        elif near:
             hint = "swap the numbers of each corner: longitude comes first"
         elif lonlat is None:
             hint = "give the corners in metres from the datum, not as coordinates of a map projection"
         else:
             hint = "check 'datum' and the signs of the corners, or leave 'datum' out"
         raise InputError(f"the boundary lies {distance_text(distance_m)} from the datum", hint, path)
-
-
-def _read_geojson(path: Path) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
-    """Exterior and holes, as longitude and latitude, of the only polygon in a GeoJSON file."""
-    try:
-        content = read_json(read_limited(path, "check 'geojson' in the field file").decode("utf-8-sig"))
-    except ValueError as error:
-        raise InputError(f"is not valid JSON: {error}", "export the boundary again as GeoJSON", path) from None
-    polygons = list(_polygons(content))
-    if len(polygons) != 1:
-        raise InputError(
-            f"holds {len(polygons)} polygons", "a field is one polygon: export only its boundary, in WGS-84", path
-        )
-    try:
-        rings = [_open_ring(vertex[:2] for vertex in ring) for ring in polygons[0]]
-        inside = all(ring.ndim == 2 and np.all(np.abs(ring) <= (180, 90)) for ring in rings)
-    except (TypeError, ValueError, KeyError, OverflowError):
-        rings, inside = [], False
-    if not (rings and inside):
-        raise InputError(
-            "the boundary is not in degrees of longitude and latitude", "export it as GeoJSON in WGS-84", path
-        )
-    return rings[0], rings[1:]
-
-
-def _polygons(node: Any) -> Iterable[list[Any]]:
-    if isinstance(node, dict):
-        if node.get("type") == "Polygon" and isinstance(node.get("coordinates"), list):
-            yield node["coordinates"]
-        elif node.get("type") == "MultiPolygon" and isinstance(node.get("coordinates"), list):
-            yield from node["coordinates"]
-        elif node.get("type") == "Feature":
-            yield from _polygons(node.get("geometry"))
-        else:
-            for key in ("features", "geometries"):
-                children = node.get(key)
-                for child in children if isinstance(children, list) else []:
-                    yield from _polygons(child)

@@ -77,6 +77,8 @@ def field_findings(field: Field) -> Iterator[Finding]:
     cells = f"{np.count_nonzero(grid.mask)} cells of {grid.cell_m:g} m"
     no_go = f", {len(field.no_go)} no-go {'area' if len(field.no_go) == 1 else 'areas'}" if field.no_go else ""
     yield Finding("map", f"{cells}{no_go}")
+    for note in field.notes:
+        yield Finding("border", note)
     covariates = read_covariates(field.covariates, field.frame, grid)
     if covariates is not None:
         covered = [f"{name} ({share:.0%} of the field)" for name, share in coverage(covariates, grid).items()]

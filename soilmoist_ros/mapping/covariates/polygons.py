@@ -53,7 +53,7 @@ def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> N
     """
     import shapely
 
-    with _readable(path):
+    with readable_vector(path):
         shapes, values = _read(path, attribute, frame)
     place, polygon = shapely.STRtree(shapes).query(shapely.points(xy), predicate="intersects")
     # Where polygons overlap, the first one of the file counts; the tree returns them in any order.
@@ -70,15 +70,18 @@ def require_polygons(path: Path, attribute: str) -> None:
 
     :raises InputError: as :func:`read_polygons`
     """
-    with _readable(path):
+    with readable_vector(path):
         about = optional_module("pyogrio").read_info(path)
     _require_crs(path, about)
     _attribute(path, about["fields"].tolist(), attribute)
 
 
 @contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    """A file that a library refuses is an error of the input."""
+def readable_vector(path: Path, remedy: str = REMEDY) -> Iterator[None]:
+    """Turn the errors of a library that refuses a vector file into errors of the input.
+
+    :param remedy: what the user can do
+    """
     import shapely
     from pyproj.exceptions import ProjError
 
@@ -88,11 +91,11 @@ def _readable(path: Path) -> Iterator[None]:
         with path.open("rb") as stream:
             head = stream.read(65536).removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
         if not head.startswith(BEGINNINGS[path.suffix.lower()]) or _PIPELINE in head:
-            raise InputError("cannot be read as polygons: its content is something else", REMEDY, path)
+            raise InputError("cannot be read as polygons: its content is something else", remedy, path)
         yield
     except (*errors, UnicodeDecodeError) as error:
         reason = f"cannot be read as polygons: {error!s:.200}"
-        raise InputError(reason, REMEDY, path) from None
+        raise InputError(reason, remedy, path) from None
 
 
 def _require_crs(path: Path, about: Mapping[str, Any]) -> None:

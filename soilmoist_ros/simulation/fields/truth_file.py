@@ -157,7 +157,7 @@ def truth_stamps(path: Path) -> tuple[int, ...]:
     :raises InputError: with every mistake in the field file
     """
     content = load_model(path, SurrogateFile)
-    named = [content.geojson]
+    named = [content.border_section.file if content.border_section is not None else None]
     if content.truth is not None:
         named += [content.truth.points, content.truth.grid]
     files = [path, *(path.parent / name for name in named if name is not None)]
