@@ -90,34 +90,48 @@ def read_limited(path: Path, remedy: str = "check the path and its permissions",
     return data
 
 
-def read_yaml(path: Path) -> Any:
+def read_yaml(path: Path, max_bytes: int = _MAX_YAML_BYTES, max_values: int = _MAX_YAML_VALUES) -> Any:
     """The content of a YAML file, with the line numbers that :func:`load_model` reports.
 
-    :raises InputError: if the file cannot be read, is larger than 2 MB, or is not valid YAML
+    :param max_bytes: largest size [bytes]
+    :param max_values: as for :func:`parse_yaml`
+    :raises InputError: if the file cannot be read, is beyond a limit, or is not valid YAML
     """
     try:
-        text = read_limited(path, limit=_MAX_YAML_BYTES).decode("utf-8-sig")
+        text = read_limited(path, limit=max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
             f"is not UTF-8 text (byte {error.start})", "save the file as UTF-8 in a text editor", path
         ) from None
-    return parse_yaml(text, path, "rt")
+    return parse_yaml(text, path, "rt", max_bytes, max_values)
 
 
-def parse_yaml(text: str, path: Path | None = None, kind: Literal["safe", "rt"] = "safe") -> Any:
+def parse_yaml(
+    text: str,
+    path: Path | None = None,
+    kind: Literal["safe", "rt"] = "safe",
+    max_bytes: int = _MAX_YAML_BYTES,
+    max_values: int = _MAX_YAML_VALUES,
+) -> Any:
     """The content of a YAML text, which may come from a stranger: size, depth and aliases have limits.
 
-    :param text: at most 2 MB, 100 levels, and 100 000 values where an alias counts as all that it stands for
+    :param text: at most 100 levels
     :param path: where the text comes from, for the message
     :param kind: ``safe`` for plain data, ``rt`` for data that know their lines and comments
+    :param max_bytes: largest number of characters
+    :param max_values: largest number of values, where an alias counts as all that it stands for
     :raises InputError: if it is not valid YAML, or beyond a limit
     """
-    if len(text) > _MAX_YAML_BYTES:
-        raise InputError(f"is larger than {_MAX_YAML_BYTES / 1e6:g} MB of YAML", "give a smaller file", path)
+    if len(text) > max_bytes:
+        raise InputError(f"is larger than {max_bytes / 1e6:g} MB of YAML", "give a smaller file", path)
     yaml = YAML(typ=kind)
-    yaml.Composer = _LimitedComposer
+    yaml.Composer = type("Composer", (_LimitedComposer,), {"max_values": max_values})
     try:
         return yaml.load(StringIO(text))
+    except _TooLargeError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 0
+        remedy = "give a smaller file, or one with fewer aliases (*NAME)"
+        raise InputError([Mistake(f"holds {error.problem}", remedy, path, line)]) from None
     except MarkedYAMLError as error:
         mark = error.problem_mark
         mistake = Mistake(
@@ -131,8 +145,14 @@ def parse_yaml(text: str, path: Path | None = None, kind: Literal["safe", "rt"] 
         raise InputError(f"is not valid YAML: {error}", "open it in a text editor and repair it", path) from None
 
 
+class _TooLargeError(MarkedYAMLError):
+    """A YAML text is beyond a limit."""
+
+
 class _LimitedComposer(Composer):
     """Counts values, so that a few lines of aliases of aliases do not become billions of values."""
+
+    max_values = _MAX_YAML_VALUES
 
     def __init__(self, loader: Any = None) -> None:
         super().__init__(loader)
@@ -145,14 +165,14 @@ class _LimitedComposer(Composer):
         before = self._values
         alias = isinstance(event, AliasEvent)
         if alias and event.anchor in self.anchors:  # inside itself it has no size yet, and would have no end
-            self._values += self._sizes.get(event.anchor, _MAX_YAML_VALUES)
+            self._values += self._sizes.get(event.anchor, self.max_values)
         self._values += 1
         for number, limit, what in (
-            (self._values, _MAX_YAML_VALUES, "values"),
+            (self._values, self.max_values, "values"),
             (self.depth, _MAX_YAML_DEPTH, "levels"),
         ):
             if number > limit:
-                raise MarkedYAMLError(problem=f"more than {limit} {what}", problem_mark=event.start_mark)
+                raise _TooLargeError(problem=f"more than {limit} {what}", problem_mark=event.start_mark)
         if not alias:
             self._sizes.pop(event.anchor, None)
         node = super().compose_node(parent, index)

@@ -20,7 +20,7 @@ def listing(names: Iterable[str]) -> str:
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`` (did you mean 'x'?)`` for a similar known word or the only one with this begin, else an empty text."""
-    names = list(known)
+    names = list(map(str, known))  # members of enumerations, too, as people write them
     begin = [name for name in names if word and name.startswith(word)]
     close = difflib.get_close_matches(word, names, n=1, cutoff=0.6) or (begin if len(begin) == 1 else [])
     return f" (did you mean {close[0]!r}?)" if close else ""

@@ -254,7 +254,7 @@ class Console(Node):
             xy = self._field.frame.to_local(*datum.to_geographic(xy).T)
         nodes = node_views(found.graph.names, xy)
         if lost := len(xy) - len(nodes):
-            remedy = "check datum_latitude and datum_longitude of the map"
+            remedy = "check the datum of the map (meta)"
             beyond = InputError("they are on the other side of the earth", remedy)
             self._ignore(f"{lost} of {len(xy)} nodes of the navigation's map", beyond)
         self._board.put("nodes", nodes)

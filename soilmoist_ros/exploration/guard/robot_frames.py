@@ -159,7 +159,7 @@ class RobotFrames:
         if datum is None:
             if self._settings.datum == MAP:
                 self._map_fault = (
-                    "a datum in the navigation's map (datum_latitude and datum_longitude in its meta)"
+                    "a datum in the navigation's map (origin, or datum_latitude and datum_longitude, in its meta)"
                 )
             return
         try:

@@ -15,18 +15,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.travel.stop import PLACE_DIGITS, Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.configuration import read_limited, read_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
 from soilmoist_ros.foundation.plain_values import finite_number, read_json
+from soilmoist_ros.foundation.plane_move import PlaneMove
 from soilmoist_ros.foundation.suggestions import listing
 
 ZONE_RADIUS_M = 0.75
 """Radius of a node's influence zone, unless the nodes are closer together [m]."""
+MAX_MAP_BYTES, MAX_MAP_VALUES = 20_000_000, 3_000_000
+"""Size of a map file, and values in it, beyond which it is a mistake. An edge has about 30 values."""
+MAX_TILT = 0.05
+"""Sine of the angle between the vertical axes of a map and its parent frame beyond which it is a mistake."""
+_SAME_DATUM_M = 0.1
+"""Distance between two spellings of a datum from which they contradict each other [m]."""
 ANY_HEADING_RAD = 6.283
 """Goal tolerance that lets the robot arrive at any heading [rad]."""
 
@@ -40,11 +46,13 @@ class TopologicalMap:
     """A topological map: the document as it is, and the travel graph it describes.
 
     :param document: the whole content, unknown keys included; not to be changed
-    :param graph: its nodes and directed edges, in the map frame [m]
+    :param graph: its nodes and directed edges, in the frame that the map's transformation names as its parent [m]
+    :param datum: origin of the places on the earth; ``None`` if the map names none
     """
 
     document: Mapping[str, Any]
     graph: TravelGraph
+    datum: LocalFrame | None = None
 
     @property
     def name(self) -> str:
@@ -61,15 +69,6 @@ class TopologicalMap:
         """Name of its set of nodes."""
         return str(self.document.get("pointset", ""))
 
-    @property
-    def datum(self) -> LocalFrame | None:
-        """Origin of the places on the earth: ``datum_latitude`` and ``datum_longitude`` in the map's meta."""
-        meta = self.document.get("meta")
-        try:
-            return LocalFrame(*(float(meta[f"datum_{name}"]) for name in ("latitude", "longitude")))  # type: ignore[index]
-        except (TypeError, KeyError, ValueError, OverflowError):
-            return None
-
     def has_ways_of(self, other: TopologicalMap) -> bool:
         """Whether nodes, their places, edges and datum are those of another map; names and dates may differ."""
         same = bool(self.document["nodes"] == other.document["nodes"]) and self.datum == other.datum
@@ -78,8 +77,10 @@ class TopologicalMap:
     def unknown_actions(self, known: Sequence[str]) -> str:
         """Which edges a navigation refuses since it does not know their action; empty if there are none.
 
-        :param known: actions that the navigation knows
+        :param known: actions that the navigation knows, in addition to those that the map itself describes
         """
+        described = self.document.get("actions")
+        known = [*known, *(described if isinstance(described, Mapping) else ())]
         edges = [edge for entry in self.document["nodes"] for edge in entry["node"].get("edges") or []]
         refused = [edge for edge in edges if edge.get("action") and edge["action"] not in known]
         if not refused:
@@ -107,7 +108,7 @@ def read_topological_map(path: Path) -> TopologicalMap:
             return parse_topological_map(read_limited(path).decode("utf-8-sig"), path)
         except UnicodeDecodeError as error:
             raise InputError(f"is not UTF-8 text (byte {error.start})", "save it as UTF-8", path) from None
-    found = _checked(read_yaml(path), path)
+    found = _checked(read_yaml(path, MAX_MAP_BYTES, MAX_MAP_VALUES), path)
     return replace(found, document=_plain(found.document))
 
 
@@ -234,6 +235,16 @@ def _octagon(radius_m: float) -> list[dict[str, float]]:
 
 def _checked(content: Any, path: Path | None) -> TopologicalMap:
     """The map in a document, if it has no mistakes."""
+    if (
+        isinstance(content, list)
+        and content
+        and all(isinstance(one, Mapping) and "node" in one for one in content)
+    ):
+        raise InputError(
+            "is a topological map in the older form .tmap, a list of nodes without frames",
+            "convert it with the map converter of topological_navigation to .tmap2.yaml",
+            path,
+        )
     entries = content.get("nodes") if isinstance(content, Mapping) else None
     if not isinstance(entries, Sequence) or isinstance(entries, str):
         raise InputError(
@@ -242,7 +253,7 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
             path,
         )
     mistakes: list[Mistake] = []
-    move = _transformation(content)
+    datum, move = _datum(content, path), _transformation(content, path)
     stops: list[Stop] = []
     edges: list[tuple[str, str]] = []
     for number, entry in enumerate(entries):
@@ -261,7 +272,7 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
         raise InputError(mistakes or error.mistakes) from None
     if mistakes:
         raise InputError(mistakes)
-    return TopologicalMap(content, graph)
+    return TopologicalMap(content, graph, datum)
 
 
 def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
@@ -273,7 +284,7 @@ def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
     if not isinstance(node, Mapping):
         raise ValueError("has no key 'node'")
     name = node.get("name")
-    if name is None or isinstance(name, (Mapping, list)) or not str(name):
+    if not _is_name(name):
         raise ValueError("has no name")
     pose = node.get("pose")
     position = pose.get("position") if isinstance(pose, Mapping) else None
@@ -283,12 +294,15 @@ def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
     edges = node.get("edges") or []
     if not isinstance(edges, list) or not all(isinstance(edge, Mapping) for edge in edges):
         raise ValueError(f"{name}: 'edges' is not a list of edges")
-    if not all(edge.get("node") for edge in edges):
+    if not all(_is_name(edge.get("node")) for edge in edges):
         raise ValueError(f"{name} has an edge without 'node', the place it leads to")
     double = _double(str(edge["edge_id"]) for edge in edges if "edge_id" in edge)
     if double:
         raise ValueError(f"{name} has more than one edge {listing(double)}")
-    x, y = move.apply(place, str(node.get("parent_frame") or node.get("nav_frame") or ""))
+    try:
+        x, y = move.apply(place, node)
+    except ValueError as error:
+        raise ValueError(f"{name} {error}") from None
     if not (math.isfinite(x) and math.isfinite(y)):
         raise ValueError(f"{name} has no finite place after the map's transformation")
     return Stop(str(name), x, y), [str(edge["node"]) for edge in edges]
@@ -296,31 +310,115 @@ def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
 
 @dataclass(frozen=True)
 class _Move:
-    """The map's transformation: a turn and a shift for the nodes whose places are in the map's own frame."""
+    """The map's transformation: a turn and a shift for the nodes whose places are in the map's own frame.
 
-    child: str = ""
-    turn: NDArray[np.float64] | None = None
+    The frame of a node that names none is that of the navigation: ``topo_frame_id``, or else the parent. Older
+    releases send goals in ``parent_frame``, newer ones in ``nav_frame``.
+    """
+
+    keys: Mapping[str, Any]
+    parent: str
+    child: str
+    yaw_rad: float = 0.0
     shift: tuple[float, float] = (0.0, 0.0)
 
-    def apply(self, place: Sequence[float], frame: str) -> tuple[float, float]:
-        if self.turn is None or frame not in (self.child, "${transformation.topo_frame_id}"):
-            return place[0], place[1]
-        x, y = (self.turn @ np.array(place)).tolist()
-        return x + self.shift[0], y + self.shift[1]
+    def apply(self, place: Sequence[float], node: Mapping[str, Any]) -> tuple[float, float]:
+        """Place of a node in the parent frame.
+
+        :raises ValueError: if its frame is neither the map's nor its parent
+        """
+        usual = str(self.keys.get("topo_frame_id") or self.parent)
+        newer, older = self._name(node.get("nav_frame")), self._name(node.get("parent_frame"))
+        frame = newer or older or usual
+        here, moved = (place[0], place[1]), PlaneMove(self.yaw_rad, self.shift).place((place[0], place[1]))
+        if frame not in (self.parent, self.child):
+            raise ValueError(f"is in the frame {frame!r}, but the map has {self.parent!r} and {self.child!r}")
+        if older and not newer and "topo_frame_id" in self.keys and older != usual and here != moved:
+            raise ValueError(
+                f"has parent_frame {older!r}, which newer releases of the navigation ignore: they take its place "
+                f"to be in topo_frame_id {usual!r}; write nav_frame"
+            )
+        return moved if frame == self.child else here
+
+    def _name(self, value: Any) -> str:
+        """Name of a frame, which may refer to a key of the transformation."""
+        text = "" if value is None else str(value)
+        found = re.fullmatch(r"\$\{transformation\.(\w+)\}", text)
+        return str(self.keys.get(found[1], text)) if found else text
 
 
-def _transformation(content: Mapping[str, Any]) -> _Move:
-    """The transformation of a map; none if it is left out or cannot be understood."""
+def _transformation(content: Mapping[str, Any], path: Path | None) -> _Move:
+    """The transformation of a map; without one, the frame of the nodes is the navigation's.
+
+    :raises InputError: if it cannot be understood, or tilts the map
+    """
     found = content.get("transformation")
+    if not found:
+        frames = [entry["node"] for entry in content["nodes"] if isinstance(entry, Mapping) and "node" in entry]
+        named = [one.get("nav_frame") or one.get("parent_frame") for one in frames if isinstance(one, Mapping)]
+        frame = str(next(filter(None, named), "map"))
+        return _Move({}, frame, frame)
     try:
-        w, x, y, z = (float(found["rotation"][key]) for key in "wxyz")  # type: ignore[index]
-        shift = tuple(float(found["translation"][key]) for key in "xy")  # type: ignore[index]
-        child = str(found.get("child") or found.get("topo_frame_id") or "")  # type: ignore[union-attr]
-    except (TypeError, KeyError, ValueError, AttributeError, OverflowError):
-        return _Move()
+        rotation, translation = found.get("rotation") or {}, found.get("translation") or {}
+        w, x, y, z = (float(rotation.get(key, key == "w")) for key in "wxyz")
+        shift_x, shift_y = (float(translation.get(key, 0.0)) for key in "xy")
+        norm = math.hypot(w, x, y, z)
+        if not (math.isfinite(norm) and norm > 0.5 and math.isfinite(shift_x + shift_y)):
+            raise ValueError("it is not finite, or its rotation is zero")
+    except (TypeError, AttributeError, ValueError, OverflowError) as error:
+        message = f"the transformation of the map cannot be understood: {error!s:.200}"
+        raise InputError(
+            message, "give rotation (w, x, y, z) and translation (x, y, z) as numbers", path
+        ) from None
+    w, x, y, z = w / norm, x / norm, y / norm, z / norm
+    if 1 - 2 * (x * x + y * y) < math.sqrt(1 - MAX_TILT**2):
+        raise InputError("the transformation tilts the map out of the plane", "correct its rotation", path)
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
-    return _Move(child, turn, (shift[0], shift[1]))
+    parent = str(found.get("parent") or "map")
+    child = str(found.get("topo_frame_id") or found.get("child") or "topo_map")
+    if parent == child and (abs(yaw) > 1e-9 or math.hypot(shift_x, shift_y) > 1e-6):
+        raise InputError(f"the transformation moves the frame {parent!r} to itself", "name two frames", path)
+    return _Move(found, parent, child, yaw, (shift_x, shift_y))
+
+
+def _datum(content: Mapping[str, Any], path: Path | None) -> LocalFrame | None:
+    """Origin of a map on the earth, under each spelling of ``meta`` and ``definitions``.
+
+    Zeros are what editors of maps fill in where nothing is known.
+
+    :raises InputError: if it is no place, or two spellings contradict each other
+    """
+    found = dict[str, LocalFrame]()
+    for section in ("meta", "definitions"):
+        keys = content.get(section)
+        for inner, prefix in (("", "datum_"), ("origin", ""), ("datum", ""), ("gnss_origin", "")):
+            about = keys.get(inner) if inner and isinstance(keys, Mapping) else keys
+            if not isinstance(about, Mapping) or about.get(f"{prefix}latitude") is None:
+                continue
+            name = f"{section}.{inner}" if inner else f"{section}.datum_latitude"
+            given = [about.get(f"{prefix}{axis}") for axis in ("latitude", "longitude")]
+            try:
+                datum = LocalFrame(*(float(value) for value in given))  # type: ignore[arg-type]
+            except (TypeError, ValueError, OverflowError):
+                remedy = "give latitude and longitude in degrees"
+                raise InputError(
+                    f"the datum of the map, {name} {given!s:.80}, is no place", remedy, path
+                ) from None
+            if (datum.latitude_deg, datum.longitude_deg) != (0.0, 0.0):
+                found[name] = datum
+    names = list(found)
+    for name in names[1:]:
+        one, other = ((each.latitude_deg, each.longitude_deg) for each in (found[names[0]], found[name]))
+        away_m, _ = distance_and_bearing(one, other)
+        if away_m > _SAME_DATUM_M:
+            message = f"the map has two datums, {away_m:.1f} m apart: {names[0]} {one}, {name} {other}"
+            raise InputError(message, "remove the wrong one", path)
+    return found[names[0]] if names else None
+
+
+def _is_name(value: Any) -> bool:
+    """Whether a value names a node: a text, or a number such as 0."""
+    return value is not None and not isinstance(value, (Mapping, list)) and bool(str(value))
 
 
 def _number(value: Any, what: str) -> float:

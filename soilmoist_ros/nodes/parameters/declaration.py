@@ -4,8 +4,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import InvalidNamespaceException
@@ -13,7 +17,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.validate_namespace import validate_namespace
 
+from soilmoist_ros.foundation.configuration import read_yaml
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.suggestions import did_you_mean, listing
 from soilmoist_ros.nodes.parameters.parameter import Parameter, Value, check_values, current_names
 
 
@@ -31,6 +37,45 @@ def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
     return [name for name in plain if name != node.get_namespace()]
 
 
+def names_for_all(arguments: Sequence[str], node: str) -> set[str]:
+    """Names of parameters that parameter files give to all nodes, as under ``/**``, and not to one by its name.
+
+    :param arguments: command line of a process, with ``--params-file FILE`` and ``-p NAME:=VALUE``
+    :param node: name of the node
+    """
+    for_all, own = set[str](), set[str]()
+    for option, value in pairwise(arguments):
+        if option in ("-p", "--param"):
+            own.add(value.partition(":=")[0].rpartition(":")[2])
+        if option != "--params-file":
+            continue
+        try:
+            blocks = list(_blocks(read_yaml(Path(value))))
+        except InputError:
+            continue  # the reader of ROS has accepted it; names that are not found here are refused
+        for place, names in blocks:
+            last = place.rstrip("/").rpartition("/")[2]
+            (for_all if "*" in last else own if last == node else set[str]()).update(names)
+    return for_all - own
+
+
+def _blocks(content: Any, place: str = "") -> Iterator[tuple[str, list[str]]]:
+    """Name of the node, and names of parameters, of each block of a parameter file."""
+    for key, value in content.items() if isinstance(content, Mapping) else ():
+        if key == "ros__parameters":
+            yield place, list(_names(value))
+        else:
+            yield from _blocks(value, f"{place}/{key}")
+
+
+def _names(content: Any, above: str = "") -> Iterator[str]:
+    for key, value in content.items() if isinstance(content, Mapping) else ():
+        if isinstance(value, Mapping):
+            yield from _names(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}"
+
+
 class Parameters:
     """The checked and declared parameters of a node, read by type, as they were at the start.
 
@@ -38,17 +83,27 @@ class Parameters:
 
     :param node: the node; no parameter of the table may be declared yet
     :param table: rows of the parameters
-    :raises InputError: with every unknown name and every invalid value
+    :param arguments: command line with the parameter files; by default that of the process
+    :raises InputError: with every unknown name and every invalid value. Names under ``/**`` are meant for all
+        nodes of a robot: unknown ones are ignored with a line in the log
     """
 
-    def __init__(self, node: Node, table: Sequence[Parameter]) -> None:
+    def __init__(self, node: Node, table: Sequence[Parameter], arguments: Sequence[str] | None = None) -> None:
         rows = self._rows = {row.name: row for row in table}
         self._node = node
         overrides = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
         given, warnings, twice = current_names(rows, overrides)
-        self._values, mistakes = check_values(rows, given, known=tuple(node._parameters))
+        known = {*rows, *node._parameters}
+        foreign = [name for name in given if name not in known and not name.startswith("qos_overrides.")]
+        if foreign:
+            for_all = names_for_all(sys.argv if arguments is None else arguments, node.get_name())
+            foreign = [name for name in foreign if name in for_all]
+        self._values, mistakes = check_values(rows, given, known={*node._parameters, *foreign})
         if twice or mistakes:
             raise InputError([*twice, *mistakes])
+        if foreign:
+            guesses = [f"{name}{did_you_mean(name, rows)}" for name in sorted(foreign)]
+            warnings.append(f"parameters of /** that this node does not have are ignored: {listing(guesses)}")
         for warning in warnings:
             node.get_logger().warning(warning)
         for name, value in self._values.items():

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -72,16 +72,19 @@ class Parameter:
         wanted: Any = type(self.default)
         if wanted is float and type(value) is int:
             value = float(value)
+        if wanted is list and value is None:  # an empty list has no type in ROS
+            value = []
         if wanted is list and isinstance(value, Iterable) and not isinstance(value, str | bytes):
             value = list(value)
         if type(value) is not wanted or (wanted is list and not all(isinstance(item, str) for item in value)):
-            raise ValueError(f"must be {_KINDS[wanted]}, got {value!r}")
+            quoted = wanted is str and isinstance(value, bool)
+            hint = ": YAML reads on, off, yes and no as such; write it in quotes" if quoted else ""
+            raise ValueError(f"must be {_KINDS[wanted]}, got {value!r}{hint}")
         if wanted is float and not math.isfinite(value):
             raise ValueError(f"must be finite, got {value!r}")
         if self.choices and value not in self.choices:
-            raise ValueError(
-                f"must be one of: {', '.join(self.choices)}; got {value!r}{did_you_mean(str(value), self.choices)}"
-            )
+            guess = did_you_mean(str(value), self.choices)
+            raise ValueError(f"must be one of: {', '.join(self.choices)}; got {str(value)!r}{guess}")
         outside = isinstance(value, int | float) and (
             (self.low is not None and value < self.low) or (self.high is not None and value > self.high)
         )
@@ -159,7 +162,7 @@ def current_names(
 
 
 def check_values(
-    table: Mapping[str, Parameter], given: Mapping[str, Any], known: Sequence[str] = ()
+    table: Mapping[str, Parameter], given: Mapping[str, Any], known: Collection[str] = ()
 ) -> tuple[dict[str, Value], list[Mistake]]:
     """Values of all parameters of a table; a given value replaces the default.
 

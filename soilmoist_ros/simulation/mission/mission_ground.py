@@ -7,6 +7,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -24,6 +25,8 @@ from soilmoist_ros.exploration.travel.topological_map import (
     read_topological_map,
 )
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.plane_move import move_between
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.simulation.mission.settings import MissionSettings
@@ -32,6 +35,8 @@ _log = logging.getLogger(__name__)
 
 LATTICE_NODES = 300
 """Approximate number of nodes of the default lattice, used when travel needs a graph and none is given."""
+_SAME_DATUM_M = 0.1
+"""Distance between datums from which a warning names it [m]."""
 _LATTICE_TIME = datetime(2026, 1, 1, tzinfo=UTC)
 
 
@@ -62,9 +67,27 @@ def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> Topo
     :raises InputError: if the file cannot be used
     """
     if graph is not None:
-        return read_topological_map(Path(graph))
+        return _on_field(read_topological_map(Path(graph)), field)
     lattice = open_lattice(field, math.sqrt(grid.area_m2 / LATTICE_NODES)).graph
     return make_topological_map(lattice, "lattice", _LATTICE_TIME)
+
+
+def _on_field(found: TopologicalMap, field: Field) -> TopologicalMap:
+    """The map with its nodes in the plane of the field, which may have another datum than the map.
+
+    :raises InputError: if the datum of the map is on the other side of the earth
+    """
+    if found.datum is None:
+        return found
+    centre = field.polygon.mean(axis=0)
+    try:
+        move = move_between(field.frame, found.datum, about_m=centre)
+    except ValueError as error:
+        raise InputError(f"the map is not of the field {field.name!r}: {error}", "check the map's datum") from None
+    away_m = math.dist(move.place((0.0, 0.0)), (0.0, 0.0))
+    if away_m > _SAME_DATUM_M:
+        _log.warning("the datum of the map is %.1f m from the field's: its nodes are placed by its own", away_m)
+    return replace(found, graph=found.graph.moved(move.inverse))
 
 
 def fenced_map(field: Field, navigated: TopologicalMap) -> FencedGraph:

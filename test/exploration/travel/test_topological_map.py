@@ -181,21 +181,77 @@ def test_a_missing_file_is_an_input_error(tmp_path):
         read_topological_map(tmp_path / "link.json")
 
 
-def test_numbers_without_end_are_named_or_ignored():
+def test_numbers_without_end_are_named():
     large = int("9" * 400)
     content = document()
     content["meta"] = {"datum_latitude": large, "datum_longitude": 0.0}
+    with pytest.raises(InputError, match=r"datum of the map, meta\.datum_latitude .* is no place"):
+        parse(content)
+    content = document()
     content["transformation"]["translation"]["x"] = large
-    found = parse(content)
-    assert found.datum is None
-    np.testing.assert_allclose(found.graph.xy, graph().xy, atol=5e-5)
+    with pytest.raises(InputError, match="transformation of the map cannot be understood"):
+        parse(content)
+    content = document()
     content["nodes"][2]["node"]["parent_frame"] = "topo_map"
-    content["transformation"]["translation"]["x"] = float("inf")
+    content["transformation"]["translation"]["x"] = 1e308
+    content["nodes"][2]["node"]["pose"]["position"]["x"] = 1.5e308
     with pytest.raises(InputError, match="no finite place after the map's transformation"):
         parse(content)
     content["nodes"][0]["node"]["pose"]["position"]["x"] = large
     with pytest.raises(InputError, match="position x is not a number, but 9999"):
         parse(content)
+
+
+def newer(nav_frame=None, child="farm", x=50.0):
+    """A map in the form of newer releases: a transformation with topo_frame_id, nodes without parent_frame."""
+    content = document()
+    content["transformation"] = {"topo_frame_id": child, "parent": "map", "translation": {"x": x, "y": 0.0}}
+    for entry in content["nodes"]:
+        del entry["node"]["parent_frame"]
+        entry["node"] |= {"nav_frame": nav_frame} if nav_frame is not None else {}
+    return content
+
+
+@pytest.mark.parametrize(
+    ("nav_frame", "shift_m"),
+    [(None, 50.0), ("", 50.0), ("farm", 50.0), ("${transformation.topo_frame_id}", 50.0),
+     ("map", 0.0), ("${transformation.parent}", 0.0)],
+)  # fmt: skip
+def test_a_node_is_in_the_frame_in_which_the_navigation_sends_its_goals(nav_frame, shift_m):
+    np.testing.assert_allclose(parse(newer(nav_frame)).graph.xy - graph().xy, [(shift_m, 0.0)] * 3, atol=5e-5)
+
+
+def test_frames_that_leave_the_place_of_a_node_open_are_refused():
+    with pytest.raises(InputError, match="gate is in the frame 'odom', but the map has 'map' and 'farm'"):
+        parse(newer("odom"))
+    with pytest.raises(InputError, match="moves the frame 'map' to itself"):
+        parse(newer(child="map"))
+    np.testing.assert_allclose(parse(newer(child="map", x=0.0)).graph.xy, graph().xy, atol=5e-5)
+    content = newer()
+    content["nodes"][1]["node"]["parent_frame"] = "map"
+    with pytest.raises(InputError, match=r"row 1 has parent_frame 'map', which newer .* write nav_frame"):
+        parse(content)
+    content["transformation"]["rotation"] = {"w": 0.0, "x": 1.0, "y": 0.0, "z": 0.0}
+    with pytest.raises(InputError, match="tilts the map"):
+        parse(content)
+    content = newer()
+    content["transformation"] = {"child": "farm", "translation": {"x": 50.0}}  # an older map: its parent is meant
+    np.testing.assert_allclose(parse(content).graph.xy, graph().xy, atol=5e-5)
+    content["transformation"] = None
+    content["nodes"][0]["node"]["nav_frame"] = "elsewhere"
+    content["nodes"][1]["node"]["parent_frame"] = "map"
+    with pytest.raises(InputError, match="row 1 is in the frame 'map', but the map has 'elsewhere'"):
+        parse(content)
+
+
+def test_nodes_may_have_numbers_for_names():
+    content = document()
+    for number, entry in enumerate(content["nodes"]):
+        entry["node"]["name"] = number
+        entry["node"]["edges"] = [{"edge_id": f"{number}_0", "node": (number + 1) % 3}]
+    found = parse(content).graph
+    assert found.names == ("0", "1", "2")
+    assert found.edges.tolist() == [[0, 1], [1, 2], [2, 0]]
 
 
 def test_the_transformation_applies_to_nodes_in_the_maps_own_frame():
@@ -208,18 +264,49 @@ def test_the_transformation_applies_to_nodes_in_the_maps_own_frame():
     np.testing.assert_allclose(parse(content).graph.xy[2], [10 - 4, 20 + 3])
 
 
-def test_the_datum_of_a_map_and_its_graph_in_another_plane():
-    content = document()
-    assert parse(content).datum is None
-    content["meta"] |= {"datum_latitude": 53.268617, "datum_longitude": "-0.525699"}
-    found = parse(content)
-    assert found.datum == LocalFrame(53.268617, -0.525699)
-    content["meta"]["datum_latitude"] = 95
-    assert parse(content).datum is None
+@pytest.mark.parametrize(
+    "meta",
+    [
+        {"datum_latitude": 53.268617, "datum_longitude": "-0.525699"},
+        {"origin": {"latitude": 53.268617, "longitude": -0.525699, "altitude": 0}},
+        {"datum": {"latitude": 53.268617, "longitude": -0.525699}, "origin": {"latitude": 0.0, "longitude": 0.0}},
+    ],
+)
+def test_the_datum_of_a_map_has_several_spellings(meta):
+    assert parse({**document(), "meta": meta}).datum == LocalFrame(53.268617, -0.525699)
+    assert parse({**document(), "definitions": meta}).datum == LocalFrame(53.268617, -0.525699)
+    twice = {"meta": meta, "definitions": {"origin": {"latitude": 53.268617, "longitude": -0.52}}}
+    with pytest.raises(InputError, match=r"two datums, 380\.\d m apart: meta"):
+        parse({**document(), **twice})
+    assert parse({**document(), **twice, "definitions": meta}).datum == LocalFrame(53.268617, -0.525699)
+
+
+def test_a_graph_in_another_plane():
+    found = parse(document())
+    assert found.datum is None
     moved = found.graph.moved(PlaneMove(0.0, (10.0, -5.0)))
     np.testing.assert_allclose(moved.xy - found.graph.xy, [(10.0, -5.0)] * 3)
     np.testing.assert_array_equal(moved.length_m, found.graph.length_m)
     assert found.graph.moved(PlaneMove()) is found.graph
+
+
+@pytest.mark.slow
+def test_a_large_map_is_read_and_a_wrong_one_gets_a_fitting_text(tmp_path):
+    content = document() | {"definitions": {"default_bt": "x" * 2_500_000}, "values": list(range(101_000))}
+    path = tmp_path / "map.yaml"
+    path.write_text(TopologicalMap(content, graph()).to_yaml())
+    assert read_topological_map(path).document == content
+    levels = "".join(
+        f"{one}: &{one} [{', '.join([f'*{above}'] * 20)}]\n" for above, one in zip("abcdef", "bcdefg")
+    )
+    path.write_text("a: &a 1\n" + levels)
+    with pytest.raises(InputError, match=r"holds more than 3000000 values -> give a smaller file"):
+        read_topological_map(path)
+
+
+def test_an_older_form_is_named():
+    with pytest.raises(InputError, match=r"older form \.tmap.* -> convert it"):
+        parse(document()["nodes"])
 
 
 def test_edges_with_actions_that_the_navigation_does_not_know_are_named():
@@ -230,6 +317,8 @@ def test_edges_with_actions_that_the_navigation_does_not_know_are_named():
     found = parse(content).unknown_actions(["NavigateToPose"])
     assert "1 of" in found
     assert f"(move_base): {edge['edge_id']}" in found
+    content["actions"] = {"move_base": {"action_server": "/move_base"}}
+    assert parse(content).unknown_actions(["NavigateToPose"]) == "", "the map describes it"
 
 
 def test_ways_are_the_same_whatever_the_map_is_called():
@@ -240,7 +329,7 @@ def test_ways_are_the_same_whatever_the_map_is_called():
     content = document()
     content["nodes"][0]["node"]["edges"].pop()
     assert not parse(content).has_ways_of(found)
-    content = dict(make_topological_map(graph(), "farm", NOON, frame="topo_map").document)
+    content = newer()
     moved = copy.deepcopy(content)
     moved["transformation"]["translation"]["x"] = 8.0
     assert not parse(moved).has_ways_of(parse(content))

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+
 import pytest
 
 pytest.importorskip("rclpy")
@@ -50,6 +52,52 @@ def test_every_mistake_is_named_at_once(ros):
         "retries must be >= 0, got -1", "autostart must be true or false", "speed_mps must be 0.1 .. 3 m/s, got 9",
     ):  # fmt: skip
         assert part in said
+
+
+@pytest.mark.parametrize(
+    ("text", "refused"),
+    [
+        ("/**:\n  ros__parameters: {robot_name: t14, sped_mps: 1.0}", ()),
+        (
+            "/**:\n  ros__parameters: {robot_name: t14}\nexample:\n  ros__parameters: {sped_mps: 1.0}",
+            ("sped_mps",),
+        ),
+        ("/farm/*:\n  ros__parameters: {arm: {robot_name: t14}, sped_mps: 1.0}", ("robot_name",)),
+        ("/**/example:\n  ros__parameters: {robot_name: t14, sped_mps: 1.0}", ("robot_name", "sped_mps")),
+        ("farm:\n  example:\n    ros__parameters: {robot_name: t14, sped_mps: 1.0}", ("robot_name", "sped_mps")),
+    ],
+)
+def test_unknown_names_that_are_meant_for_all_nodes_are_ignored(ros, tmp_path, capfd, text, refused):
+    file = tmp_path / "robot.yaml"
+    file.write_text(text)
+    node, arguments = (
+        make(ros, robot_name="t14", sped_mps=1.0),
+        ["planner", "--ros-args", "--params-file", str(file)],
+    )
+    if refused:
+        with pytest.raises(InputError) as caught:
+            Parameters(node, TABLE, arguments)
+        assert [name for name in ("robot_name", "sped_mps") if f"'{name}'" in str(caught.value)] == list(refused)
+        return
+    Parameters(node, TABLE, arguments)
+    assert "does not have are ignored: robot_name, sped_mps (did you mean 'speed_mps'?)" in capfd.readouterr().err
+    with pytest.raises(InputError, match="there is no parameter 'sped_mps'"):
+        Parameters(make(ros, sped_mps=1.0), TABLE, [*arguments, "-p", "sped_mps:=1.0"])
+
+
+def test_values_in_messages_are_as_people_write_them():
+    class Answer(StrEnum):
+        HOME = "return_home"
+
+    row = Parameter(name="low", default=Answer.HOME.value, description="low", choices=tuple(Answer))
+    with pytest.raises(
+        ValueError, match=r"one of: return_home; got 'Return_Home' \(did you mean 'return_home'\?\)"
+    ):
+        row.checked("Return_Home")
+    with pytest.raises(ValueError, match="must be text, got False: YAML reads on, off, yes and no as such"):
+        row.checked(False)
+    topics = Parameter(name="topics", default=["a"], description="topics")
+    assert topics.checked(None) == [], "an empty list has no type in ROS"
 
 
 def test_descriptors_show_range_and_unit(ros):
