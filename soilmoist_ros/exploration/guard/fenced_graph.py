@@ -21,6 +21,7 @@ from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.places import distance_text
 from soilmoist_ros.foundation.suggestions import listing
 
 Array = NDArray[np.float64]
@@ -30,6 +31,10 @@ AT_NODE_M = 1.5
 """A robot this close to a node is at the node: the navigation plans from there [m]."""
 ON_EDGE_M = 1.5
 """The navigation may also plan from an end of an edge this close to the robot [m]."""
+_DEGREES = 0.5
+"""Numbers this close to the field's datum in degrees, and to each other, are degrees."""
+_PROJECTED_M = 50_000.0
+"""Distance of a map from its field from which its places are those of a map projection [m]."""
 _TIE_M = 1e-3
 """Routes whose lengths differ by less count as equally long [m]."""
 
@@ -66,7 +71,7 @@ class FencedGraph:
         corridor_m: float = 1.0,
     ) -> None:
         inside = fence.contains(whole.xy)
-        if not inside.any():
+        if not inside.any() or _in_degrees(whole, fence):
             raise _elsewhere(whole, fence)
         start, end = whole.xy[whole.edges[:, 0]], whole.xy[whole.edges[:, 1]]
         within = fence.area.allows(start, end)
@@ -286,10 +291,31 @@ def _distance_m(place: Array, start: Array, end: Array) -> Array:
     return np.asarray(np.hypot(*(start + share[:, None] * along - place).T))
 
 
+def _in_degrees(graph: TravelGraph, fence: Fence) -> bool:
+    """Whether the places of a map are rather degrees: as numbers of metres, they may even lie in the field."""
+    frame = fence.field.frame
+    place = np.array([frame.longitude_deg, frame.latitude_deg])
+    near = any(np.abs(graph.xy - each).max() < _DEGREES for each in (place, place[::-1]))
+    return near and len(graph.xy) > 1 and bool(np.ptp(graph.xy, axis=0).max() < _DEGREES)
+
+
 def _elsewhere(graph: TravelGraph, fence: Fence) -> InputError:
+    """The error of a map none of whose nodes is in the field, with its distance and the likely cause."""
     (west, south), (east, north) = graph.xy.min(axis=0), graph.xy.max(axis=0)
+    away_m = min(map(fence.outside_m, graph.xy))
+    if _in_degrees(graph, fence):
+        remedy = "the places of its nodes are degrees: write metres east and north of the field's datum"
+    elif fence.contains(graph.xy[:, ::-1]).any():
+        remedy = "with x and y swapped nodes are in the field: x is east, y north"
+    elif away_m > _PROJECTED_M:
+        remedy = "its places are those of a map projection, such as UTM: write metres from the field's datum"
+    else:
+        remedy = (
+            "the map's places must be metres east and north of the field's datum, or the map must name its own: "
+            "check the datum and the map"
+        )
     return InputError(
         f"no node of the topological map lies in the field {fence.field.name!r} and outside its no-go areas: they "
-        f"are at x {west:.0f} .. {east:.0f} m, y {south:.0f} .. {north:.0f} m",
-        "the map's places must be metres east and north of the field's datum: check the datum and the map",
+        f"are at x {west:.0f} .. {east:.0f} m, y {south:.0f} .. {north:.0f} m, {distance_text(away_m)} away",
+        remedy,
     )

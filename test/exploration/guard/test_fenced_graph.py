@@ -153,6 +153,27 @@ def test_a_map_in_a_pond():
         FencedGraph(graph({"p": (30, 20), "q": (35, 20)}, "p q"), Fence(FIELD))
 
 
+@pytest.mark.parametrize(
+    ("places", "message"),
+    [
+        ({"p": (0.0001, 53.0001), "q": (0.0002, 53.0002)}, "places of its nodes are degrees"),
+        ({"p": (53.0001, 0.0001), "q": (53.0002, 0.0002)}, "places of its nodes are degrees"),
+        (
+            {"p": (-10, 50), "q": (-10, 55)},
+            "14 m away -> the map's places",
+        ),
+        ({"p": (35, 59), "q": (35, 58)}, "18 m away -> with x and y swapped nodes are in the field"),
+        (
+            {"p": (500_030, 5_900_020), "q": (500_035, 5_900_020)},
+            "5,921 km away -> its places are those of a map pro",
+        ),
+    ],
+)
+def test_a_map_of_another_place_gets_its_distance_and_the_likely_cause(places, message):
+    with pytest.raises(InputError, match=message):
+        FencedGraph(graph(places, "p q"), Fence(Field("meadow", FRAME, SQUARE)))
+
+
 def driven(whole, goals):
     """Nodes that a navigation passes which takes the shortest route of the whole map to each goal."""
     passed = [goals[0]]

@@ -122,7 +122,7 @@ def test_the_datum_of_the_navigations_map():
     assert robot.move is None
     assert robot.waiting_for == "a map of the navigation with a datum"
     robot.take_map_datum(None)
-    assert "datum_latitude and datum_longitude" in robot.waiting_for
+    assert "origin, or datum_latitude and datum_longitude" in robot.waiting_for
     assert robot.health(0.0).level is Level.ERROR
     robot.take_map_datum(OTHER)
     assert robot.waiting_for == ""

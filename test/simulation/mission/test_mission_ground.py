@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Topological maps in simulated missions (mission_ground.py): a map lies where its datum says."""
+
+import json
+from datetime import datetime
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.topological_map import make_topological_map
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map
+
+FRAME = LocalFrame(53.268, -0.5245)
+FIELD = Field("plot", FRAME, np.array([[0, 0], [80, 0], [80, 60], [0, 60]], float))
+
+
+def map_file(tmp_path, places, meta):
+    stops = [Stop(str(number), x, y) for number, (x, y) in enumerate(places)]
+    edges = [("0", "1"), ("1", "0")]
+    made = make_topological_map(TravelGraph.from_edges(stops, edges), "plot", datetime(2026, 1, 1))
+    path = tmp_path / "map.json"
+    path.write_text(json.dumps({**made.document, "meta": meta}))
+    return str(path)
+
+
+def test_a_map_with_another_datum_lies_where_it_says(tmp_path, caplog):
+    datum = {"latitude": 53.268642, "longitude": -0.5245095, "altitude": 0}
+    graph = map_file(tmp_path, [(10, 10), (20, -30)], {"origin": datum})
+    found = mission_map(FIELD, FIELD.grid(), graph)
+    north_m = FRAME.to_local(53.268642, -0.5245095)[0]
+    np.testing.assert_allclose(found.graph.xy, np.add(north_m, [(10, 10), (20, -30)]), atol=1e-3)
+    assert "datum of the map is 71.5 m from the field's" in caplog.text
+    with pytest.raises(InputError, match="no node of the topological map lies in the field 'plot'"):
+        fenced_map(
+            FIELD, mission_map(FIELD, FIELD.grid(), map_file(tmp_path, [(10, 10), (20, 30)], {"origin": datum}))
+        )
+    same = map_file(tmp_path, [(10, 10), (20, 30)], {"datum_latitude": 53.268, "datum_longitude": -0.5245})
+    np.testing.assert_array_equal(mission_map(FIELD, FIELD.grid(), same).graph.xy, [(10, 10), (20, 30)])
+    with pytest.raises(InputError, match="the map is not of the field 'plot'"):
+        mission_map(
+            FIELD,
+            FIELD.grid(),
+            map_file(tmp_path, [(1, 1), (2, 2)], {"origin": {"latitude": -53, "longitude": 179}}),
+        )
