@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 import stat
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -125,7 +126,7 @@ def parse_yaml(
     if len(text) > max_bytes:
         raise InputError(f"is larger than {max_bytes / 1e6:g} MB of YAML", "give a smaller file", path)
     yaml = YAML(typ=kind)
-    yaml.Composer = type("Composer", (_LimitedComposer,), {"max_values": max_values})
+    yaml.Composer = partial(_LimitedComposer, max_values=max_values)  # type: ignore[assignment]
     try:
         return yaml.load(StringIO(text))
     except _TooLargeError as error:
@@ -152,10 +153,9 @@ class _TooLargeError(MarkedYAMLError):
 class _LimitedComposer(Composer):
     """Counts values, so that a few lines of aliases of aliases do not become billions of values."""
 
-    max_values = _MAX_YAML_VALUES
-
-    def __init__(self, loader: Any = None) -> None:
+    def __init__(self, loader: Any = None, max_values: int = _MAX_YAML_VALUES) -> None:
         super().__init__(loader)
+        self._max_values = max_values
         self.warn_double_anchors = False
         self._values = 0
         self._sizes: dict[str | None, int] = {}
@@ -165,10 +165,10 @@ class _LimitedComposer(Composer):
         before = self._values
         alias = isinstance(event, AliasEvent)
         if alias and event.anchor in self.anchors:  # inside itself it has no size yet, and would have no end
-            self._values += self._sizes.get(event.anchor, self.max_values)
+            self._values += self._sizes.get(event.anchor, self._max_values)
         self._values += 1
         for number, limit, what in (
-            (self._values, self.max_values, "values"),
+            (self._values, self._max_values, "values"),
             (self.depth, _MAX_YAML_DEPTH, "levels"),
         ):
             if number > limit:

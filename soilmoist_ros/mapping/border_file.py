@@ -156,7 +156,10 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
         remedy = f"there are: {listing(known)}{did_you_mean(source.feature, known)}"
         raise InputError(f"has no feature {source.feature!r}", remedy, path)
     scale = _metres_per_degree([rings[0] for _, feature in numbered for rings in feature.polygons])
-    areas: list[tuple[BaseGeometry, list[Array], str, bool]] = []
+    areas: list[tuple[BaseGeometry, list[Array], int, bool]] = []
+    labels = {number: feature.label(number) for number, feature in numbered}
+    shared = {label for label, count in Counter(labels.values()).items() if count > 1}
+    labels |= {number: f"{label} (feature {number})" for number, label in labels.items() if label in shared}
     slivers = 0
     for number, feature in numbered:
         for rings in feature.polygons:
@@ -167,26 +170,27 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
                 slivers += 1
             elif not any(shape.equals(other) for other, *_ in areas):
                 mine = number in named and not feature.is_no_go
-                areas.append((shape, rings, feature.label(number), mine))
+                areas.append((shape, rings, number, mine))
     candidates = [one for one in areas if one[3]]
     if not candidates:
         raise InputError("holds no polygon of a field", "export the border of the field as a polygon", path)
     if slivers:
         notes.append(f"{slivers} parts of less than {_SLIVER_M2:g} m2 are left out")
-    outer, rings, label, _ = max(candidates, key=lambda one: one[0].area)
+    outer, rings, chosen, _ = max(candidates, key=lambda one: one[0].area)
+    label = labels[chosen]
     inside: list[tuple[BaseGeometry, list[Array], str]] = []
-    apart: list[tuple[str, bool]] = []
+    apart: list[tuple[int, bool]] = []
     reach = outer.buffer(1e-3 * math.sqrt(outer.area))
-    for shape, others, name, mine in areas:
+    for shape, ring, number, mine in areas:
         if shape is outer:
             continue
         if reach.contains(shape):
-            inside.append((shape, others, name))
+            inside.append((shape, ring, labels[number]))
         else:
-            apart.append((name, mine))
-    rivals = [name for name, mine in apart if mine]
+            apart.append((number, mine))
+    rivals = [number for number, mine in apart if mine]
     if rivals:
-        raise _several(label, rivals, source)
+        raise _several([chosen, *rivals], labels, source)
     share = sum(shape.area for shape, *_ in inside) / outer.area
     if share > MAX_INSIDE_SHARE:
         raise InputError(
@@ -198,24 +202,28 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
     for shape, _, name in inside:
         notes.append(f"{name}, {shape.area:.0f} m2 inside the border, is a no-go area")
     if apart:
-        notes.append(f"not used, as they are not inside {label}: {listing(name for name, _ in apart)}")
+        others = dict.fromkeys(labels[number] for number, _ in apart)
+        notes.append(f"not used, as they are not inside {label}: {listing(others)}")
     unused = Counter(key for _, feature in numbered for key in feature.properties if key not in _USED_PROPERTIES)
     if unused:
         notes.append(f"properties that say nothing about the border are not used: {listing(unused)}")
-    return Border(rings[0], (*rings[1:], *(others[0] for _, others, _ in inside)), tuple(notes))
+    return Border(rings[0], (*rings[1:], *(ring[0] for _, ring, _ in inside)), tuple(notes))
 
 
-def _several(label: str, rivals: Sequence[str], source: BorderSource) -> InputError:
-    names = [label, *rivals]
-    if len(set(names)) < len(names):
+def _several(numbers: Sequence[int], labels: Mapping[int, str], source: BorderSource) -> InputError:
+    """The error of a file with several polygons that are apart; the first is the largest."""
+    different = sorted(set(numbers))
+    if len(different) == 1:
         return InputError(
-            f"holds {len(names)} polygons that lie apart, parts of {listing(dict.fromkeys(names))}",
+            f"holds {len(numbers)} polygons that lie apart, all parts of {labels[different[0]]}",
             "a field is one polygon: export one part, and write a field file for each",
             source.path,
         )
-    chosen = names[0].removeprefix("feature ")
+    label = labels[numbers[0]]
+    chosen = label if label.endswith("'") else str(numbers[0])
     return InputError(
-        f"holds {len(names)} polygons, none of which holds the others: {listing(names)}",
+        f"holds {len(numbers)} polygons, none of which holds the others: "
+        f"{listing(labels[number] for number in different)}",
         f"say which is the field: border: {{file: {source.path.name}, feature: {chosen}}}",
         source.path,
     )
@@ -236,7 +244,7 @@ def _close_lines(features: Iterable[_Feature], notes: list[str]) -> None:
             if gap <= MAX_GAP_SHARE * length:
                 feature.lines.remove(line)
                 feature.polygons.append([_open_ring(line)])
-                said = f", though its ends are apart by {gap / length:.1%} of its length" if gap else ""
+                said = f", though its ends are apart by about {gap / length:.0%} of its length" if gap else ""
                 notes.append(f"the closed line of {feature.label(number)} is the border{said}")
 
 
@@ -334,8 +342,11 @@ def _converter(crs: str, corners: Array, path: Path, notes: list[str]) -> Callab
             "correct the reference system; metres from a datum go to 'polygon' in the field file, with 'datum'",
             path,
         )
-    used = there.get_last_used_operation() if hasattr(there, "get_last_used_operation") else there
-    accuracy = f", known to {used.accuracy:g} m" if used.accuracy > _MAX_STATED_ERROR_M else ""
+    try:
+        error_m = float(there.get_last_used_operation().accuracy)  # PROJ chooses one of several by the place
+    except (AttributeError, pyproj.exceptions.ProjError):  # an older pyproj, or the only one
+        error_m = float(there.accuracy)
+    accuracy = f", known to {error_m:g} m" if error_m > _MAX_STATED_ERROR_M else ""
     notes.append(f"the corners were converted from {name} to WGS-84{accuracy}")
     return lambda ring: np.column_stack(there.transform(ring[:, 0], ring[:, 1]))
 
@@ -417,6 +428,10 @@ def _geojson(source: BorderSource) -> _Content:
     except ValueError as error:
         raise InputError(f"is not valid JSON: {error}", "export the border again as GeoJSON", path) from None
     kind = content.get("type") if isinstance(content, dict) else None
+    if isinstance(content, dict) and "type" not in content and (found := content.get("values", [content])):
+        deere = [one for one in found if isinstance(one, dict) and "multipolygons" in one]
+        if deere:
+            return _Content([_deere(one, path) for one in deere], WGS84)
     if kind == "Topology" or (isinstance(content, dict) and "spatialReference" in content):
         name = "TopoJSON" if kind == "Topology" else "Esri JSON"
         raise InputError(f"is {name}, not GeoJSON", "export the border as GeoJSON", path)
@@ -456,6 +471,19 @@ def _geojson(source: BorderSource) -> _Content:
 
     collect(content, None)
     return _Content(features, _crs_of_geojson(content, path))
+
+
+def _deere(boundary: Mapping[str, Any], path: Path) -> _Feature:
+    """A boundary as the John Deere Operations Center returns it: rings of points with lat and lon."""
+    feature = _Feature(_texts({"name": boundary.get("name"), "id": boundary.get("id")}))
+    try:
+        for polygon in boundary["multipolygons"]:
+            rings = sorted(polygon["rings"], key=lambda ring: ring.get("type") != "exterior")
+            points = [[(point["lon"], point["lat"]) for point in ring["points"]] for ring in rings]
+            feature.polygons.append([_open_ring(_corners(corners, path)) for corners in points])
+    except (TypeError, KeyError, AttributeError):
+        raise InputError("has a boundary without rings of points", "export the border as GeoJSON", path) from None
+    return feature
 
 
 def _crs_of_geojson(content: Any, path: Path) -> str:

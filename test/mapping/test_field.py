@@ -84,7 +84,10 @@ def test_geojson_in_place_of_a_field_file_is_named(tmp_path):
     ("content", "message"),
     [
         ("nothing", "is not valid JSON"),
-        ('{"type": "Point", "coordinates": [1, 2]}', "holds no polygon, but 1 points: corners of a border, or places"),
+        (
+            '{"type": "Point", "coordinates": [1, 2]}',
+            "holds no polygon, but 1 points: corners of a border, or places",
+        ),
         (
             '{"type": "Polygon", "coordinates": [[[500000, 5000000], [500100, 5000000], [500000, 5000100]]]}',
             "degrees",
