@@ -44,6 +44,7 @@ Value = TypeVar("Value")
     multiple=True,
     help="Field file: a shipped name or a YAML file. Repeatable.",
 )
+@click.option("--graph", "graphs", type=FILE, multiple=True, help="Topological map of --field. Repeatable.")
 @click.option("--log", "logs", type=FILE, multiple=True, help="Neutron log of the probe of --site. Repeatable.")
 @click.option("--nmea", type=FILE, multiple=True, help="GNSS log (NMEA) of --log. Repeatable.")
 @answering
@@ -51,6 +52,7 @@ def command(
     logger: tuple[str, ...],
     site: tuple[str, ...],
     field: tuple[str, ...],
+    graphs: tuple[Path, ...],
     logs: tuple[Path, ...],
     nmea: tuple[Path, ...],
 ) -> None:
@@ -63,6 +65,8 @@ def command(
         raise click.UsageError("give at least one of --logger, --site, --field, --log")
     if logs and (len(site) > 1 or len(logger) > 1):
         raise click.UsageError("give one --site and one --logger at most with --log")
+    if graphs and len(field) != 1:
+        raise click.UsageError("give one --field with --graph")
     if nmea and not logs:
         raise click.UsageError("--nmea requires --log")
     mistakes: list[Mistake] = []
@@ -70,6 +74,9 @@ def command(
         _checked(name, partial(_logger, name), mistakes)
     sites = [_checked(name, partial(_site, name), mistakes) for name in site]
     fields = [_checked(name, partial(_field, name), mistakes) for name in field]
+    for place in (one for one in fields if one is not None):
+        for graph in graphs:
+            _checked(graph.name, partial(_graph, place, graph), mistakes)
     if not mistakes and len(sites) < 2:
         _compare(next(iter(sites), None), list(zip(field, fields, strict=True)), logger, logs, nmea, mistakes)
     if mistakes:
@@ -125,6 +132,12 @@ def _field(name: str) -> tuple[Field, Iterable[Finding]]:
     if "truth" in read_yaml(path):
         load_surrogate(path)
     return field, field_findings(field)
+
+
+def _graph(field: Field, path: Path) -> tuple[None, Iterable[Finding]]:
+    from soilmoist_ros.replay.file_facts import graph_findings
+
+    return None, graph_findings(field, path)
 
 
 def _compare(

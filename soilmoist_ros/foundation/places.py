@@ -61,6 +61,12 @@ def town_text(place: LatLon) -> str:
     )
 
 
+def town_distance_m(place: LatLon) -> float | None:
+    """Distance to the nearest town [m]; ``None`` without the extra ``reports``."""
+    town = _nearest_town(place)
+    return None if town is None else distance_and_bearing((town["latitude"], town["longitude"]), place)[0]
+
+
 def place_text(place: LatLon) -> str:
     """Coordinates, and the nearest town if the extra ``reports`` is installed."""
     return ", ".join(filter(None, [coordinates_text(*place), town_text(place)]))

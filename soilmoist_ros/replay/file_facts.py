@@ -8,14 +8,15 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.places import distance_text, place_text
+from soilmoist_ros.foundation.geodesy import LatLon, LocalFrame
+from soilmoist_ros.foundation.places import distance_text, place_text, town_distance_m, town_text
 from soilmoist_ros.mapping.covariates.reading import coverage, read_covariates
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.placement import PositionSource, require_near
@@ -30,6 +31,8 @@ from soilmoist_ros.sensing.survey.logs import calibration_counts
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
 """Areas beyond which a field is unusual for a survey with a neutron sensor [m^2]."""
+MAX_FROM_TOWN_M = 200_000.0
+"""Distance of a field from any town beyond which its coordinates may be swapped [m]."""
 MAX_FROM_SITE_M = 100_000.0
 """Distance of records from the place of their site beyond which one of them is wrong [m]."""
 MAX_AHEAD_S = 86_400.0
@@ -83,6 +86,8 @@ def field_findings(field: Field) -> Iterator[Finding]:
     if covariates is not None:
         covered = [f"{name} ({share:.0%} of the field)" for name, share in coverage(covariates, grid).items()]
         yield Finding("covariates", ", ".join(covered))
+    if swapped := _looks_swapped(field.centre):
+        yield _doubt(swapped)
     if not MIN_USUAL_M2 <= shape.area <= MAX_USUAL_M2:
         size = (
             "smaller than the footprint of the sensor" if shape.area < MIN_USUAL_M2 else "very large for a survey"
@@ -95,11 +100,43 @@ def field_findings(field: Field) -> Iterator[Finding]:
         )
 
 
+def _looks_swapped(place: LatLon) -> str:
+    """Doubt about the order of coordinates: far from any town, but near one with the two swapped."""
+    latitude, longitude = place
+    if abs(longitude) > 90:
+        return ""
+    here_m, there_m = town_distance_m(place), town_distance_m((longitude, latitude))
+    if here_m is None or there_m is None or here_m < MAX_FROM_TOWN_M or there_m > here_m / 10:
+        return ""
+    return (
+        f"the field lies {distance_text(here_m)} from any town; with latitude and longitude swapped it is "
+        f"{town_text((longitude, latitude))}: in lists and GeoJSON, longitude comes first"
+    )
+
+
 def _longest_side_deg(field: Field) -> int:
     """Direction of the longest side, 0..179 [deg from north]."""
     sides = np.roll(field.polygon, -1, axis=0) - field.polygon
     east, north = sides[np.argmax(np.hypot(*sides.T))]
     return round(math.degrees(math.atan2(east, north))) % 180
+
+
+def graph_findings(field: Field, path: Path) -> Iterator[Finding]:
+    """Nodes of a topological map that lie in a field, and what the map says about its place.
+
+    :raises InputError: if the map cannot be read, or none of its nodes lies in the field
+    """
+    from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map
+
+    found = mission_map(field, field.grid(), str(path))
+    fenced = fenced_map(field, found)
+    datum = "none: metres from the field's datum" if found.datum is None else "its own"
+    total = len(found.graph.names)
+    yield Finding(
+        "graph", f"{len(fenced.stops)} of {total} nodes are stops in {field.name}; datum of the map: {datum}"
+    )
+    if fenced.warning:
+        yield _doubt(fenced.warning)
 
 
 def site_findings(site: Site) -> Iterator[Finding]:

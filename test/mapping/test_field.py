@@ -121,6 +121,10 @@ def test_a_cell_size_that_makes_no_grid_is_named(tmp_path):
             "polygon: [[0,0],[0.001,0],[0.001,0.001]]\n",
             "5e-07 m2, smaller than any footprint .*'polygon_lonlat' in deg",
         ),
+        (
+            "polygon: [[-0.52,53.27],[-0.519,53.27],[-0.519,53.271]]\n",
+            r"m2, .* -> the corners look like degrees: give \[longitude, latitude\] under 'polygon_lonlat'",
+        ),
         ("polygon: [[0,0],[40000,0],[40000,40000],[0,40000]]\n", "encloses 1,600 km2, too large for a survey"),
         (
             "polygon: [[398000,5902000],[398100,5902000],[398100,5902100]]\n",
@@ -137,6 +141,40 @@ def test_a_cell_size_that_makes_no_grid_is_named(tmp_path):
 def test_mistakes_of_units_order_and_datum_are_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         load_field(write(tmp_path, SQUARE + text))
+
+
+BIG = "polygon: [[0,0],[60,0],[60,50],[0,50]]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "no_go: [[[-0.52,53.27],[-0.519,53.27],[-0.519,53.271]]]",
+            "lies 3 m from .*looks like .longitude, latitude",
+        ),
+        ("no_go: [[[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]]", "lies .* looks like degrees, latitude first"),
+        (
+            "no_go: [[[398000,5902000],[398100,5902000],[398100,5902100]]]",
+            "5,915 km .*not as coordinates of a map",
+        ),
+        ("no_go: [[[70,10],[80,10],[80,20]]]", "no-go area 1 lies 10 m from the field -> give it in metres east"),
+        ("no_go: [[[20,55],[30,55],[30,60]]]", "lies 5 m from the field -> with x and y of each corner swapped"),
+        ("no_go: [[[20,30],[20.05,30],[20.05,30.05]]]", "no-go area 1 encloses 0.0013 m2"),
+        ("no_go_lonlat: [[[-0.53,53.27],[-0.529,53.27],[-0.529,53.271]]]", "600 m from .* longitude comes first"),
+        ("no_go_lonlat: [[[53.27,-100.5],[53.3,-100.5],[53.3,-100.6]]]", "longitude comes first"),
+        ("no_go_lonlat: [[[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]]", "longitude comes first"),
+    ],
+)
+def test_a_no_go_area_of_another_place_or_unit_fences_off_nothing_and_is_refused(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        load_field(write(tmp_path, SQUARE + BIG + text))
+
+
+def test_a_no_go_area_in_degrees_and_one_that_reaches_over_the_border(tmp_path):
+    ring = LocalFrame(53.27, -0.52).to_geographic([[50, 10], [70, 10], [70, 20]])[:, ::-1].tolist()
+    field = load_field(write(tmp_path, SQUARE + BIG + f"no_go_lonlat: [{ring}]"))
+    np.testing.assert_allclose(field.no_go[0], [[50, 10], [70, 10], [70, 20]], atol=1e-6)
 
 
 def test_small_plots_and_whole_farms_are_fields(tmp_path):

@@ -65,6 +65,19 @@ def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> N
     return found
 
 
+def outline_of_polygons(path: Path, frame: LocalFrame) -> Array:
+    """Corners of the box about all polygons, in the plane of a field, shape (k, 2) [m]."""
+    from pyproj import CRS, Transformer
+
+    with readable_vector(path):
+        about = optional_module("pyogrio").read_info(path, force_total_bounds=True)
+        _require_crs(path, about)
+        west, south, east, north = about["total_bounds"]
+        there = Transformer.from_crs(CRS.from_user_input(about["crs"]), frame.crs, always_xy=True)
+        corners = np.column_stack(there.transform([west, east, east, west], [south, south, north, north]))
+    return corners[np.isfinite(corners).all(axis=1)]
+
+
 def require_polygons(path: Path, attribute: str) -> None:
     """Check a vector file before long work: that it can be opened, and has a reference system and the attribute.
 

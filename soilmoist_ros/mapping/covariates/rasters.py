@@ -89,6 +89,17 @@ class RasterBands:
         moved = np.hypot(*(pixels[:, 1:] - pixels[:, :1]))  # by 100 m to the east, and to the north
         return float(100.0 / max(moved.min(), 1e-9)) if np.isfinite(moved).all() else math.inf
 
+    def outline(self, frame: LocalFrame) -> Array:
+        """Places along the raster in the plane of a field, shape (k, 2) [m]; none on the earth's other side."""
+        from pyproj import CRS, Transformer
+
+        there = Transformer.from_crs(CRS.from_wkt(self._source.crs.to_wkt()), frame.crs, always_xy=True)
+        shares = np.linspace(0.0, 1.0, 5)
+        columns, rows = np.meshgrid(shares * self._source.width, shares * self._source.height)
+        x, y = self._source.transform @ (columns.ravel(), rows.ravel())
+        corners = np.column_stack(there.transform(x, y))
+        return corners[np.isfinite(corners).all(axis=1)]
+
     def on(self, number: int, frame: LocalFrame, x_m: Array, y_m: Array) -> Array:
         """A band at square cells, NaN where it has no value, shape (ny, nx).
 

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.covariates.polygons import BEGINNINGS, indicators, read_polygons, require_polygons
+from soilmoist_ros.foundation.places import distance_text
+from soilmoist_ros.mapping.covariates.polygons import (
+    BEGINNINGS,
+    indicators,
+    outline_of_polygons,
+    read_polygons,
+    require_polygons,
+)
 from soilmoist_ros.mapping.covariates.rasters import RasterBands, opened_raster
 from soilmoist_ros.mapping.covariates.source import DERIVED, CovariateSource, Derived
 from soilmoist_ros.mapping.covariates.terrain import derivatives
@@ -89,11 +96,8 @@ def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapp
     for name, values in layers.items():
         inside = values[grid.mask & np.isfinite(values)]
         if not len(inside):
-            raise InputError(
-                f"has no value of {name!r} in the field",
-                "check that the file covers the field, and that its reference system (CRS) is right",
-                source.path,
-            )
+            where, remedy = _elsewhere(source, frame, grid)
+            raise InputError(f"has no value of {name!r} in the field{where}", remedy, source.path)
         if inside.std() <= MIN_SPREAD * np.abs(inside).max():
             raise InputError(
                 f"has the same value of {name!r} everywhere in the field: it says nothing about differences",
@@ -101,6 +105,25 @@ def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapp
                 source.path,
             )
     return layers
+
+
+def _elsewhere(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> tuple[str, str]:
+    """Distance of a file from the field, in words, and what to do."""
+    import shapely
+
+    remedy = "check that the file covers the field, and that its reference system (CRS) is right"
+    if _has_polygons(source):
+        corners = outline_of_polygons(source.path, frame)
+    else:
+        with opened_raster(source.path) as raster:
+            corners = RasterBands(source.path, raster).outline(frame)
+    if not len(corners):
+        return ": it lies on the other side of the earth", remedy
+    box = shapely.box(*grid.box[0], *grid.box[1])
+    distance_m = float(shapely.MultiPoint(corners).convex_hull.distance(box))
+    if distance_m == 0:
+        return ", which it covers with gaps only", "fill the gaps, or leave the file out"
+    return f": it lies {distance_text(distance_m)} away", remedy
 
 
 def _has_polygons(source: CovariateSource) -> bool:
