@@ -139,6 +139,9 @@ def read_border(source: BorderSource) -> Border:
     to_degrees = _conversion(content, source, notes)
     for _, feature in numbered:
         feature.polygons = [[to_degrees(ring) for ring in rings] for rings in feature.polygons]
+        for rings in feature.polygons:
+            if not all(np.isfinite(ring).all() for ring in rings):
+                raise InputError("has a corner that is no place on the earth", "export the border again", path)
     return _chosen(numbered, source, notes)
 
 
@@ -272,6 +275,8 @@ def _conversion(content: _Content, source: BorderSource, notes: list[str]) -> Ca
     """
     path, stated = source.path, content.crs
     corners = np.concatenate([ring for one in content.features for rings in one.polygons for ring in rings])
+    if not np.isfinite(corners).all():
+        raise InputError("has a corner that is not two finite numbers", "export the border again", path)
     if stated and source.crs and not _same_crs(stated, source.crs):
         raise InputError(
             f"is in {stated}, but the field file says crs: {source.crs}", "remove 'crs', or correct the file", path
@@ -591,7 +596,8 @@ def _wkt(source: BorderSource) -> _Content:
     text = read_limited(source.path, "check its path in the field file").decode("utf-8", "replace").strip()
     found = re.match(r"SRID\s*=\s*(\d+)\s*;", text, re.IGNORECASE)
     try:
-        shape = shapely.from_wkt(text[found.end() :] if found else text)
+        with np.errstate(over="ignore"):  # numbers beyond the largest are refused with their place
+            shape = shapely.from_wkt(text[found.end() :] if found else text)
     except shapely.errors.ShapelyError as error:
         raise InputError(f"is not valid WKT: {error!s:.200}", "write it as POLYGON ((...))", source.path) from None
     return _Content([_of_shape(shape, {})], f"EPSG:{found[1]}" if found else "")

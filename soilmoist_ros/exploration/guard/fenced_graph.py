@@ -311,8 +311,7 @@ def _elsewhere(graph: TravelGraph, fence: Fence) -> InputError:
         remedy = "its places are those of a map projection, such as UTM: write metres from the field's datum"
     else:
         remedy = (
-            "the map's places must be metres east and north of the field's datum, or of the datum that the map names: "
-            "check both"
+            "the map's places must be metres east and north of the field's datum, or of the one that the map names"
         )
     return InputError(
         f"no node of the topological map lies in the field {fence.field.name!r} and outside its no-go areas: they "

@@ -106,7 +106,7 @@ def readable_vector(path: Path, remedy: str = REMEDY) -> Iterator[None]:
         if not head.startswith(BEGINNINGS[path.suffix.lower()]) or _PIPELINE in head:
             raise InputError("cannot be read as polygons: its content is something else", remedy, path)
         yield
-    except (*errors, UnicodeDecodeError) as error:
+    except (*errors, UnicodeDecodeError, UnboundLocalError) as error:  # the last: pyogrio, for a damaged .prj
         reason = f"cannot be read as polygons: {error!s:.200}"
         raise InputError(reason, remedy, path) from None
 
