@@ -50,3 +50,21 @@ def test_the_command_says_what_covariates_cover(tmp_path):
     result = check("--field", path)
     assert result.exit_code == 2
     assert "no such file" in result.output
+
+
+def test_the_command_compares_a_topological_map_with_a_field(tmp_path):
+    def node(name, x, y):
+        return {"node": {"name": name, "pose": {"position": {"x": x, "y": y}}, "edges": [{"node": 1 - name}]}}
+
+    field, graph = tmp_path / "field.yaml", tmp_path / "map.json"
+    datum = {"latitude_deg": 53.268, "longitude_deg": -0.5245}
+    field.write_text(json.dumps({"name": "plot", "datum": datum, "polygon": [[0, 0], [80, 0], [80, 60], [0, 60]]}))
+    graph.write_text(json.dumps({"nodes": [node(0, 10, 20), node(1, 20, 20)]}))
+    result = check("--field", field, "--graph", graph)
+    assert "graph       2 of 2 nodes are stops in plot; datum of the map: none" in result.output
+    shifted = {"meta": {"origin": {"latitude": 53.268642, "longitude": -0.5245095}}}
+    graph.write_text(json.dumps({**shifted, "nodes": [node(0, 10, 20), node(1, 20, 20)]}))
+    result = check("--field", field, "--graph", graph)
+    assert result.exit_code == 2
+    assert "no node of the topological map lies in the field 'plot'" in result.output
+    assert check("--graph", graph).exit_code == 2

@@ -75,7 +75,7 @@ def outline_of_polygons(path: Path, frame: LocalFrame) -> Array:
         west, south, east, north = about["total_bounds"]
         there = Transformer.from_crs(CRS.from_user_input(about["crs"]), frame.crs, always_xy=True)
         corners = np.column_stack(there.transform([west, east, east, west], [south, south, north, north]))
-    return corners[np.isfinite(corners).all(axis=1)]
+    return np.asarray(corners[np.isfinite(corners).all(axis=1)])
 
 
 def require_polygons(path: Path, attribute: str) -> None:

@@ -98,7 +98,7 @@ class RasterBands:
         columns, rows = np.meshgrid(shares * self._source.width, shares * self._source.height)
         x, y = self._source.transform @ (columns.ravel(), rows.ravel())
         corners = np.column_stack(there.transform(x, y))
-        return corners[np.isfinite(corners).all(axis=1)]
+        return np.asarray(corners[np.isfinite(corners).all(axis=1)])
 
     def on(self, number: int, frame: LocalFrame, x_m: Array, y_m: Array) -> Array:
         """A band at square cells, NaN where it has no value, shape (ny, nx).
