@@ -163,7 +163,7 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
     labels = {number: feature.label(number) for number, feature in numbered}
     shared = {label for label, count in Counter(labels.values()).items() if count > 1}
     labels |= {number: f"{label} (feature {number})" for number, label in labels.items() if label in shared}
-    slivers = 0
+    slivers, seen = 0, set[tuple[float, ...]]()
     for number, feature in numbered:
         for rings in feature.polygons:
             if len(rings[0]) < 3:
@@ -171,7 +171,8 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
             shape = make_valid(Polygon(rings[0] * scale))
             if shape.area < _SLIVER_M2 and len(feature.polygons) > 1:
                 slivers += 1
-            elif not any(shape.equals(other) for other, *_ in areas):
+            elif (extent := tuple(np.round([shape.area, *shape.bounds], 3).tolist())) not in seen:
+                seen.add(extent)
                 mine = number in named and not feature.is_no_go
                 areas.append((shape, rings, number, mine))
     candidates = [one for one in areas if one[3]]
@@ -510,7 +511,10 @@ def _xml(path: Path, data: bytes | None = None) -> ElementTree.Element:
     text = read_limited(path, "check its path in the field file") if data is None else data
     if b"<!DOCTYPE" in text[:4096] or b"<!ENTITY" in text:
         raise InputError("is XML with definitions of its own", "export the border again", path)
-    root = ElementTree.fromstring(text)
+    try:
+        root = ElementTree.fromstring(text)
+    except (ValueError, LookupError) as error:  # an encoding that the parser does not know
+        raise InputError(f"cannot be read as XML: {error}", "save it as UTF-8", path) from None
     for element in root.iter():
         element.tag = str(element.tag).rpartition("}")[2]
     return root
@@ -521,6 +525,7 @@ def _kml(source: BorderSource, data: bytes | None = None) -> _Content:
 
     def ring(element: ElementTree.Element | None) -> Array:
         text = element.findtext(".//coordinates", "") if element is not None else ""
+        text = re.sub(r"\s*,\s*", ",", text)  # people write a space after the comma
         return _corners([corner.split(",") for corner in text.split()], path)
 
     features = []

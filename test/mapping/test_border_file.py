@@ -216,6 +216,7 @@ def deere():
     ("name", "content", "no_go"),
     [
         ("farm.kml", kml(), 1),
+        ("hand.kml", kml().replace(",", ", "), 1),
         ("TASKDATA.XML", isoxml(), 1),
         ("walk.gpx", gpx(), 0),
         ("map.osm", osm(), 0),
@@ -271,6 +272,7 @@ def test_shapefiles_and_geopackages(tmp_path):
     ("name", "content", "message"),
     [
         ("a.kml", "<kml", "is not valid XML"),
+        ("a.kml", "<?xml version='1.0' encoding='x-none'?><kml/>", "cannot be read as XML|not valid XML"),
         ("a.kml", "<!DOCTYPE x [<!ENTITY a 'b'>]><kml/>", "definitions of its own"),
         ("a.wkt", "POLYGON (1 2", "is not valid WKT"),
         ("a.zip", "no archive", "cannot be unpacked"),
