@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
 from soilmoist_ros.foundation.geodesy import LatLon, LocalFrame
 from soilmoist_ros.foundation.places import distance_text, place_text, town_distance_m, town_text
-from soilmoist_ros.mapping.covariates.reading import coverage, read_covariates
+from soilmoist_ros.mapping.covariates.reading import coverage, read_covariates, unused_parts
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.reporting.page.numbers import area, duration
@@ -31,7 +31,7 @@ from soilmoist_ros.sensing.survey.logs import calibration_counts
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
 """Areas beyond which a field is unusual for a survey with a neutron sensor [m^2]."""
-MAX_FROM_TOWN_M = 200_000.0
+MAX_FROM_TOWN_M = 50_000.0
 """Distance of a field from any town beyond which its coordinates may be swapped [m]."""
 MAX_FROM_SITE_M = 100_000.0
 """Distance of records from the place of their site beyond which one of them is wrong [m]."""
@@ -86,6 +86,8 @@ def field_findings(field: Field) -> Iterator[Finding]:
     if covariates is not None:
         covered = [f"{name} ({share:.0%} of the field)" for name, share in coverage(covariates, grid).items()]
         yield Finding("covariates", ", ".join(covered))
+        for unused in filter(None, map(unused_parts, field.covariates)):
+            yield Finding("covariates", unused)
     if swapped := _looks_swapped(field.centre):
         yield _doubt(swapped)
     if not MIN_USUAL_M2 <= shape.area <= MAX_USUAL_M2:

@@ -46,6 +46,12 @@ def test_the_command_says_what_covariates_cover(tmp_path):
     path.write_text(text + "covariates: [soils.geojson]\n")
     result = check("--field", path)
     assert "covariates  soils sand (51% of the field)" in result.output
+    assert "not used" not in result.output
+    for feature in features:
+        feature["properties"]["owner"] = "x"
+    (tmp_path / "soils.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    path.write_text(text + "covariates: ['soils.geojson:soil']\n")
+    assert "covariates  attributes of soils.geojson that are not used: owner" in check("--field", path).output
     path.write_text(text + "covariates: [soil.geojson]\n")
     result = check("--field", path)
     assert result.exit_code == 2

@@ -65,6 +65,15 @@ def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> N
     return found
 
 
+def attributes(path: Path) -> list[str]:
+    """Names of the attributes in a vector file.
+
+    :raises InputError: if the file cannot be read
+    """
+    with readable_vector(path):
+        return list(map(str, optional_module("pyogrio").read_info(path)["fields"].tolist()))
+
+
 def outline_of_polygons(path: Path, frame: LocalFrame) -> Array:
     """Corners of the box about all polygons, in the plane of a field, shape (k, 2) [m]."""
     from pyproj import CRS, Transformer

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_text
+from soilmoist_ros.foundation.suggestions import listing
 from soilmoist_ros.mapping.covariates.polygons import (
     BEGINNINGS,
+    attributes,
     indicators,
     outline_of_polygons,
     read_polygons,
@@ -54,6 +56,24 @@ def require_covariates(sources: Iterable[CovariateSource]) -> None:
             mistakes += error.mistakes
     if mistakes:
         raise InputError(mistakes)
+
+
+def unused_parts(source: CovariateSource) -> str:
+    """Bands or attributes of a file that are not used, in words; empty if all are.
+
+    :raises InputError: if the file cannot be read
+    """
+    if _has_polygons(source):
+        names = attributes(source.path)
+        others = [name for name in names if name != (source.band or names[0])]
+        what = "attributes"
+    else:
+        with opened_raster(source.path) as raster:
+            bands = RasterBands(source.path, raster)
+            _, used = _derived(source, bands)
+        others = [name or str(number) for number, name in enumerate(bands.names, start=1) if number != used]
+        what = "bands"
+    return f"{what} of {source.path.name} that are not used: {listing(others)}" if others else ""
 
 
 def read_covariates(sources: Sequence[CovariateSource], frame: LocalFrame, grid: FieldGrid) -> Covariates | None:
