@@ -5,21 +5,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, put, say, wrote
+from soilmoist_ros.cli.answers.answer import answering, put, say, warn, wrote
 from soilmoist_ros.cli.options.names import InputFile, Name
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.suggestions import listing
 
 if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.core_mean import CoreMean, Surroundings, Weighting
-    from soilmoist_ros.sensing.moisture.site import Site, Soil
+    from soilmoist_ros.sensing.moisture.site import Calibration, Site, Soil
     from soilmoist_ros.sensing.survey.logs import CalibrationCounts
 
+DAY_S = 86_400.0
 TIME = click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M", "%Y-%m-%d %H:%M:%S"])
 
 
@@ -58,7 +62,13 @@ TIME = click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m
     show_default=True,
     help="How distance and depth of the cores weigh.",
 )
-@click.option("--date", help="Date of the calibration; written to the site file.")
+@click.option(
+    "--date",
+    "dates",
+    multiple=True,
+    metavar="DAY",
+    help="Day of the calibration; written to the site file. Chooses among the days of the cores. Repeatable.",
+)
 @click.option("--dry-run", is_flag=True, help="Print the result; do not write the site file.")
 @answering
 def command(
@@ -72,14 +82,14 @@ def command(
     end: datetime | None,
     curve: Literal["desilets", "universal"] | None,
     weighting: Weighting,
-    date: str | None,
+    dates: tuple[str, ...],
     dry_run: bool,
 ) -> None:
     """Find N0 from soil CORES (a CSV file) and the counts at the calibration.
 
     CORES has one row per core. Its first line names the columns: vwc [m3/m3], or gravimetric_water [g/g] and
     bulk_density_gcm3 [g/cm3]. Optional are distance_m from the probe, depth_cm (or top_cm and bottom_cm), profile
-    (cores of one place) and weight.
+    (cores of one place), date and weight. Columns in other units have other names, such as vwc_percent.
     """
     from soilmoist_ros.sensing.moisture.calibration import estimate_n0, write_calibration
     from soilmoist_ros.sensing.moisture.core_mean import mean_of_cores
@@ -87,7 +97,10 @@ def command(
     from soilmoist_ros.sensing.moisture.site import Calibration, Soil, load_site, moisture_curve
 
     known = load_site(site)
-    sampled = read_soil_cores(cores, known.soil.bulk_density_gcm3 if known.soil else None)
+    table = read_soil_cores(cores, known.soil.bulk_density_gcm3 if known.soil else None, dates)
+    sampled, before = table.cores, known.calibration
+    for note in table.notes:
+        warn(f"note       {note}")
     soil = known.soil
     if soil is None:
         density = mean_of_cores(sampled, "equal").bulk_density_gcm3
@@ -100,6 +113,7 @@ def command(
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
     counted = _counted(known, logs, logger, counts, exposure_s, (start, end))
+    _require_days_of_counts(table.days, counted, cores)
     around = _surroundings(known, soil, counted)
     rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
     try:
@@ -119,12 +133,21 @@ def command(
         cores=mean.count,
         vwc=mean.vwc,
         vwc_sd=mean.vwc_sd,
+        days=list(table.days),
+        weights=mean.weights,
     )
-    say(f"cores      {_about(mean, weighting)}")
-    say(f"air        {around.pressure_hpa:.1f} hPa, {around.humidity_gm3:.1f} g/m3")
+    say(f"cores      {_about(mean)}{f', of {listing(table.days)}' if table.days else ''}")
+    if mean.weights == "equal weights" and weighting != "equal":
+        warn(f"note       the {weighting} weights need distance_m, or depths of several cores in a profile")
+    assumed = "" if counted.records and math.isfinite(counted.pressure_hpa) else " (assumed for the weights)"
+    say(f"air        {around.pressure_hpa:.1f} hPa, {around.humidity_gm3:.1f} g/m3{assumed}")
     say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{_of_records(counted)}")
     say(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s, curve {unit.curve}")
     say(f"of which   {estimate.from_counting_cps:.4f} from counting, {estimate.from_cores_cps:.4f} from cores")
+    if before is not None and before.curve != unit.curve:
+        before = None  # its N0 is of another kind
+    for doubt in _doubts(estimate.n0_cps, before, mean.bulk_density_gcm3, soil):
+        warn(f"doubt      {doubt}")
     if dry_run:
         say(f"dry run: {site} is not changed")
         return
@@ -133,19 +156,55 @@ def command(
         curve=unit.curve,
         parameter_set=unit.parameter_set,
         n0_sd_cps=round(estimate.n0_sd_cps, 5),
-        date=date,
-        note=f"{mean.count} soil cores, mean VWC {mean.vwc:.3f} m3/m3, {weighting} weights",
+        date=", ".join(dates or table.days) or None,
+        note=f"{mean.count} soil cores, mean VWC {mean.vwc:.3f} m3/m3, {mean.weights}",
     )
     write_calibration(site, result, soil if load_site(site).soil is None else None)
     wrote([site])
 
 
-def _about(mean: CoreMean, weighting: Weighting) -> str:
+def _about(mean: CoreMean) -> str:
     depth = "" if math.isnan(mean.depth_cm) else f", seen to {mean.depth_cm:.0f} cm"
     return (
         f"{mean.count} in {mean.profiles} profiles, mean VWC {mean.vwc:.4f} m3/m3 +- {mean.vwc_sd:.4f}, "
-        f"{weighting} weights{depth}"
+        f"{mean.weights}{depth}"
     )
+
+
+def _require_days_of_counts(days: Sequence[str], counted: CalibrationCounts, cores: Path) -> None:
+    """Refuse counts of other days than the cores; days whose month is not clear are not compared."""
+    if not counted.records:
+        return
+    for day in days:
+        with suppress(ValueError):
+            begin_s = datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp()
+            # Clocks of loggers and of people differ by up to half a day from UTC.
+            if not counted.first_s - 1.5 * DAY_S < begin_s < counted.last_s + 0.5 * DAY_S:
+                first, last = (datetime.fromtimestamp(at, UTC) for at in (counted.first_s, counted.last_s))
+                of_counts = f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
+                raise InputError(
+                    f"the cores are of {day}, and the counts of {of_counts}",
+                    "give the log of that day, or correct the date of the cores",
+                    cores,
+                )
+    if days and counted.last_s - counted.first_s > (len(days) + 2) * DAY_S:
+        long_days = (counted.last_s - counted.first_s) / DAY_S
+        warn(f"doubt      {long_days:.0f} days are counted for cores of {listing(days)}: choose --from and --to")
+
+
+def _doubts(n0_cps: float, before: Calibration | None, density: float | None, soil: Soil) -> Iterator[str]:
+    """Doubts about the result of a calibration."""
+    from soilmoist_ros.sensing.moisture.calibration import unusual_n0
+
+    if doubt := unusual_n0(n0_cps):
+        yield f"{doubt}: check counts, exposure and their units"
+    if before is not None and not before.illustrative and not 0.8 < n0_cps / before.n0_cps < 1.25:
+        yield f"N0 was {before.n0_cps:g} counts/s in the site file: are probe, tubes and corrections as before?"
+    if density is not None and not 0.85 < density / soil.bulk_density_gcm3 < 1.18:
+        yield (
+            f"the cores have a bulk density of {density:.2f} g/cm3, the site file {soil.bulk_density_gcm3:g}: the "
+            "curve uses that of the site file"
+        )
 
 
 def _of_records(counted: CalibrationCounts) -> str:
@@ -156,10 +215,16 @@ def _of_records(counted: CalibrationCounts) -> str:
 
 
 def _surroundings(site: Site, soil: Soil, counted: CalibrationCounts) -> Surroundings:
-    """Conditions of the weights; what was not measured has the reference value of its correction."""
+    """Conditions of the weights; without a measured pressure that of the altitude, else the reference value."""
+    from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa
     from soilmoist_ros.sensing.moisture.core_mean import Surroundings
 
-    reference_hpa = site.corrections_parameters.reference_pressure_hpa
+    reference_hpa, place = (
+        site.corrections_parameters.reference_pressure_hpa,
+        site.corrections.place or site.location,
+    )
+    if place is not None and place.altitude_m is not None:
+        reference_hpa = standard_pressure_hpa(place.latitude_deg, place.altitude_m)
     return Surroundings(
         site.reference_humidity_gm3 if math.isnan(counted.humidity_gm3) else counted.humidity_gm3,
         reference_hpa if math.isnan(counted.pressure_hpa) else counted.pressure_hpa,
@@ -187,7 +252,7 @@ def _counted(
     if counts is not None and exposure_s is not None:
         if window != (None, None):
             raise click.UsageError("--from and --to select records of a log; they require --log")
-        return CalibrationCounts(counts, exposure_s, 0, 0, math.nan, math.nan)
+        return CalibrationCounts(counts, exposure_s, 0, 0, math.nan, math.nan, math.nan, math.nan)
     first_s = -math.inf if start_s is None else start_s
     last_s = math.inf if end_s is None else end_s
     return calibration_counts(read_logs(logs, logger, site), site, first_s, last_s)

@@ -91,6 +91,23 @@ def read_limited(path: Path, remedy: str = "check the path and its permissions",
     return data
 
 
+def read_lines(path: Path, remedy: str = "check the path and its permissions") -> list[str]:
+    """Lines of a text table of any program: UTF-8, UTF-16 with a byte order mark, else Latin-1.
+
+    :raises InputError: if it cannot be read, or is a spreadsheet
+    """
+    data = read_limited(path, remedy)
+    if data.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        raise InputError("is a spreadsheet or an archive, not text", "save the table as CSV (UTF-8)", path)
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace").splitlines()
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    return text.replace("\0", "").splitlines()
+
+
 def read_yaml(path: Path, max_bytes: int = _MAX_YAML_BYTES, max_values: int = _MAX_YAML_VALUES) -> Any:
     """The content of a YAML file, with the line numbers that :func:`load_model` reports.
 

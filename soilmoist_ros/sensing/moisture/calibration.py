@@ -16,6 +16,7 @@ from soilmoist_ros.foundation.configuration import read_yaml
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import Calibration, Soil, load_site
+from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,43 @@ def estimate_n0(
     cores = abs(n0 / unit_rate / float(unit_curve.slope(unit_rate))) * vwc_sd
     total = math.hypot(counting, 0.0 if math.isnan(cores) else cores)
     return N0Estimate(n0, total, counting, cores)
+
+
+USUAL_N0_CPS = (0.05, 60.0)
+"""N0 of sensors from one small tube at sea level to twelve large ones in high mountains [counts/s]."""
+OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}
+"""Times per which other programs give N0 [s]."""
+
+
+def unusual_n0(n0_cps: float) -> str:
+    """Doubt about an N0 that no sensor has; empty for a usual one.
+
+    >>> unusual_n0(1111.0)
+    'N0 of 1111 counts/s is unusual: 0.3086 counts/s if it is per hour, 18.52 counts/s if it is per minute'
+    """
+    low, high = USUAL_N0_CPS
+    if low <= n0_cps <= high:
+        return ""
+    per = ((time, n0_cps / time_s) for time, time_s in OTHER_TIMES.items())
+    meant = [f"{n0:.4g} counts/s if it is per {time}" for time, n0 in per if low <= n0 <= high]
+    return f"N0 of {n0_cps:g} counts/s is unusual{': ' + ', '.join(meant) if meant else ''}"
+
+
+def n0_in_other_time(rate_cps: float, curve: MoistureCurve) -> str:
+    """Doubt about an N0 per hour, minute or 10 s instead of per second; empty if the rate fits N0 as it is.
+
+    :param rate_cps: mean corrected rate of a survey [counts/s]
+    :param curve: curve with the N0 in doubt
+    """
+    limits = soil_limits(curve.bulk_density_gcm3)
+    most, least = (float(curve.rate_cps(vwc)) / curve.n0_cps for vwc in (limits.dryness, limits.saturation))
+    if least <= rate_cps / curve.n0_cps <= most:
+        return ""
+    for time, time_s in OTHER_TIMES.items():
+        if least <= rate_cps * time_s / curve.n0_cps <= most:
+            meant = f"per {time}: {curve.n0_cps / time_s:.4g} counts/s"
+            return f"N0 of {curve.n0_cps:g} counts/s fits these counts if it is {meant}"
+    return ""
 
 
 def write_calibration(site_file: Path, calibration: Calibration, soil: Soil | None = None) -> None:

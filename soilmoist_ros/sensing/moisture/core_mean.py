@@ -54,6 +54,7 @@ class CoreMean:
     :param count: number of cores
     :param profiles: number of profiles
     :param depth_cm: depth D86 of the mean [cm], NaN if the cores have no depth
+    :param weights: weights that were used, in words: without distances and depths all cores weigh the same
     """
 
     vwc: float
@@ -62,6 +63,7 @@ class CoreMean:
     count: int
     profiles: int
     depth_cm: float = math.nan
+    weights: str = "equal weights"
 
 
 def mean_of_cores(
@@ -102,7 +104,17 @@ def mean_of_cores(
     error = math.sqrt(spread / (effective - 1)) if effective > 1 + 1e-9 else math.nan
     has_depth = any(not math.isnan(core.top_cm) for core in cores)
     depth = _depth_cm(weighting, around, vwc, density) if has_depth else math.nan
-    return CoreMean(vwc, error, known, len(cores), len(groups), depth)
+    return CoreMean(vwc, error, known, len(cores), len(groups), depth, _weights_text(groups, weighting))
+
+
+def _weights_text(groups: Sequence[Sequence[SoilCore]], weighting: Weighting) -> str:
+    """Weights that act: depths weigh within profiles of several cores, distances weigh several profiles."""
+    distance = not all(math.isnan(group[0].distance_m) for group in groups)
+    depth = not all(math.isnan(group[0].top_cm) or len(group) == 1 for group in groups)
+    if weighting == "equal" or not (distance or depth):
+        return "equal weights"
+    alone = "" if distance and depth else " of the distance alone" if distance else " of the depth alone"
+    return f"{weighting} weights{alone}"
 
 
 def _mean_density(cores: Sequence[SoilCore]) -> float | None:

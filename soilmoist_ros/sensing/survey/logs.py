@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -158,6 +158,9 @@ class CalibrationCounts:
     :param left_out: number of records that were quarantined or cannot be corrected
     :param pressure_hpa: mean air pressure [hPa], NaN if unknown
     :param humidity_gm3: mean absolute humidity [g/m^3], NaN if unknown
+    :param first_s: stamp of the first record [s since 1970-01-01 UTC], NaN without records
+    :param last_s: stamp of the last record [s since 1970-01-01 UTC], NaN without records
+    :param factors: least and greatest factor of each correction [-], by its name
     """
 
     raw_counts: int
@@ -166,6 +169,9 @@ class CalibrationCounts:
     left_out: int
     pressure_hpa: float
     humidity_gm3: float
+    first_s: float = math.nan
+    last_s: float = math.nan
+    factors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def rate_cps(self) -> float:
@@ -214,6 +220,13 @@ def calibration_counts(
         len(raw) - len(good),
         _mean([record.pressure_hpa for record in raw if math.isfinite(record.pressure_hpa)]),
         _mean([absolute_humidity_gm3(record.temperature_degc, record.relative_humidity) for record in air]),
+        raw[0].stamp_s,
+        raw[-1].stamp_s,
+        {
+            name: (min(values), max(values))
+            for name in ("f_pressure", "f_humidity", "f_intensity")
+            if (values := [getattr(record, name) for record in good])
+        },
     )
 
 

@@ -19,10 +19,10 @@ from soilmoist_ros.sensing.moisture.cores import SoilCore, read_soil_cores
 
 @pytest.fixture
 def read(tmp_path):
-    def of(text, density=None):
+    def of(text, density=None, days=()):
         path = tmp_path / "cores.csv"
         path.write_text(text)
-        return read_soil_cores(path, density)
+        return read_soil_cores(path, density, days).cores
 
     return of
 
@@ -95,7 +95,7 @@ def test_the_revised_mean_agrees_with_an_independent_implementation():
 
 
 def test_the_revised_mean_of_real_cores_agrees_with_an_independent_implementation():
-    cores = read_soil_cores(Path(__file__).parents[3] / "examples" / "station_kansas_cores.csv")
+    cores = read_soil_cores(Path(__file__).parents[3] / "examples" / "station_kansas_cores.csv").cores
     middles = [(core.top_cm + core.bottom_cm) / 2 for core in cores]
     points = [replace(core, top_cm=at, bottom_cm=at) for core, at in zip(cores, middles, strict=True)]
     vwc, distance_m = (np.array([getattr(core, name) for core in cores]) for name in ("vwc", "distance_m"))
