@@ -114,10 +114,8 @@ def _logger(name: str) -> tuple[None, Iterable[Finding]]:
 def _site(name: str) -> tuple[Site, Iterable[Finding]]:
     from soilmoist_ros.replay.file_facts import site_findings
     from soilmoist_ros.sensing.moisture.site import load_site
-    from soilmoist_ros.sensing.survey.correction import intensity_source
 
     site = load_site(name)
-    intensity_source(site.corrections)
     return site, site_findings(site)
 
 

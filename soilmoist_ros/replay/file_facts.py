@@ -17,16 +17,22 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
 from soilmoist_ros.foundation.geodesy import LatLon, LocalFrame
 from soilmoist_ros.foundation.places import distance_text, place_text, town_distance_m, town_text
+from soilmoist_ros.foundation.suggestions import listing
 from soilmoist_ros.mapping.covariates.reading import coverage, read_covariates, unused_parts
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.reporting.page.numbers import area, duration
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
+from soilmoist_ros.sensing.checks.weather import unlikely_weather
 from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa
+from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
+from soilmoist_ros.sensing.corrections.settings import CorrectionSettings
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
+from soilmoist_ros.sensing.moisture.calibration import n0_in_other_time, unusual_n0
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
+from soilmoist_ros.sensing.survey.correction import intensity_source, unusual_factors
 from soilmoist_ros.sensing.survey.logs import calibration_counts
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
@@ -142,7 +148,10 @@ def graph_findings(field: Field, path: Path) -> Iterator[Finding]:
 
 
 def site_findings(site: Site) -> Iterator[Finding]:
-    """Place, corrections and calibration of a site, and the moisture that its calibration gives."""
+    """Place, corrections and calibration of a site, and the moisture that its calibration gives.
+
+    :raises InputError: if the neutron-monitor file of the site cannot be used
+    """
     side = "" if site.longitude == "signed" else f"; longitudes without a sign are {site.longitude}"
     yield Finding("site", f"{site.name}; footprint {site.footprint_radius_m:g} m{side}")
     parameters, settings = site.corrections_parameters, site.corrections
@@ -167,6 +176,7 @@ def site_findings(site: Site) -> Iterator[Finding]:
         *([f"road (factor {settings.f_road:.3f})"] if settings.road else []),
     ]
     yield Finding("correction", ", ".join(applied))
+    yield from _on_monitor(settings)
     curve = site.curve
     if curve is None:
         missing = " and ".join(name for name in ("soil", "calibration") if getattr(site, name) is None)
@@ -181,6 +191,34 @@ def site_findings(site: Site) -> Iterator[Finding]:
         f"soil ({_DRY:.2f} m3/m3), {wet:.2f} on wet soil ({min(_WET, limits.saturation):.2f}); "
         f"the pores hold {limits.saturation:.2f}",
     )
+    if doubt := unusual_n0(curve.n0_cps):
+        yield _doubt(doubt)
+
+
+def _on_monitor(settings: CorrectionSettings) -> Iterator[Finding]:
+    """Neutron monitor of the incoming intensity, with its reference.
+
+    :raises InputError: if its file cannot be used
+    """
+    source, intensity = intensity_source(settings), settings.intensity
+    if source is None or intensity is None:
+        return
+    if not isinstance(source, NeutronMonitor):
+        yield Finding("monitor", f"constant rate {source:g}, reference C0 {intensity.reference:g}")
+        rates = [source]
+    else:
+        of = source.station or (intensity.monitor.name if intensity.monitor else "a station without a name")
+        first, last = (_date(float(source.stamp_s[index])) for index in (0, -1))
+        rates = [float(source.rate.min()), float(source.rate.max())]
+        left_out = f"; not used: {listing(source.not_used)}" if source.not_used else ""
+        yield Finding(
+            "monitor",
+            f"{of}, {first} to {last} UTC, {rates[0]:g} to {rates[-1]:g}, reference C0 {intensity.reference:g}"
+            f"{left_out}",
+        )
+    ratios = [intensity.reference / rate for rate in rates]
+    for doubt in unusual_factors({"f_intensity": (min(ratios), max(ratios))}):
+        yield _doubt(doubt)
 
 
 def _on_reference(reference_hpa: float, latitude_deg: float, altitude_m: float) -> Iterator[Finding]:
@@ -236,6 +274,8 @@ def log_findings(
         when = "in the future" if last_s > now_s + MAX_AHEAD_S else "before 2000"
         yield _doubt(f"records are dated {when}: check the clock of the logger and the order of day and month")
     yield from _tube_findings(logs)
+    for finding in unlikely_weather(records):
+        yield _doubt(f"{finding.message}: {finding.remedy}")
     if len(places):
         latitude, longitude = np.median(places, axis=0).tolist()
         yield Finding("place", f"{len(places)} records at {place_text((latitude, longitude))}")
@@ -274,6 +314,10 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]
         yield _doubt(
             f"{counted.left_out} records are quarantined or cannot be corrected: soilmoist map lists them"
         )
+    names = {"f_pressure": "pressure", "f_humidity": "humidity", "f_intensity": "incoming neutrons"}
+    factors = [f"{names[name]} {low:.3f} to {high:.3f}" for name, (low, high) in counted.factors.items()]
+    yield Finding("factors", ", ".join(factors))
+    yield from map(_doubt, unusual_factors(counted.factors))
     rate_cps, curve = counted.rate_cps, site.curve
     if curve is None:
         yield Finding("rate", f"mean {rate_cps:.3f} counts/s, corrected")
@@ -286,6 +330,8 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]
             f"no soil with pores of {limits.saturation:.2f} has this rate: check N0 "
             f"({curve.n0_cps:g} counts/s) and whether it is of this probe"
         )
+        if doubt := n0_in_other_time(rate_cps, curve):
+            yield _doubt(doubt)
 
 
 def contradictions(

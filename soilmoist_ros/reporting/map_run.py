@@ -208,6 +208,8 @@ def _intensity_source(settings: CorrectionSettings, records: Sequence[CountRecor
         return text
     if not isinstance(series, NeutronMonitor):
         return text
+    if not monitor and series.station:
+        text = text.replace("C from", f"C of {series.station} from", 1)
     gap_s = series.longest_gap_s(records[0].stamp_s, records[-1].stamp_s)
     filled = "held" if intensity.gaps == "hold" else "interpolated"
     return f"{text}; gaps up to {gap_s / 3600:.1f} h {filled}" if gap_s > 0 else text

@@ -154,6 +154,8 @@ class NoteCode(StrEnum):
     NEGATIVE_MOISTURE = "negative_moisture"
     BEYOND_LIMITS = "beyond_limits"
     FAR_REFERENCE_PRESSURE = "far_reference_pressure"
+    UNUSUAL_FACTOR = "unusual_factor"
+    OTHER_TIME_OF_N0 = "other_time_of_n0"
     ONE_PLACE = "one_place"
     FEW_SAMPLES = "few_samples"
     PRIOR_MATTERED = "prior_mattered"

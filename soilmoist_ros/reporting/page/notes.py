@@ -19,7 +19,9 @@ from soilmoist_ros.reporting.page.numbers import percent, volume
 from soilmoist_ros.reporting.page.statistics import beyond_limits_share, implausible_shares, undefined_share
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
+from soilmoist_ros.sensing.moisture.calibration import n0_in_other_time
 from soilmoist_ros.sensing.problems import reason_text
+from soilmoist_ros.sensing.survey.correction import unusual_factors
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
@@ -46,6 +48,7 @@ def notes(run: MapRun) -> list[Note]:
         *_on_quarantine(run),
         *_on_place_and_date(run),
         *_on_pressure(run),
+        *_on_factors(run),
         *_on_calibration(run),
         *_on_moisture(run),
         *_on_covariates(run),
@@ -112,6 +115,14 @@ def _on_pressure(run: MapRun) -> Iterator[Note]:
         )
 
 
+def _on_factors(run: MapRun) -> Iterator[Note]:
+    """Notes on factors far from 1."""
+    names = {"air humidity": "f_humidity", "incoming neutrons": "f_intensity"}
+    factors = {names[row.name]: (row.min_factor, row.max_factor) for row in run.corrections if row.name in names}
+    for doubt in unusual_factors(factors):
+        yield Note(NoteCode.UNUSUAL_FACTOR, f"{doubt[0].upper()}{doubt[1:]}")
+
+
 def _on_calibration(run: MapRun) -> Iterator[Note]:
     if run.calibration is not None and run.calibration.illustrative:
         yield Note(
@@ -127,6 +138,8 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
         return
     too_wet, negative = implausible_shares(soil_map)
     below, reached = undefined_share(soil_map), beyond_limits_share(soil_map)
+    if not run.simulated and (doubt := _n0_doubt(soil_map)):
+        yield Note(NoteCode.OTHER_TIME_OF_N0, f"{doubt}.")
     pores, unsure = volume(limits.saturation), "the map of the rate is not sure enough there"
     if below > 0 and not run.simulated:
         yield Note(
@@ -153,6 +166,12 @@ def _on_moisture(run: MapRun) -> Iterator[Note]:
             f"On {percent(unclear)} of the area the 90 % interval of the moisture reaches a limit of this soil, "
             f"0 or {pores} %: {unsure}; longer or more stops would help.",
         )
+
+
+def _n0_doubt(soil_map: SoilMap) -> str:
+    """Doubt about an N0 that was given per hour, say; empty if the mean rate fits it."""
+    curve = soil_map.curve
+    return "" if curve is None else n0_in_other_time(mean_rate(soil_map.samples), curve)
 
 
 def _on_covariates(run: MapRun) -> Iterator[Note]:

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import math
+import statistics
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from soilmoist_ros.sensing.checks.finding import Finding
@@ -44,6 +46,21 @@ FROZEN_KELVIN = 3.0
 """Change of temperature while the pressure stays the same [K]."""
 FROZEN_RECORDS = 10
 _REMEDY = "check the sensor; without a value the nearest records give it"
+_OTHER_UNITS: dict[str, dict[str, Callable[[float], float]]] = {
+    "pressure_hpa": {
+        "Pa": lambda value: value / 100,
+        "kPa": lambda value: value * 10,
+        "mmHg": lambda value: value * 1.33322,
+        "inHg": lambda value: value * 33.8639,
+    },
+    "temperature_degc": {"K": lambda value: value - 273.15, "degF": lambda value: (value - 32) / 1.8},
+    "relative_humidity": {"per cent": lambda value: value / 100},
+}
+"""Conversions of values that were read in the wrong unit."""
+MAX_FRACTION = 0.0101
+"""Relative humidity that no air near the ground stays below; fractions that were read as per cent do [-]."""
+MAX_MEDIAN_DEGC = 42.0
+"""Median temperature that no survey exceeds; temperatures in Fahrenheit do [degC]."""
 
 
 def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:
@@ -57,6 +74,30 @@ def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:
     low, high = SEA_LEVEL_HPA
     lowest, highest = (standard_pressure_hpa(45.0, min(max(each, -500.0), 9000.0)) for each in (high_m, low_m))
     return low / STANDARD_HPA * lowest, high / STANDARD_HPA * highest
+
+
+def _remedy(name: str, value: float, low: float, high: float) -> str:
+    """What to do with an impossible value: other units in which it would be possible come first."""
+    fitting = [unit for unit, convert in _OTHER_UNITS[name].items() if low <= convert(value) <= high]
+    return (
+        f"if it is in {' or '.join(fitting)}, say so in the logger format; else {_REMEDY}" if fitting else _REMEDY
+    )
+
+
+def unlikely_weather(records: Sequence[LoggerRecord]) -> list[Finding]:
+    """Doubts about the units of a whole log, whose values are possible one by one."""
+    found = []
+    humidity = [record.relative_humidity for record in records if math.isfinite(record.relative_humidity)]
+    if len(humidity) >= FROZEN_RECORDS and 0 < max(humidity) <= MAX_FRACTION:
+        message = f"the relative humidity is {100 * min(humidity):.2f} to {100 * max(humidity):.2f} %"
+        remedy = "if it is a fraction, say so in the logger format ('unit: fraction')"
+        found.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, remedy))
+    warmth = [record.temperature_degc for record in records if math.isfinite(record.temperature_degc)]
+    if len(warmth) >= FROZEN_RECORDS and statistics.median(warmth) > MAX_MEDIAN_DEGC:
+        message = f"the air temperature is {statistics.median(warmth):.0f} degC in the middle of the records"
+        remedy = "if it is in Fahrenheit or Kelvin, say so in the logger format ('unit: degF')"
+        found.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, remedy))
+    return found
 
 
 class WeatherChecks:
@@ -86,7 +127,7 @@ class WeatherChecks:
                 what = name.rsplit("_", 1)[0] if unit != "%" else "relative humidity"
                 span = f"{low * scale:.0f}..{high * scale:.0f} {unit}"
                 message = f"the {what} {value * scale:.1f} {unit} is impossible here ({span})"
-                findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, _REMEDY))
+                findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, _remedy(name, value, low, high)))
                 kept[name] = NAN
         jump_hpa = self._jump_hpa(record.stamp_s, kept["pressure_hpa"], altitude_m)
         if jump_hpa:

@@ -14,20 +14,25 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.configuration import read_limited
+from soilmoist_ros.foundation.configuration import read_lines
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.suggestions import did_you_mean
 
 Gaps = Literal["interpolate", "hold"]
 
 MAX_GAP_S = 6 * 3600.0
+MAX_MISTAKES = 10
+"""Maximum number of rows that are named in an error."""
 _TAG = re.compile(r"<[^<>]{1,40}>")
 _KEY_AND_VALUE = re.compile(r"#\s*([A-Z][A-Z .]{2,20}):\s*(.*?)\s*")
 _DURATION = re.compile(r"(\d+)\s*(min|hour|day)")
 _SECONDS = {"min": 60.0, "hour": 3600.0, "day": 86_400.0}
 _MISSING = ("", "null", "nan", "na", "-")
 _DATA_TYPES = re.compile(r"(?:R|1H)?(?:CORR?|UNCORR?|PRESS)(?:_\w+)?|\w*mbar", re.IGNORECASE)
+_CORRECTED_E = re.compile(r"(?:R|1H)?CORR?_E", re.IGNORECASE)
 _NOT_CORRECTED = re.compile(r"uncorr|press_|pressure_mbar", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
+_WORDS = re.compile(r"(\S+(?:[ T]\d\d?:\d\d\S*)?)\s+(.+)")
 _EXPECTED = "expected lines such as '2018-05-01 14:00:00;151.2' (UTC), as exported from nmdb.eu"
 
 
@@ -40,6 +45,8 @@ class NeutronMonitor:
     :param interval_s: duration of an interval [s], 0 if the rates are momentary
     :param gaps: interpolate between the neighbours of a gap, or hold the last rate
     :param max_gap_s: maximum time between neighbours, or for which a rate is held [s]
+    :param station: name of the station or column; empty if the file does not give it
+    :param not_used: other stations and columns of the file
     """
 
     stamp_s: NDArray[np.float64]
@@ -47,6 +54,8 @@ class NeutronMonitor:
     interval_s: float = 0.0
     gaps: Gaps = "interpolate"
     max_gap_s: float = MAX_GAP_S
+    station: str = ""
+    not_used: tuple[str, ...] = ()
 
     def at(self, stamp_s: float) -> float | None:
         """Rate at a time; ``None`` outside the series or in a gap that is too long."""
@@ -88,6 +97,7 @@ class _Export:
     :param rates: rate by time, for each station
     :param faults: bad rates of each station
     :param of_database: whether the file has the head of an export, so that its columns are stations
+    :param unread: rows whose times cannot be read
     """
 
     values: dict[str, str] = field(default_factory=dict)
@@ -95,6 +105,7 @@ class _Export:
     rates: dict[str, dict[float, float]] = field(default_factory=dict)
     faults: dict[str, list[Mistake]] = field(default_factory=dict)
     of_database: bool = False
+    unread: list[Mistake] = field(default_factory=list)
 
     @property
     def interval_s(self) -> float:
@@ -104,10 +115,15 @@ class _Export:
                 return int(match[1]) * _SECONDS[match[2]]
         return 0.0
 
+    @property
+    def stations(self) -> list[str]:
+        """Stations by the head."""
+        names = re.split(r"[\s,;]+", self.values.get("STATION") or self.values.get("STATIONS") or "")
+        return [name for name in names if name]
+
     def station(self, column: int) -> str:
         """Name of a column: from the line of names, else from the head, else its number."""
-        stations = re.split(r"[\s,;]+", self.values.get("STATION") or self.values.get("STATIONS") or "")
-        for names in (self.columns, [name for name in stations if name]):
+        for names in (self.columns, self.stations):
             if column < len(names):
                 return names[column]
         return f"column {column + 1}"
@@ -118,39 +134,41 @@ def read_neutron_monitor(
 ) -> NeutronMonitor:
     """Read an ASCII export of the neutron monitor database NMDB (www.nmdb.eu/nest), or rows of time and rate.
 
-    The separator is ``;`` or ``,``, times are ISO 8601 (UTC). Rows with an empty or null rate are skipped. The
-    times of an export are the beginnings of intervals, whose duration is in its head.
+    The separator is ``;`` (with decimal points or commas), a tab, ``,`` or blanks; times are ISO 8601 (UTC). Rows
+    with an empty or null rate are skipped. The times of an export are the beginnings of intervals, whose duration
+    is in its head.
 
     :param station: code of the station, for a file of several; the only one if empty
     :param gaps: interpolate between the neighbours of a gap, or hold the last rate
     :param max_gap_s: maximum duration of a gap that is filled [s]
     :raises InputError: if the file cannot be read, has uncorrected counts, no positive rate, or not the station
     """
-    text = read_limited(path, "check 'file' under 'intensity'").decode("utf-8-sig", errors="replace")
-    export = _read_lines(text, path)
+    export = _read_rows(read_lines(path, "check 'file' under 'intensity'"), path)
     if _NOT_CORRECTED.search(export.values.get("DATA TYPE", "")):
         remedy = "export the rates 'corrected for pressure and efficiency' instead"
         raise InputError(f"has the data type {export.values['DATA TYPE']}", remedy, path)
     name = _chosen(export, station, path)
     rates = export.rates[name]
-    if export.faults.get(name):
-        raise InputError(export.faults[name])
+    if faults := [*export.unread, *export.faults.get(name, [])]:
+        raise InputError(faults[:MAX_MISTAKES])
     stamps = np.array(sorted(rates))
     middle_s = export.interval_s / 2
     series = np.array([rates[stamp] for stamp in stamps])
-    return NeutronMonitor(stamps + middle_s, series, export.interval_s, gaps, max_gap_s)
+    of = (export.stations or [""])[0] if _DATA_TYPES.fullmatch(name) or name == "column 1" else name
+    not_used = tuple(other for other in export.rates if other != name)
+    return NeutronMonitor(stamps + middle_s, series, export.interval_s, gaps, max_gap_s, of, not_used)
 
 
-def _read_lines(text: str, path: Path) -> _Export:
-    if "no data available" in text.lower():
+def _read_rows(lines: list[str], path: Path) -> _Export:
+    if any("no data available" in line.lower() for line in lines):
         raise InputError("says that there are no data", "export another time or station from nmdb.eu", path)
     export = _Export()
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(lines, start=1):
         line = _TAG.sub("", line).strip()
         if match := _KEY_AND_VALUE.fullmatch(line):
             export.values[match[1].strip()] = match[2]
             export.of_database |= match[1].startswith("STATION")
-        cells = [cell.strip() for cell in re.split(r"[;,]", line.lstrip("# "))]
+        cells = _cells(line.lstrip("# "))
         stamp_s = None if line.startswith("#") or len(cells) < 2 else _stamp(cells[0])
         if stamp_s is not None:
             _take_row(export, stamp_s, cells[1:], path, number)
@@ -158,10 +176,26 @@ def _read_lines(text: str, path: Path) -> _Export:
             names = re.split(r"[\s;,]+", line.lstrip("# "))[1:]
             # A line such as "start_date_time RCORR_E" names what was measured, not where.
             export.of_database = True
-            export.columns = [] if all(_DATA_TYPES.fullmatch(name) for name in names) else names
-        elif len(cells) >= 2 and _stamp(cells[0]) is None and not export.rates and not line.startswith("#"):
-            export.columns = [cell for cell in cells[1:] if not _DATA_TYPES.fullmatch(cell)]
+            types = all(_DATA_TYPES.fullmatch(name) for name in names)
+            export.columns = names if not types or (len(set(names)) > 1 and len(export.stations) < 2) else []
+        elif len(cells) >= 2 and not line.startswith("#"):
+            if _NUMBER.fullmatch(cells[1]) and re.match(r"\d", cells[0]):
+                remedy = "write times as 2018-05-01 14:00 (UTC)"
+                mistake = Mistake(f"the time {cells[0]!r} cannot be read", remedy, path, number)
+                export.unread.append(mistake)
+            elif not export.rates:
+                export.columns = [cell for cell in cells[1:] if not _DATA_TYPES.fullmatch(cell)]
     return export
+
+
+def _cells(line: str) -> list[str]:
+    """Cells of a row; a comma is a separator only in a row without semicolons and tabs."""
+    separator = next((one for one in ";\t," if one in line), "")
+    if not separator:
+        match = _WORDS.fullmatch(line)
+        return [match[1], *match[2].split()] if match else [line]
+    cells = [cell.strip() for cell in line.split(separator)]
+    return cells if separator == "," else [re.sub(r"^(\d+),(\d+)$", r"\1.\2", cell) for cell in cells]
 
 
 def _take_row(export: _Export, stamp_s: float, cells: list[str], path: Path, number: int) -> None:
@@ -185,19 +219,42 @@ def _chosen(export: _Export, station: str, path: Path) -> str:
     """Name of the chosen station, with one rate or fault at least."""
     known = [name for name in export.rates if export.rates[name] or export.faults.get(name)]
     if not known:
+        if export.unread:
+            raise InputError(export.unread[:MAX_MISTAKES])
         raise InputError("has no row of time and rate", _EXPECTED, path)
+    if known and all(_DATA_TYPES.fullmatch(name) for name in known) and not (station and station in known):
+        return _corrected(export, station, path)
     same = [name for name in known if name.upper() == station.upper()]
-    if same or (not station and not export.of_database):
-        return same[0] if same else known[0]
+    if same:
+        return same[0]
+    if not export.of_database and sum(bool(export.rates[name]) for name in known) < 2:
+        return known[0]
     if len(known) > 1:
-        what = f"has no station {station}" if station else "has several stations"
+        kind = "stations" if export.of_database else "columns of rates"
+        what = f"has no station {station}" if station else f"has several {kind}"
         remedy = f"choose one with 'monitor' under 'intensity'{did_you_mean(station.upper(), known)}"
         raise InputError(f"{what}: it has {', '.join(known)}", remedy, path)
     named = export.values.get("STATION", "")
     if station and named and named.upper() != station.upper():
-        remedy = "correct 'monitor' under 'intensity', or export the file of that station"
-        raise InputError(f"is of the station {named}, not of {station}", remedy, path)
+        raise _other_station(named, station, path)
     return known[0]
+
+
+def _corrected(export: _Export, station: str, path: Path) -> str:
+    """The column of rates corrected for pressure and efficiency, of an export with several types of data."""
+    found = [name for name in export.rates if _CORRECTED_E.fullmatch(name) and export.rates[name]]
+    of = (export.stations or [""])[0]
+    if station and of and of.upper() != station.upper():
+        raise _other_station(of, station, path)
+    if not found:
+        remedy = "export the rates 'corrected for pressure and efficiency' instead"
+        raise InputError(f"has the data types {', '.join(export.rates)}", remedy, path)
+    return found[0]
+
+
+def _other_station(of: str, station: str, path: Path) -> InputError:
+    remedy = "correct 'monitor' under 'intensity', or export the file of that station"
+    return InputError(f"is of the station {of}, not of {station}", remedy, path)
 
 
 def _stamp(text: str) -> float | None:

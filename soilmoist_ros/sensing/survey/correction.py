@@ -65,6 +65,39 @@ def correction_factors(
     return factors
 
 
+def _lacking(air: Weather, settings: CorrectionSettings) -> list[str]:
+    """Quantities that active corrections need and that a record does not have."""
+    needed = {"air pressure": air.pressure_hpa} if settings.pressure is not None else {}
+    if settings.humidity is not None:
+        needed |= {"air temperature": air.temperature_degc, "relative humidity": air.relative_humidity}
+    return [name for name, value in needed.items() if math.isnan(value)]
+
+
+USUAL_FACTORS = {"f_humidity": (0.85, 1.25), "f_intensity": (0.8, 1.25)}
+"""Factors within which humid air and the solar cycle stay, for usual references [-]."""
+
+
+def unusual_factors(factors: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Doubts about factors of corrections that are far from 1.
+
+    >>> unusual_factors({"f_intensity": (9.8, 10.1)})[0].split(":")[0]
+    'the factor of the incoming neutrons is 9.80 to 10.10'
+
+    :param factors: least and greatest factor by its name, such as ``f_humidity``
+    """
+    reasons = {
+        "f_humidity": "humidity: check the units of temperature and humidity, and reference_gm3",
+        "f_intensity": "incoming neutrons: are monitor and 'reference' of one station, in one unit?",
+    }
+    found = []
+    for name, (low, high) in USUAL_FACTORS.items():
+        least, most = factors.get(name, (1.0, 1.0))
+        if least < low or most > high:
+            what, _, reason = reasons[name].partition(": ")
+            found.append(f"the factor of the {what} is {least:.2f} to {most:.2f}: {reason}")
+    return found
+
+
 def correct_record(
     record: LoggerRecord,
     air: Weather,
@@ -88,17 +121,23 @@ def correct_record(
     if isinstance(intensity, NeutronMonitor):
         rate = intensity.at(record.stamp_s)
         if rate is None:
-            remedy = "export the whole time of the survey, or raise 'max_gap_hours' under 'intensity'"
+            inside = intensity.stamp_s[0] < record.stamp_s < intensity.stamp_s[-1]
+            remedy = "export the whole time of the survey"
+            remedy += ", or raise 'max_gap_hours' under 'intensity'" if inside else ""
             message = f"cannot be corrected: {intensity.coverage} has no rate at this time"
             raise UnusableRecordError(Kind.NO_CORRECTION, message, remedy)
         intensity = rate
+    if lacking := _lacking(air, site.corrections):
+        remedy = "complete the data; write null for a correction only if N0 was calibrated without it"
+        message = f"cannot be corrected: there is no {' and no '.join(lacking)}"
+        raise UnusableRecordError(Kind.NO_CORRECTION, message, remedy)
     try:
         parameters = site.corrections_parameters
         factors = correction_factors(air, intensity, site.corrections, parameters)
         factor = factors["f_pressure"] * factors["f_humidity"] * factors["f_intensity"]
         effective_s = effective_exposure(exposure_s, factor * parameters.f_surroundings)
     except ValueError as error:
-        remedy = "complete the data, or switch the correction off in the site file (write null)"
+        remedy = "correct the value, or the corrections in the site file"
         raise UnusableRecordError(Kind.NO_CORRECTION, f"cannot be corrected: {error}", remedy) from None
     nowhere = math.nan
     place = (nowhere, nowhere, nowhere)

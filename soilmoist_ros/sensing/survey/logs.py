@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.checks.weather import unlikely_weather
 from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
 from soilmoist_ros.sensing.moisture.site import Site
@@ -118,7 +119,7 @@ def process_logs(
     for entry, clock_ahead_s in zip(entries, ahead_s, strict=True):
         survey.take_record(entry.record, clock_ahead_s=clock_ahead_s, path=entry.log.path)
         found += survey.take_ready()
-    whole = survey.checks.totals.findings
+    whole = [*survey.checks.totals.findings, *unlikely_weather([entry.record for entry in entries])]
     problems += [Problem(finding.kind, Mistake(finding.message, finding.remedy)) for finding in whole]
     records = tuple(record for record in found if not record.quarantine)
     quarantined = tuple(record for record in found if record.quarantine)
@@ -208,10 +209,9 @@ def calibration_counts(
     good = [record for record in found if not record.quarantine]
     if not any(record.raw_counts for record in good):
         reasons = [problem for problem in problems if problem.kind is not Kind.NO_POSITION]
-        if not reasons:
+        if not any(problem.consequence != "kept" for problem in reasons):
             raise InputError("has no counts between these times", "check the detector", logs[0].path)
-        first_kind = Counter(problem.kind for problem in reasons).most_common(1)[0][0]
-        raise InputError([next(problem.mistake for problem in reasons if problem.kind is first_kind)])
+        raise InputError(_reasons([*(problem for log in logs for problem in log.problems), *reasons]))
     air = [record for record in raw if math.isfinite(record.temperature_degc + record.relative_humidity)]
     return CalibrationCounts(
         sum(record.raw_counts for record in good),
@@ -350,9 +350,29 @@ def _frame_about(survey: Survey, entries: Sequence[_Entry], ahead_s: Sequence[fl
 
 def _all_lost(logs: Sequence[LogFile], problems: Sequence[Problem]) -> list[Mistake]:
     """Reasons why no record is left, most frequent first, with one example each."""
-    lost = [problem for problem in problems if problem.consequence != "kept"]
-    kinds = Counter(problem.kind for problem in lost).most_common()
-    examples = [next(problem.mistake for problem in lost if problem.kind is kind) for kind, _ in kinds]
     total = sum(len(log.records) for log in logs)
     head = Mistake(f"not one of {total} records can be placed on a map", "see the reasons below")
-    return [head, *examples]
+    return [head, *_reasons(problems)]
+
+
+_NO_VALUE = (
+    Kind.NOT_A_NUMBER,
+    Kind.OUT_OF_RANGE,
+    Kind.IMPOSSIBLE_WEATHER,
+    Kind.SENTINEL,
+    Kind.MISSING_COLUMN,
+    Kind.OTHER_UNIT,
+)
+"""Kinds of problems after which a record lacks a value that its correction needs."""
+
+
+def _reasons(problems: Sequence[Problem]) -> list[Mistake]:
+    """Examples of the problems that took records, most frequent kind first, after values that were lost."""
+    lost = [problem for problem in problems if problem.consequence != "kept"]
+    kinds = [kind for kind, _ in Counter(problem.kind for problem in lost).most_common()]
+    values = [problem for problem in problems if problem.kind in _NO_VALUE and Kind.NO_CORRECTION in kinds]
+    first = [kind for kind, _ in Counter(problem.kind for problem in values).most_common() if kind not in kinds]
+    return [
+        *(next(problem.mistake for problem in values if problem.kind is kind) for kind in first),
+        *(next(problem.mistake for problem in lost if problem.kind is kind) for kind in kinds),
+    ]

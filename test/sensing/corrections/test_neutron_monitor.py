@@ -141,7 +141,7 @@ def test_the_longest_gap_within_a_survey() -> None:
         (HEAD.replace("corr_for_efficiency(RCORR_E)", "uncorrected(RUNCORR)") + ROWS, "the data type uncorrected"),
         ("<html>Sorry, no data available for JUNG</html>", "no data"),
         ("time,rate\n", "has no row of time and rate"),
-        ("0001-01-01 12:00:00;150\n", "has no row of time and rate"),
+        ("0001-01-01 12:00:00;150\n", "1: the time '0001-01-01 12:00:00' cannot be read"),
         (HEAD + "2018-05-01 12:00:00; -1.007\n", "-1.007' is not a positive number"),
     ],
 )

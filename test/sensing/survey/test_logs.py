@@ -186,7 +186,7 @@ def test_records_that_cannot_be_corrected_are_lost_with_the_remedy(tmp_path):
     assert len(survey.records) <= 1
     lost = [problem for problem in survey.problems if problem.kind is Kind.NO_CORRECTION]
     assert len(lost) == 3
-    assert "pressure_hpa must be positive" in str(lost[0].mistake)
+    assert "there is no air pressure" in str(lost[0].mistake)
     assert "write null" in lost[0].mistake.remedy
 
 

@@ -221,7 +221,7 @@ def test_missing_weather_is_that_of_before_but_not_of_long_ago():
     assert found[0].f_pressure == found[1].f_pressure == pytest.approx(math.exp(0.0077 * (990 - 1013.25)))
     assert found[0].f_humidity == found[1].f_humidity
     assert live.logger_problems.lost == {Kind.NO_CORRECTION: 2}
-    assert "pressure_hpa" in str(live.logger_problems.last_loss)
+    assert "there is no air pressure" in str(live.logger_problems.last_loss)
 
 
 @pytest.mark.slow
