@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.sensing.masked import floats
+
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
@@ -93,7 +95,7 @@ class FieldGrid:
         """
         import shapely
 
-        points = np.asarray(xy, float).reshape(-1, 2)
+        points = floats(xy).reshape(-1, 2)
         if not len(points) or not np.isfinite(points).all():
             raise ValueError("a track needs at least one point, all finite")
         if not (np.isfinite(margin_m) and margin_m > 0):
@@ -141,7 +143,7 @@ class FieldGrid:
         :param values: one value per inside cell, shape (g,)
         :raises ValueError: for another shape
         """
-        inside = np.asarray(values, float)
+        inside = floats(values)
         wanted = (int(np.count_nonzero(self.mask)),)
         if inside.shape != wanted:
             raise ValueError(f"values must have shape {wanted}, one per inside cell, got {inside.shape}")

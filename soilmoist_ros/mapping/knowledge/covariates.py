@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.samples.samples import check_xy
+from soilmoist_ros.sensing.masked import floats
 
 Array = NDArray[np.float64]
 
@@ -65,9 +66,9 @@ class Covariates:
 
         :param grid: the field's grid
         :param names: one name for each raster
-        :param rasters: values in any unit, NaN where they are missing, shape (k, ny, nx)
+        :param rasters: values in any unit, NaN or masked where they are missing, shape (k, ny, nx)
         """
-        layers = np.array(rasters, float).reshape(-1, *grid.shape)
+        layers = np.array(floats(rasters)).reshape(-1, *grid.shape)
         for layer in layers:
             inside = layer[grid.mask & np.isfinite(layer)]
             layer -= inside.mean() if len(inside) else 0.0

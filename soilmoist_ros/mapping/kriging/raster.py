@@ -22,6 +22,7 @@ from soilmoist_ros.mapping.kriging.tile_forms import find_tiles, tile_sums
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.masked import floats
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -275,7 +276,7 @@ def check_raster(
 
     :raises ValueError: if an axis is not a finite vector or the mask does not fit
     """
-    x, y = np.asarray(x_m, float), np.asarray(y_m, float)
+    x, y = floats(x_m), floats(y_m)
     for name, axis in (("x_m", x), ("y_m", y)):
         if axis.ndim != 1 or not np.isfinite(axis).all():
             raise ValueError(f"{name} must be a finite vector, got shape {axis.shape}")

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation.geodesy import LocalFrame, squared_distances
 from soilmoist_ros.foundation.lazy import optional_module
 from soilmoist_ros.mapping.samples.spread import without_noise
+from soilmoist_ros.sensing.masked import require_unmasked
 
 if TYPE_CHECKING:
     import geopandas
@@ -39,7 +40,7 @@ class Samples:
         shape (n,) [s]
     :param spread: second moments (sxx, sxy, syy) of the area over which each was counted, shape (n, 3) or (3,)
         for all, zero for a point [m^2]; see :mod:`support`
-    :raises ValueError: if the shapes do not agree or a value is out of range; names the first offender
+    :raises ValueError: if the shapes do not agree, or a value is masked or out of range; names the first offender
 
     >>> Samples([(0, 0), (10, 0)], counts=[310, 295], exposure_s=[100.0, 100.0])
     Samples(2 of 200 s and 605 counts in all)
@@ -52,6 +53,8 @@ class Samples:
 
     def __post_init__(self) -> None:
         xy = check_xy(self.xy)
+        for name in ("counts", "exposure_s", "spread"):
+            require_unmasked(name, getattr(self, name))
         counts = np.array(self.counts, float, ndmin=1)
         exposure_s = np.array(self.exposure_s, float, ndmin=1)
         for name, values in (("counts", counts), ("exposure_s", exposure_s)):
@@ -132,15 +135,17 @@ def as_samples(
     xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
 ) -> Samples:
     """:class:`Samples` of anything that numpy takes for arrays; points without a spread."""
-    moments = np.zeros(3) if spread is None else np.asarray(spread, float)
-    return Samples(np.asarray(xy, float), np.asarray(counts, float), np.asarray(exposure_s, float), moments)
+    moments = np.zeros(3) if spread is None else np.asanyarray(spread, float)
+    places, numbers, times_s = (np.asanyarray(values, float) for values in (xy, counts, exposure_s))
+    return Samples(places, numbers, times_s, moments)
 
 
 def check_xy(xy: ArrayLike) -> Array:
     """Places as a new float array of shape (n, 2); (x, y) is taken as one place.
 
-    :raises ValueError: for another shape or a coordinate that is not finite
+    :raises ValueError: for another shape, a masked coordinate or one that is not finite
     """
+    require_unmasked("xy", xy)
     places = np.array(xy, float)
     if places.shape in ((2,), (0,)):
         places = places.reshape(-1, 2)

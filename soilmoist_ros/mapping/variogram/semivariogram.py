@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.geodesy import squared_distances
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples
+from soilmoist_ros.sensing.masked import floats
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def empirical_semivariogram(
 
 def semivariogram_of(samples: Samples, edges: ArrayLike) -> tuple[Array, Array, Array]:
     """As :func:`empirical_semivariogram`, of samples that have been checked."""
-    limits = np.asarray(edges, float)
+    limits = floats(edges)
     if limits.ndim != 1 or len(limits) < 2:
         raise ValueError("edges must hold at least two values")
     if not (np.isfinite(limits).all() and limits[0] >= 0 and (np.diff(limits) > 0).all()):

@@ -14,6 +14,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.sensing.masked import floats
+
 A0, A1, A2 = 0.0808, 0.372, 0.115
 _NEAR_POLE = 1.1
 
@@ -110,7 +112,7 @@ def sd_of_vwc(
     :raises ValueError: for another order than 1 or 3
     """
     if order == 1:
-        return np.asarray(np.abs(curve.slope(rate_cps)) * np.asarray(rate_sd_cps, float))
+        return np.asarray(np.abs(curve.slope(rate_cps)) * floats(rate_sd_cps))
     if order != 3:
         raise ValueError(f"order must be 1 or 3, got {order}")
     return curve.vwc_and_sd(rate_cps, rate_sd_cps)[1]
@@ -151,7 +153,7 @@ class CalibrationCurve:
 
     def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
         """Where a rate has a soil moisture: above ``A1 * N0``."""
-        return np.asarray(rate_cps, float) / self.n0_cps > A1
+        return floats(rate_cps) / self.n0_cps > A1
 
     def vwc(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
         """Volumetric water content [m^3/m^3] of corrected rates [counts/s], any shape.
@@ -166,7 +168,7 @@ class CalibrationCurve:
 
         :raises ValueError: where ``vwc / rho_b + A2 + w`` is not positive
         """
-        gravimetric = np.asarray(vwc, float) / self.bulk_density_gcm3
+        gravimetric = floats(vwc) / self.bulk_density_gcm3
         total = gravimetric + A2 + self.lattice_water + self.organic_water
         if np.any(total <= 0):
             raise ValueError("soil moisture is below what the calibration curve can express")
@@ -182,7 +184,7 @@ class CalibrationCurve:
         Near and below its pole, the curve is so steep that one place would dominate a plan. Rates there are
         raised to a tenth above the pole.
         """
-        return self.slope(np.maximum(np.asarray(rate_cps, float), _NEAR_POLE * self.lowest_rate_cps)) ** 2
+        return self.slope(np.maximum(floats(rate_cps), _NEAR_POLE * self.lowest_rate_cps)) ** 2
 
     def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> NDArray[np.float64]:
         """Standard deviation of the VWC [m^3/m^3] from the standard deviation of the rate.
@@ -204,7 +206,7 @@ class CalibrationCurve:
         :param rate_sd_cps: standard deviation of the rate [counts/s], same shape
         """
         excess = self._excess(rate_cps)
-        relative = np.asarray(rate_sd_cps, float) / excess
+        relative = floats(rate_sd_cps) / excess
         relative /= self.n0_cps
         ratio = relative * relative
         series = 15.0 * ratio
@@ -224,8 +226,7 @@ class CalibrationCurve:
         return vwc
 
     def _excess(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        excess = np.array(rate_cps, float)
-        excess /= self.n0_cps
+        excess = np.asarray(floats(rate_cps) / self.n0_cps)
         excess -= A1
         excess[~(excess > 0)] = np.nan
         return excess

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.sensing.masked import floats
 from soilmoist_ros.sensing.moisture.curve import check_parameters, sd_of_vwc
 
 Array = NDArray[np.float64]
@@ -61,7 +62,7 @@ def total_water(vwc: ArrayLike, bulk_density_gcm3: float, bound_water: float = 0
     :param bulk_density_gcm3: dry bulk density [g/cm^3], > 0
     :param bound_water: lattice water and water equivalent of organic matter [g/g]
     """
-    return np.asarray(SIMULATED_DENSITY_GCM3 * (np.asarray(vwc, float) / bulk_density_gcm3 + bound_water))
+    return np.asarray(SIMULATED_DENSITY_GCM3 * (floats(vwc) / bulk_density_gcm3 + bound_water))
 
 
 def relative_rate(water: ArrayLike, humidity_gm3: float, parameters: UniversalParameters) -> Array:
@@ -119,7 +120,7 @@ class UniversalCurve:
 
     def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
         """Where a rate has a soil moisture: above :attr:`lowest_rate_cps`."""
-        return np.asarray(rate_cps, float) > self.lowest_rate_cps
+        return floats(rate_cps) > self.lowest_rate_cps
 
     def vwc(self, rate_cps: ArrayLike) -> Array:
         """Volumetric water content [m^3/m^3] of corrected rates [counts/s], any shape.
@@ -149,7 +150,7 @@ class UniversalCurve:
         The curve is so steep near its lowest rate that one place would dominate a plan. Rates there are raised to
         a tenth above the lowest.
         """
-        return self.slope(np.maximum(np.asarray(rate_cps, float), _NEAR_LIMIT * self.lowest_rate_cps)) ** 2
+        return self.slope(np.maximum(floats(rate_cps), _NEAR_LIMIT * self.lowest_rate_cps)) ** 2
 
     def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> Array:
         """Standard deviation of the VWC [m^3/m^3] from the standard deviation of the rate.
@@ -172,7 +173,7 @@ class UniversalCurve:
         """
         water = self._water(rate_cps)
         _, d1, d2, d3 = self._response(water, 3)
-        sd = np.asarray(rate_sd_cps, float) / self.n0_cps
+        sd = floats(rate_sd_cps) / self.n0_cps
         first, second, third = 1 / d1, -d2 / d1**3, (3 * d2**2 - d1 * d3) / d1**5
         ratio = sd * sd
         variance = ratio * (first**2 + ratio * (second**2 / 2 + first * third + ratio * 5 / 12 * third**2))
@@ -225,7 +226,7 @@ class UniversalCurve:
         The solution falls and is convex in the water, and its hyperbola alone lies below it. So Newton's method
         that starts at the root of the hyperbola approaches the root from one side and cannot leave the range.
         """
-        relative = np.where(self.valid(rate_cps), np.asarray(rate_cps, float) / self.n0_cps, np.nan)
+        relative = np.where(self.valid(rate_cps), floats(rate_cps) / self.n0_cps, np.nan)
         p1, end = self._set.p1, self._set.p2 * self._amplitude
         water = np.asarray(p1 * (self._amplitude - relative) / (relative - end))
         for _ in range(_MAX_STEPS):
