@@ -193,6 +193,11 @@ def site_findings(site: Site) -> Iterator[Finding]:
     )
     if doubt := unusual_n0(curve.n0_cps):
         yield _doubt(doubt)
+    if site.calibration is not None and not (site.calibration.has_origin or site.calibration.illustrative):
+        yield _doubt(
+            "the calibration has no date, note or n0_sd_cps: give one, or write 'illustrative: true' if N0 is not "
+            "from cores around this probe"
+        )
 
 
 def _on_monitor(settings: CorrectionSettings) -> Iterator[Finding]:

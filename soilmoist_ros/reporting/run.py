@@ -156,6 +156,7 @@ class NoteCode(StrEnum):
     FAR_REFERENCE_PRESSURE = "far_reference_pressure"
     UNUSUAL_FACTOR = "unusual_factor"
     OTHER_TIME_OF_N0 = "other_time_of_n0"
+    UNKNOWN_CALIBRATION = "unknown_calibration"
     ONE_PLACE = "one_place"
     FEW_SAMPLES = "few_samples"
     PRIOR_MATTERED = "prior_mattered"

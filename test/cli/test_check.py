@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 
+import pytest
 import shapely
 from click.testing import CliRunner
 
@@ -74,3 +75,102 @@ def test_the_command_compares_a_topological_map_with_a_field(tmp_path):
     assert result.exit_code == 2
     assert "no node of the topological map lies in the field 'plot'" in result.output
     assert check("--graph", graph).exit_code == 2
+
+
+SITE = """\
+location: {latitude_deg: 51.5, longitude_deg: -1.5, altitude_m: 190}
+corrections: {pressure: {reference_hpa: auto}, intensity: {reference: 150, file: monitor.txt}}
+soil: {bulk_density_gcm3: 1.3}
+calibration: {n0_cps: 0.7, date: "2026-05-01"}
+"""
+MONITOR = "# STATION: JUNG, OULU\n2026-05-01 00:00:00;151.0;100.0\n2026-05-03 00:00:00;152.0;101.0\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "doubt"),
+    [
+        (
+            "reference: 150",
+            "reference: 1500",
+            "incoming neutrons is 9.87 to 9.93: are monitor and 'reference' of one",
+        ),
+        (
+            "0.7,",
+            "2520,",
+            "N0 of 2520 counts/s is unusual: 0.7 counts/s if it is per hour, 42 counts/s if it is per",
+        ),
+        (', date: "2026-05-01"', "", "no date, note or n0_sd_cps: give one, or write 'illustrative: true'"),
+        ("file: monitor.txt, monitor: JUNG", "constant: 100", "incoming neutrons is 1.50 to 1.50"),
+    ],
+)
+def test_a_site_whose_factors_or_n0_cannot_be_right_is_doubted(tmp_path, old, new, doubt):
+    text = SITE.replace("monitor.txt", "monitor.txt, monitor: JUNG")
+    (tmp_path / "monitor.txt").write_text(MONITOR)
+    (tmp_path / "site.yaml").write_text(text)
+    good = check("--site", tmp_path / "site.yaml").output
+    assert "monitor     JUNG, 2026-05-01 00:00 to 2026-05-03 00:00 UTC, 151 to 152, reference C0 150" in good
+    assert "not used: OULU" in good
+    assert "doubt" not in good
+    (tmp_path / "site.yaml").write_text(text.replace(old, new))
+    assert doubt in check("--site", tmp_path / "site.yaml").output
+
+
+FORMAT = """\
+title: table
+source: hand
+delimiter: comma
+header: {}
+time: {columns: [time], formats: [iso8601], marks: end}
+counts: {columns: [counts]}
+live_time: {columns: [live], unit: s}
+pressure: {sensors: [{column: P, unit: hPa}]}
+temperature: {sensors: [{column: T, unit: degC}]}
+humidity: {sensors: [{column: RH, unit: percent}]}
+"""
+
+
+def table_of(pressure=990.0, temperature=12.0, humidity=60.0):
+    rows = [
+        f"2026-05-01 {h:02}:00:00,{1470 + 37 * h % 60},3600,{pressure},{temperature},{humidity - h / 1000}"
+        for h in range(24)
+    ]
+    return "\n".join(["time,counts,live,P,T,RH", *rows]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("weather", "n0", "text"),
+    [
+        (
+            {},
+            "0.7",
+            "factors     pressure 0.995 to 0.995, humidity 1.034 to 1.035, incoming neutrons 1.000 to 1.000",
+        ),
+        ({}, "2520", "N0 of 2520 counts/s fits these counts if it is per hour: 0.7 counts/s"),
+        (
+            {"humidity": 0.6},
+            "0.7",
+            "relative humidity is 0.58 to 0.60 %: if it is a fraction, write 'unit: fraction'",
+        ),
+        (
+            {"temperature": 54.0},
+            "0.7",
+            "temperature is 54 degC in the middle of the records: if it is in Fahrenheit",
+        ),
+        (
+            {"pressure": 99000},
+            "0.7",
+            "the pressure 99000 is not credible (300..1085) -> if it is in Pa, write 'unit: Pa'",
+        ),
+        ({"pressure": 29.2}, "0.7", "-> if it is in inHg, write 'unit: inHg' into the logger format"),
+        ({"temperature": 285.0}, "0.7", "if it is in K, write 'unit: K' into the logger format"),
+    ],
+)
+def test_weather_and_n0_in_other_units_are_said_so(tmp_path, weather, n0, text):
+    (tmp_path / "log.csv").write_text(table_of(**weather))
+    (tmp_path / "format.yaml").write_text(FORMAT)
+    site = SITE.replace(", intensity: {reference: 150, file: monitor.txt}", "").replace("0.7", n0)
+    (tmp_path / "site.yaml").write_text(site)
+    files = "--site", tmp_path / "site.yaml", "--logger", tmp_path / "format.yaml", "--log", tmp_path / "log.csv"
+    output = check(*files).output
+    assert text in output, output
+    assert "switch" not in output

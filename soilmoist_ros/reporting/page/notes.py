@@ -129,6 +129,14 @@ def _on_calibration(run: MapRun) -> Iterator[Note]:
             NoteCode.ILLUSTRATIVE_CALIBRATION,
             "The calibration is illustrative: patterns are real, absolute soil moisture is not.",
         )
+    elif run.calibration is not None and not (
+        run.simulated or run.calibration.source or run.calibration.n0_sd_cps
+    ):
+        yield Note(
+            NoteCode.UNKNOWN_CALIBRATION,
+            "The site file does not say where N0 comes from. If it is not from cores around this probe, write "
+            "'illustrative: true' below 'calibration': patterns are real, absolute soil moisture is not.",
+        )
 
 
 def _on_moisture(run: MapRun) -> Iterator[Note]:

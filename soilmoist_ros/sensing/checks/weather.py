@@ -46,17 +46,17 @@ FROZEN_KELVIN = 3.0
 """Change of temperature while the pressure stays the same [K]."""
 FROZEN_RECORDS = 10
 _REMEDY = "check the sensor; without a value the nearest records give it"
-_OTHER_UNITS: dict[str, dict[str, Callable[[float], float]]] = {
-    "pressure_hpa": {
+_UNITS: dict[str, dict[str, Callable[[float], float]]] = {
+    "pressure": {
         "Pa": lambda value: value / 100,
         "kPa": lambda value: value * 10,
         "mmHg": lambda value: value * 1.33322,
         "inHg": lambda value: value * 33.8639,
     },
-    "temperature_degc": {"K": lambda value: value - 273.15, "degF": lambda value: (value - 32) / 1.8},
-    "relative_humidity": {"per cent": lambda value: value / 100},
+    "temperature": {"K": lambda value: value - 273.15, "degF": lambda value: (value - 32) / 1.8},
+    "humidity": {"percent": lambda value: value / 100, "fraction": lambda value: value},
 }
-"""Conversions of values that were read in the wrong unit."""
+"""Units that a logger format has, and what it makes of their values [hPa, degC, fraction]."""
 MAX_FRACTION = 0.0101
 """Relative humidity that no air near the ground stays below; fractions that were read as per cent do [-]."""
 MAX_MEDIAN_DEGC = 42.0
@@ -76,12 +76,22 @@ def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:
     return low / STANDARD_HPA * lowest, high / STANDARD_HPA * highest
 
 
-def _remedy(name: str, value: float, low: float, high: float) -> str:
-    """What to do with an impossible value: other units in which it would be possible come first."""
-    fitting = [unit for unit, convert in _OTHER_UNITS[name].items() if low <= convert(value) <= high]
-    return (
-        f"if it is in {' or '.join(fitting)}, say so in the logger format; else {_REMEDY}" if fitting else _REMEDY
-    )
+def remedy_of_unit(quantity: str, value: float, low: float, high: float, otherwise: str = _REMEDY) -> str:
+    """What to do with an impossible value: units in which it would be possible come first.
+
+    >>> remedy_of_unit("pressure", 99000.0, 300.0, 1085.0, "check the sensor")
+    "if it is in Pa, write 'unit: Pa' into the logger format; else check the sensor"
+
+    :param quantity: pressure, temperature or humidity
+    :param low: least possible value [hPa, degC or fraction]
+    :param high: greatest possible value
+    :param otherwise: remedy if the unit is right
+    """
+    units = [unit for unit, convert in _UNITS[quantity].items() if low <= convert(value) <= high]
+    if not units:
+        return otherwise
+    keys = " or ".join(f"'unit: {unit}'" for unit in units)
+    return f"if it is in {' or '.join(units)}, write {keys} into the logger format; else {otherwise}"
 
 
 def unlikely_weather(records: Sequence[LoggerRecord]) -> list[Finding]:
@@ -90,12 +100,12 @@ def unlikely_weather(records: Sequence[LoggerRecord]) -> list[Finding]:
     humidity = [record.relative_humidity for record in records if math.isfinite(record.relative_humidity)]
     if len(humidity) >= FROZEN_RECORDS and 0 < max(humidity) <= MAX_FRACTION:
         message = f"the relative humidity is {100 * min(humidity):.2f} to {100 * max(humidity):.2f} %"
-        remedy = "if it is a fraction, say so in the logger format ('unit: fraction')"
+        remedy = "if it is a fraction, write 'unit: fraction' into the logger format"
         found.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, remedy))
     warmth = [record.temperature_degc for record in records if math.isfinite(record.temperature_degc)]
     if len(warmth) >= FROZEN_RECORDS and statistics.median(warmth) > MAX_MEDIAN_DEGC:
         message = f"the air temperature is {statistics.median(warmth):.0f} degC in the middle of the records"
-        remedy = "if it is in Fahrenheit or Kelvin, say so in the logger format ('unit: degF')"
+        remedy = "if it is in Fahrenheit, write 'unit: degF' into the logger format"
         found.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, remedy))
     return found
 
@@ -114,20 +124,21 @@ class WeatherChecks:
         :param altitude_m: altitude of the probe at the record [m], NaN if unknown
         """
         limits = {
-            "pressure_hpa": (pressure_limits_hpa(altitude_m), "hPa", 1.0),
-            "temperature_degc": (TEMPERATURES_DEGC, "degC", 1.0),
-            "relative_humidity": (HUMIDITIES, "%", 100.0),
+            "pressure_hpa": (pressure_limits_hpa(altitude_m), "hPa", 1.0, "pressure"),
+            "temperature_degc": (TEMPERATURES_DEGC, "degC", 1.0, "temperature"),
+            "relative_humidity": (HUMIDITIES, "%", 100.0, "humidity"),
         }
         kept: dict[str, float] = {}
         findings: list[Finding] = []
-        for name, ((low, high), unit, scale) in limits.items():
+        for name, ((low, high), unit, scale, quantity) in limits.items():
             value = float(getattr(record, name))
             kept[name] = value
             if not (math.isnan(value) or low <= value <= high):
                 what = name.rsplit("_", 1)[0] if unit != "%" else "relative humidity"
                 span = f"{low * scale:.0f}..{high * scale:.0f} {unit}"
                 message = f"the {what} {value * scale:.1f} {unit} is impossible here ({span})"
-                findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, _remedy(name, value, low, high)))
+                remedy = remedy_of_unit(quantity, value, low, high)
+                findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, remedy))
                 kept[name] = NAN
         jump_hpa = self._jump_hpa(record.stamp_s, kept["pressure_hpa"], altitude_m)
         if jump_hpa:

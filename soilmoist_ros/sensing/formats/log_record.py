@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NoReturn
 
 from soilmoist_ros.sensing import gnss
+from soilmoist_ros.sensing.checks.weather import remedy_of_unit
 from soilmoist_ros.sensing.formats.log_layout import Layout, PositionLayout, Source
 from soilmoist_ros.sensing.formats.log_values import read_number, read_time
 from soilmoist_ros.sensing.formats.logger_format import Humidity, LoggerFormat, Pressure, Temperature
@@ -288,7 +289,8 @@ class FieldReader:
                 self._note(Kind.SENTINEL, f"the {name} {number:g} is the mark for a missing value", source.name)
             elif not low <= source.convert(number) <= high:
                 message = f"the {name} {number:g} is not credible ({low:g}..{high:g})"
-                self._note(Kind.OUT_OF_RANGE, message, source.name, "check the sensor")
+                remedy = remedy_of_unit(name, number, low, high, "check the sensor")
+                self._note(Kind.OUT_OF_RANGE, message, source.name, remedy)
             else:
                 return source.convert(number)
         self._note(Kind.MISSING_VALUE, f"no {name}")

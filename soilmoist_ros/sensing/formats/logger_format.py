@@ -22,7 +22,7 @@ from soilmoist_ros.foundation.configuration import resource, resource_names
 from soilmoist_ros.foundation.registry import Registry
 from soilmoist_ros.foundation.sections import Section, load_model
 
-PressureUnit = Literal["hPa", "mb", "mbar", "Pa", "kPa"]
+PressureUnit = Literal["hPa", "mb", "mbar", "Pa", "kPa", "mmHg", "inHg"]
 TemperatureUnit = Literal["degC", "degF", "K"]
 HumidityUnit = Literal["percent", "fraction"]
 DurationUnit = Literal["s", "ms", "min", "h"]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from soilmoist_ros.foundation.configuration import read_lines
 from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.suggestions import did_you_mean, listing
+from soilmoist_ros.foundation.suggestions import listing
 from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
 
 
@@ -55,9 +55,9 @@ _NAMES = (*_COLUMNS, "profile", "date")
 _SITES = ("site", "site_id", "site_name", "station", "station_id", "field", "field_id")
 _SIMILAR = (
     ("top", "top_cm"), ("bottom", "bottom_cm"), ("depth", "depth_cm"), ("dist", "distance_m"),
-    ("radius", "distance_m"), ("dens", "bulk_density_gcm3"), ("profile", "profile"), ("theta_v", "vwc"),
-    ("vol", "vwc"), ("theta_g", "gravimetric_water"), ("grav", "gravimetric_water"),
-    ("moist", "gravimetric_water"), ("water", "gravimetric_water"),
+    ("radius", "distance_m"), ("dens", "bulk_density_gcm3"), ("prof", "profile"), ("weigh", "weight"),
+    ("theta_v", "vwc"), ("volumetric", "vwc"), ("vwc", "vwc"), ("swc", "vwc"), ("theta_g", "gravimetric_water"),
+    ("grav", "gravimetric_water"), ("moist", "gravimetric_water"), ("water", "gravimetric_water"),
 )  # fmt: skip
 """Parts of names that other programs give to columns, and the column that they probably are."""
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---")
@@ -250,6 +250,8 @@ def _read_rows(path: Path, notes: list[str]) -> list[_Row]:
     ]
     if ignored:
         notes.append(f"columns that are not used: {', '.join(ignored)}")
+    if bound := [raw for raw in header if "lattice" in raw or "carbon" in raw or "organic" in raw]:
+        notes.append(f"lattice and organic water come from 'soil' in the site file, not from {', '.join(bound)}")
     comma = _has_decimal_comma(rows, names, path, mistakes)
     if comma:
         notes.append(f"numbers have a decimal comma, such as {comma}")
@@ -266,8 +268,7 @@ def _meant(name: str) -> str:
     """The known column that an unknown name probably means; empty if there is none."""
     if _canonical(name) in _NAMES:
         return ""
-    close = did_you_mean(name, _NAMES).removeprefix(" (did you mean '").removesuffix("'?)")
-    return next((known for part, known in _SIMILAR if part in name), close)
+    return next((known for part, known in _SIMILAR if part in name), "")
 
 
 def _cells(cells: Sequence[str], header: Sequence[str], names: Sequence[str], comma: bool) -> dict[str, str]:
@@ -384,9 +385,11 @@ def _of_days(rows: list[_Row], days: Sequence[str], path: Path) -> tuple[list[_R
 def _month_first(texts: Sequence[str]) -> bool | None:
     """Whether dates such as 5/8/2013 begin with the month; ``None`` if the file does not say so."""
     matches = [match for text in texts if (match := _DAY.match(text)) and match[5]]
-    if any(match[6] == "." for match in matches) or any(int(match[5]) > 12 for match in matches):
+    if any(match[6] == "." or int(match[5]) > 12 for match in matches):
         return False
-    return True if any(int(match[7]) > 12 for match in matches) else None
+    if any(int(match[7]) > 12 for match in matches):
+        return True
+    return False if all(int(match[5]) == int(match[7]) for match in matches) else None
 
 
 def _day(text: str, month_first: bool | None) -> str:

@@ -74,7 +74,12 @@ class Calibration(Section):
     note: str | None = None
     """Method of the calibration."""
     illustrative: bool = False
-    """Whether N0 is a guess, not a calibration; the report then warns that absolute moisture is not real."""
+    """Whether N0 is a guess, not a calibration of this probe; absolute moisture is then not real."""
+
+    @property
+    def has_origin(self) -> bool:
+        """Whether the file says where N0 comes from: a day, a method or a standard deviation."""
+        return bool(self.date or self.note or self.n0_sd_cps)
 
 
 class Irrigation(Section):

@@ -164,3 +164,43 @@ def test_bad_rows_are_named(tmp_path) -> None:
         read_neutron_monitor(tmp_path / "missing.csv")
     with pytest.raises(InputError, match="not a regular file"):
         read_neutron_monitor(Path("/dev/null"))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "2018-05-01 12:00:00;150,25\n2018-05-01 13:00:00;151,5\n",
+        "2018-05-01 12:00\t150.25\n2018-05-01 13:00\t151.5\n",
+        "2018-05-01 12:00   150.25\n2018-05-01 13:00   151.5\n",
+        "2018/05/01 12:00,150.25\n2018/05/01 13:00,151.5\n",
+        "time;rate\n2018-05-01T12:00:00Z;150,25\n2018-05-01T13:00:00Z;151,5\n",
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_notations_of_tables_mean_the_same(tmp_path, rows, encoding) -> None:
+    path = tmp_path / "monitor.txt"
+    path.write_bytes(rows.encode(encoding))
+    assert list(read_neutron_monitor(path).rate) == [150.25, 151.5]
+
+
+def test_one_of_several_columns_of_rates_is_not_chosen_in_silence(tmp_path) -> None:
+    table = "time,raw,corrected\n2018-05-01 12:00,140.0,150.0\n"
+    with pytest.raises(InputError, match="has several columns of rates: it has raw, corrected"):
+        read_neutron_monitor(write(tmp_path, table))
+    monitor = read_neutron_monitor(write(tmp_path, table), "corrected")
+    assert (list(monitor.rate), monitor.station, monitor.not_used) == ([150.0], "corrected", ("raw",))
+
+
+def test_the_corrected_type_of_an_export_of_several_types_is_read(tmp_path) -> None:
+    head = HEAD.replace("RCORR_E\n", "RUNCORR  RPRESS  RCORR_E\n")
+    monitor = read_neutron_monitor(write(tmp_path, head + "2018-05-01 12:00:00;130.0;980.0;150.0\n"))
+    assert (list(monitor.rate), monitor.station, monitor.not_used) == ([150.0], "JUNG", ("RUNCORR", "RPRESS"))
+    with pytest.raises(InputError, match="has the data types RUNCORR, RPRESS -> export the rates"):
+        read_neutron_monitor(
+            write(tmp_path, head.replace("RCORR_E\n", "\n") + "2018-05-01 12:00:00;130.0;980.0\n")
+        )
+
+
+def test_a_time_that_cannot_be_read_is_not_a_missing_row(tmp_path) -> None:
+    with pytest.raises(InputError, match=r":15: the time '01\.05\.2018 13:00' cannot be read -> write times as"):
+        read_neutron_monitor(write(tmp_path, HEAD + "2018-05-01 12:00:00;150.0\n01.05.2018 13:00;151.0\n"))

@@ -1,0 +1,185 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``soilmoist calibrate`` with core tables of other people's form: the right N0, or a question."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from soilmoist_ros.cli.main import main
+from soilmoist_ros.sensing.moisture.site import load_site
+
+DRY = [(1, 0.2), (25, 0.18), (75, 0.17), (200, 0.18)]
+SITE = "location: {latitude_deg: 51.5, longitude_deg: -1.5, altitude_m: 190}\nfootprint_radius_m: 200\n"
+SOIL = "soil: {bulk_density_gcm3: 1.1, lattice_water: 0.03, organic_carbon: 0.04}\n"
+
+
+@pytest.fixture
+def calibrate(tmp_path):
+    def run(table, *options, site=SITE + SOIL, counts=1500, encoding="utf-8"):
+        (tmp_path / "cores.csv").write_bytes(table.encode(encoding))
+        (tmp_path / "site.yaml").write_text(site)
+        arguments = ["calibrate", tmp_path / "cores.csv", "--site", tmp_path / "site.yaml", "--json"]
+        arguments += ["--counts", counts, "--exposure", 3600, *options]
+        result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+        assert result.exception is None or isinstance(result.exception, SystemExit)
+        answer = json.loads(result.stdout)
+        assert (answer["exit_code"] == 0) != bool(answer["errors"])
+        return answer
+
+    return run
+
+
+def two_days(distance="distance_m", depth="depth_cm", days=("2015-07-04 12:00", "2016-02-08 12:00")):
+    rows = [f"date,profile,{distance},{depth},gravimetric_water,bulk_density_gcm3"]
+    for day, wetter in zip(days, (0.0, 0.28), strict=False):
+        for number, (at_m, water) in enumerate(DRY):
+            core = f"{day},{day[:4]}_{number},{at_m},{{}},{water + wetter:.3f},1.1"
+            rows += [core.format(cm) for cm in (2.5, 12.5, 22.5)]
+    return "\n".join(rows) + "\n"
+
+
+def test_one_of_several_days_is_chosen_and_none_is_averaged_in_silence(calibrate, tmp_path):
+    (error,) = calibrate(two_days())["errors"]
+    assert error["message"] == "has cores of 2 days: 2015-07-04 (12 cores), 2016-02-08 (12 cores)"
+    assert "--date 2015-07-04" in error["remedy"]
+    alone = calibrate(two_days(days=["2015-07-04 12:00"]))
+    chosen = calibrate(two_days(), "--date", "2015-07-04")
+    assert chosen["n0_cps"] == alone["n0_cps"] == pytest.approx(0.718, abs=0.002)
+    assert chosen["days"] == ["2015-07-04"]
+    assert load_site(tmp_path / "site.yaml").calibration.date == "2015-07-04"
+    assert calibrate(two_days(), "--date", "4.7.2015")["n0_cps"] == alone["n0_cps"]
+    both = calibrate(two_days(), "--date", "2015-07-04", "--date", "2016-02-08")
+    assert both["cores"] == 24
+    assert both["n0_cps"] > alone["n0_cps"] + 0.05
+    assert "has no core of 2015-07-05" in calibrate(two_days(), "--date", "2015-07-05")["errors"][0]["message"]
+
+
+@pytest.mark.parametrize(
+    ("days", "named"),
+    [
+        (("17.01.2014 12:00", "5.2.2014"), ["2014-01-17", "2014-02-05"]),
+        (("1/17/2014", "2/5/2014"), ["2014-01-17", "2014-02-05"]),
+        (("4/7/2014", "5/7/2014"), ["4/7/2014", "5/7/2014"]),
+        (("22-Oct", "23-Oct"), ["22-Oct", "23-Oct"]),
+    ],
+)
+def test_days_in_other_notations(calibrate, days, named):
+    (error,) = calibrate(two_days(days=days))["errors"]
+    assert all(f"{day} (12 cores)" in error["message"] for day in named)
+    assert calibrate(two_days(days=days), "--date", days[1])["days"] == [named[1]]
+
+
+def test_a_date_by_another_name_is_a_date(calibrate):
+    (error,) = calibrate(two_days().replace("date,", "Datum,", 1))["errors"]
+    assert "has cores of 2 days" in error["message"]
+
+
+def test_columns_that_are_not_used_are_named_and_no_weights_are_claimed(calibrate, tmp_path):
+    answer = calibrate(two_days("distance", "depth", ["2015-07-04"]))
+    used, weights = answer["warnings"]
+    assert used.endswith("not used: distance (is it distance_m?), depth (is it depth_cm?)")
+    assert "the revised weights need distance_m" in weights
+    assert answer["weights"] == "equal weights"
+    assert "revised" not in load_site(tmp_path / "site.yaml").calibration.note
+    assert (
+        calibrate(two_days(depth="depth", days=["2015-07-04"]))["weights"]
+        == "revised weights of the distance alone"
+    )
+    assert calibrate(two_days(days=["2015-07-04"]))["weights"] == "revised weights"
+
+
+def test_peat_has_more_water_than_three_times_its_dry_mass(calibrate):
+    mineral = [(0.2, 0.9), (0.11, 1.2), (0.09, 1.38), (0.08, 1.4), (0.08, 1.45), (0.07, 1.5)]
+    peat = [(0.25, 1.1), (1.1, 0.55), (2.4, 0.25), (3.4, 0.23), (4.0, 0.18), (4.4, 0.17)]
+    rows = [
+        f"P{number},{distance_m},{5 * layer},{5 * layer + 5},{water},{density}"
+        for number, distance_m in enumerate([25, 25, 75, 75, 200, 200])
+        for layer, (water, density) in enumerate(peat if distance_m == 200 else mineral)
+    ]
+    table = "\n".join(["profile,distance_m,top_cm,bottom_cm,gravimetric_water,bulk_density_gcm3", *rows])
+    answer = calibrate(table, site=SITE + "soil: {bulk_density_gcm3: 1.1}\n", counts=700)
+    assert answer["vwc"] == pytest.approx(0.179, abs=0.002)
+    assert answer["n0_cps"] == pytest.approx(0.2934, abs=0.001)
+    error = calibrate(table.replace("3.4,0.23", "34,0.23"))["errors"][0]
+    assert error["message"] == "34 g/g and 0.23 g/cm3 give 7.82 m3 of water per m3"
+
+
+COMMAS = """\
+profile;distance_m;top_cm;bottom_cm;gravimetric_water;bulk_density_gcm3
+A1;25;5;10;0,271;1,31
+A1;25;10;15;0,247;1,36
+A2;75;5;10;0,349;1,28
+"""
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        COMMAS,
+        COMMAS.replace(",", ".").replace(";", ","),
+        COMMAS.replace(";", "\t"),
+        COMMAS.replace("\nA1;25;5", "\n;m;cm;cm;g/g;g/cm³\nA1;25;5", 1),
+        COMMAS.replace("gravimetric_water", "gravimetric_percent")
+        .replace("0,271", "27,1").replace("0,247", "24,7").replace("0,349", "34,9"),
+        COMMAS.replace("top_cm;bottom_cm", "depth_cm").replace("5;10;0", "5-10;0").replace("10;15", "10 – 15 cm"),
+        COMMAS.replace("top_cm;bottom_cm", "top_m;bottom_m").replace("10;15;0", "0,10;0,15;0")
+        .replace("5;10;0", "0,05;0,10;0"),
+    ],
+    ids=["commas", "points", "tabs", "row of units", "per cent", "intervals", "metres"],
+)  # fmt: skip
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_notations_of_spreadsheets_mean_the_same(calibrate, table, encoding):
+    answer = calibrate(table, site=SITE.replace("190", "100"), encoding=encoding)
+    assert answer["vwc"] == pytest.approx(0.379, abs=0.002)
+    assert answer["n0_cps"] == pytest.approx(0.728, abs=0.002)
+    assert any("decimal comma" in text for text in answer.get("warnings", [])) == (",31" in table)
+
+
+@pytest.mark.parametrize(
+    ("table", "message", "remedy"),
+    [
+        (COMMAS.replace("1,36", "1.36"), "has a comma in 0,271 and a point in 1.36 (line 3)", "decimal point"),
+        (COMMAS.replace(";", ","), "has 8 values for 6 columns", "semicolons"),
+        (COMMAS.replace("0,271", "27,1 %"), "'27.1 %' is not a number", "without its unit"),
+        (COMMAS.replace("0,271", "-9999"), "-9999 looks like a mark of a missing value", "leave the cell empty"),
+        (COMMAS.replace("10;15;", "100;150;").replace(";5;10;", ";50;100;"), "150 is outside 0 to 120", "depth"),
+        (COMMAS.replace("top_cm;bottom_cm", "depth_cm;x").replace("25;5", "25;10-May"), "'10-May'", "interval"),
+        (COMMAS.replace(";bulk_density_gcm3", ";top_cm"), "has 2 columns 'top_cm'", "keep one"),
+        (COMMAS.replace("\nA1", "\n;m;mm;cm;g/g;-\nA1", 1), "the unit 'mm' is not that of the column", "top_mm"),
+        (COMMAS.replace("profile", "site;profile").replace("\nA", "\nN;A", 2).replace("\nA2", "\nS;A2"),
+         "has cores of several sites: N, S", "file of its own"),
+        ("PK\x03\x04", "is a spreadsheet or an archive, not text", "CSV"),
+        ("depth,theta_v\n5,0.2\n", "has no column 'vwc'", "theta_v may be vwc"),
+    ],
+)  # fmt: skip
+def test_what_a_table_leaves_open_is_asked(calibrate, table, message, remedy):
+    errors = calibrate(table)["errors"]
+    assert any(message in error["message"] and remedy in error["remedy"] for error in errors), errors
+
+
+def test_doubts_about_the_result(calibrate):
+    answer = calibrate("vwc\n0.2\n0.25\n", site=SITE + SOIL + "calibration: {n0_cps: 2500}\n")
+    assert any("N0 was 2500 counts/s in the site file" in text for text in answer["warnings"])
+    answer = calibrate("vwc,bulk_density_gcm3\n0.2,1.5\n0.62,1.5\n", counts=400_000)
+    for text in ("unusual", "1.50 g/cm3, the site file 1.1", "line 3: 0.62"):
+        assert any(text in warning for warning in answer["warnings"]), answer["warnings"]
+
+
+def test_counts_of_another_day_than_the_cores_are_refused(tmp_path):
+    from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+
+    write_survey(tmp_path, seed=2, spacing_m=30.0, dwell_s=60.0)
+    (tmp_path / "cores.csv").write_text("date,vwc\n1999-05-01,0.2\n1999-05-01,0.22\n")
+    common = [
+        "calibrate",
+        tmp_path / "cores.csv",
+        "--site",
+        tmp_path / "site.yaml",
+        "--log",
+        tmp_path / "survey.log",
+    ]
+    result = CliRunner().invoke(main, [str(each) for each in [*common, "--dry-run"]])
+    assert result.exit_code == 2
+    assert "the cores are of 1999-05-01, and the counts of 20" in result.output
