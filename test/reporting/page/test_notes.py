@@ -10,7 +10,7 @@ import pytest
 
 from soilmoist_ros.mapping.knowledge.drift import Change, Drift, Jump
 from soilmoist_ros.reporting.page.notes import notes
-from soilmoist_ros.reporting.run import Note, NoteCode
+from soilmoist_ros.reporting.run import CorrectionRow, Note, NoteCode
 
 
 def codes(run):
@@ -23,6 +23,20 @@ def test_a_guessed_calibration_is_noted_by_its_mark_not_by_words(make_run):
     assert NoteCode.ILLUSTRATIVE_CALIBRATION not in codes(said)
     guessed = replace(run, calibration=replace(run.calibration, illustrative=True))
     assert codes(guessed)[0] is NoteCode.ILLUSTRATIVE_CALIBRATION
+
+
+def test_n0_per_hour_factors_far_from_1_and_an_n0_of_unknown_origin_are_noted(make_run, the_map):
+    per_hour = replace(the_map, curve=replace(the_map.curve, n0_cps=3600 * the_map.curve.n0_cps))
+    run = make_run(soil_map=per_hour, simulated=False, notes=())
+    (doubt,) = [note.message for note in notes(run) if note.code is NoteCode.OTHER_TIME_OF_N0]
+    assert f"if it is per hour: {the_map.curve.n0_cps:.4g} counts/s" in doubt
+    other_station = CorrectionRow("incoming neutrons", "C0 / C", {"C0": 1500}, 10.0, 9.9, 10.1)
+    assert NoteCode.UNUSUAL_FACTOR in codes(replace(run, corrections=[other_station]))
+    unknown = replace(run, calibration=replace(run.calibration, source="", n0_sd_cps=None))
+    assert NoteCode.UNKNOWN_CALIBRATION in codes(unknown)
+    assert not {NoteCode.UNUSUAL_FACTOR, NoteCode.UNKNOWN_CALIBRATION} & {*codes(run)}
+    usual = make_run(soil_map=the_map, simulated=False)
+    assert NoteCode.OTHER_TIME_OF_N0 not in codes(usual)
 
 
 def test_moisture_that_no_soil_has_is_noted(make_run, the_map, steep, uncalibrated):
