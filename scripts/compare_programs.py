@@ -150,7 +150,7 @@ def compare(neptoon_python: str, save: bool) -> None:
     assert site.calibration is not None
     assert site.location is not None
     soil = {key: getattr(site.soil, key) for key in ("bulk_density_gcm3", "lattice_water", "organic_water")}
-    listed = read_soil_cores(CORES)
+    listed = read_soil_cores(CORES).cores
     cores = {
         "vwc": np.array([core.vwc for core in listed]),
         "distance_m": np.array([core.distance_m for core in listed]),

@@ -95,6 +95,7 @@ def command(
     from soilmoist_ros.sensing.moisture.core_mean import mean_of_cores
     from soilmoist_ros.sensing.moisture.cores import read_soil_cores
     from soilmoist_ros.sensing.moisture.site import Calibration, Soil, load_site, moisture_curve
+    from soilmoist_ros.sensing.survey.correction import factors_text, unusual_factors, unusual_pressure
 
     known = load_site(site)
     table = read_soil_cores(cores, known.soil.bulk_density_gcm3 if known.soil else None, dates)
@@ -113,7 +114,7 @@ def command(
     unknown = unit.model_copy(update={"n0_cps": math.nan})  # so that no count is impossible for a former N0
     known = known.model_copy(update={"soil": soil, "calibration": unknown})
     counted = _counted(known, logs, logger, counts, exposure_s, (start, end))
-    _require_days_of_counts(table.days, counted, cores)
+    _require_days_of_counts(table.days or dates, counted, cores)
     around = _surroundings(known, soil, counted)
     rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
     try:
@@ -141,11 +142,16 @@ def command(
         warn(f"note       the {weighting} weights need distance_m, or depths of several cores in a profile")
     assumed = "" if counted.records and math.isfinite(counted.pressure_hpa) else " (assumed for the weights)"
     say(f"air        {around.pressure_hpa:.1f} hPa, {around.humidity_gm3:.1f} g/m3{assumed}")
+    if counted.factors:
+        say(f"factors    {factors_text(counted.factors)}")
     say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{_of_records(counted)}")
     say(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s, curve {unit.curve}")
     say(f"of which   {estimate.from_counting_cps:.4f} from counting, {estimate.from_cores_cps:.4f} from cores")
     if before is not None and before.curve != unit.curve:
         before = None  # its N0 is of another kind
+    for doubt in [*unusual_factors(counted.factors), unusual_pressure(counted.pressure_hpa, known)]:
+        if doubt:
+            warn(f"doubt      {doubt}")
     for doubt in _doubts(estimate.n0_cps, before, mean.bulk_density_gcm3, soil):
         warn(f"doubt      {doubt}")
     if dry_run:

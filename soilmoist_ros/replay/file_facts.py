@@ -32,7 +32,12 @@ from soilmoist_ros.sensing.formats.logger_reader import LogFile
 from soilmoist_ros.sensing.moisture.calibration import n0_in_other_time, unusual_n0
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
-from soilmoist_ros.sensing.survey.correction import intensity_source, unusual_factors
+from soilmoist_ros.sensing.survey.correction import (
+    factors_text,
+    intensity_source,
+    unusual_factors,
+    unusual_pressure,
+)
 from soilmoist_ros.sensing.survey.logs import calibration_counts
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
@@ -319,10 +324,10 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]
         yield _doubt(
             f"{counted.left_out} records are quarantined or cannot be corrected: soilmoist map lists them"
         )
-    names = {"f_pressure": "pressure", "f_humidity": "humidity", "f_intensity": "incoming neutrons"}
-    factors = [f"{names[name]} {low:.3f} to {high:.3f}" for name, (low, high) in counted.factors.items()]
-    yield Finding("factors", ", ".join(factors))
+    yield Finding("factors", factors_text(counted.factors))
     yield from map(_doubt, unusual_factors(counted.factors))
+    if doubt := unusual_pressure(counted.pressure_hpa, site):
+        yield _doubt(doubt)
     rate_cps, curve = counted.rate_cps, site.curve
     if curve is None:
         yield Finding("rate", f"mean {rate_cps:.3f} counts/s, corrected")

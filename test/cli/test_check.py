@@ -97,7 +97,7 @@ MONITOR = "# STATION: JUNG, OULU\n2026-05-01 00:00:00;151.0;100.0\n2026-05-03 00
         (
             "0.7,",
             "2520,",
-            "N0 of 2520 counts/s is unusual: 0.7 counts/s if it is per hour, 42 counts/s if it is per",
+            "N0 of 2520 counts/s is unusual: 0.7 counts/s if it is per hour",
         ),
         (', date: "2026-05-01"', "", "no date, note or n0_sd_cps: give one, or write 'illustrative: true'"),
         ("file: monitor.txt, monitor: JUNG", "constant: 100", "incoming neutrons is 1.50 to 1.50"),
@@ -174,3 +174,14 @@ def test_weather_and_n0_in_other_units_are_said_so(tmp_path, weather, n0, text):
     output = check(*files).output
     assert text in output, output
     assert "switch" not in output
+
+
+def test_a_pressure_that_does_not_fit_the_altitude_is_doubted(tmp_path):
+    (tmp_path / "log.csv").write_text(table_of(pressure=1015.0))
+    (tmp_path / "format.yaml").write_text(FORMAT)
+    site = SITE.replace(", intensity: {reference: 150, file: monitor.txt}", "").replace("190", "455")
+    (tmp_path / "site.yaml").write_text(site)
+    files = "--site", tmp_path / "site.yaml", "--logger", tmp_path / "format.yaml", "--log", tmp_path / "log.csv"
+    assert (
+        "1015 hPa on average, but 960 hPa are usual at 455 m: is it reduced to sea level" in check(*files).output
+    )

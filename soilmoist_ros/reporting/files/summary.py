@@ -420,4 +420,5 @@ def _calibration(run: MapRun) -> dict[str, Any] | None:
         "n0_sd_cps": run.calibration.n0_sd_cps if run.calibration else None,
         "lowest_rate_cps": curve.lowest_rate_cps,
         "source": run.calibration.source if run.calibration else "",
+        "illustrative": run.calibration is not None and run.calibration.illustrative,
     }

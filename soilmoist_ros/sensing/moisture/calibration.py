@@ -58,8 +58,8 @@ def estimate_n0(
     return N0Estimate(n0, total, counting, cores)
 
 
-USUAL_N0_CPS = (0.05, 60.0)
-"""N0 of sensors from one small tube at sea level to twelve large ones in high mountains [counts/s]."""
+USUAL_N0_CPS = (0.05, 30.0)
+"""N0 of sensors from one small tube at sea level to twelve large ones in the mountains [counts/s]."""
 OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}
 """Times per which other programs give N0 [s]."""
 

@@ -109,7 +109,7 @@ def mean_of_cores(
 
 def _weights_text(groups: Sequence[Sequence[SoilCore]], weighting: Weighting) -> str:
     """Weights that act: depths weigh within profiles of several cores, distances weigh several profiles."""
-    distance = not all(math.isnan(group[0].distance_m) for group in groups)
+    distance = len(groups) > 1 and not all(math.isnan(group[0].distance_m) for group in groups)
     depth = not all(math.isnan(group[0].top_cm) or len(group) == 1 for group in groups)
     if weighting == "equal" or not (distance or depth):
         return "equal weights"

@@ -64,6 +64,8 @@ _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---")
 _INTERVAL = re.compile(r"(\d+(?:\.\d+)?)\s*(?:-|–|—|to|bis)\s*(\d+(?:\.\d+)?)\s*(?:cm)?", re.IGNORECASE)
 _DAY = re.compile(r"(\d{4})([-/.])(\d\d?)\2(\d\d?)(?!\d)|(\d\d?)([-/.])(\d\d?)\6(\d{4}|\d\d)(?!\d)")
 _TIME = re.compile(r"[T ]+\d\d?:\d\d.*$")
+_SAMPLING_ERROR = 0.1
+"""Water above the pore volume that errors of mass and volume of a core may explain [m^3/m^3]."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _DECIMAL_POINT = re.compile(r"[+-]?\d+\.\d+")
 
@@ -195,7 +197,7 @@ def _doubts(rows: Sequence[_Row], cores: Sequence[SoilCore], density: float | No
     soaked = [
         f"line {row.line}: {core.vwc:.2f}"
         for row, core, rho in zip(rows, cores, known, strict=True)
-        if rho is not None and core.vwc > soil_limits(rho).saturation + 0.05
+        if rho is not None and core.vwc > soil_limits(rho).saturation + _SAMPLING_ERROR
     ]
     if soaked:
         found.append(
@@ -228,10 +230,11 @@ def _read_rows(path: Path, notes: list[str]) -> list[_Row]:
             mistakes.append(Mistake(message, remedy, path, line))
         if any(cells):
             rows.append((line, cells))
-    for name, times in Counter(filter(None, header)).items():
-        if times > 1 and name in (*_NAMES, *_OTHER_UNITS):
-            mistakes.append(Mistake(f"has {times} columns {name!r}", "keep one of them", path))
     names = [_canonical(name) for name in header]
+    for name, times in Counter(names).items():
+        if times > 1 and name in _NAMES:
+            same = " and ".join(raw for raw in header if _canonical(raw) == name)
+            mistakes.append(Mistake(f"has {times} columns of {name}: {same}", "keep one of them", path))
     if "vwc" not in names and "gravimetric_water" not in names and not mistakes:
         meant = listing(f"{name} may be {_meant(name)}" for name in header if _meant(name))
         message = (

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa
 from soilmoist_ros.sensing.corrections.factors import Corrections, effective_exposure
 from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor, read_neutron_monitor
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings
@@ -77,6 +78,14 @@ USUAL_FACTORS = {"f_humidity": (0.85, 1.25), "f_intensity": (0.8, 1.25)}
 """Factors within which humid air and the solar cycle stay, for usual references [-]."""
 
 
+_FACTORS = {"f_pressure": "pressure", "f_humidity": "humidity", "f_intensity": "incoming neutrons"}
+
+
+def factors_text(factors: Mapping[str, tuple[float, float]]) -> str:
+    """Ranges of the factors of the corrections, in words."""
+    return ", ".join(f"{_FACTORS[name]} {low:.3f} to {high:.3f}" for name, (low, high) in factors.items())
+
+
 def unusual_factors(factors: Mapping[str, tuple[float, float]]) -> list[str]:
     """Doubts about factors of corrections that are far from 1.
 
@@ -96,6 +105,27 @@ def unusual_factors(factors: Mapping[str, tuple[float, float]]) -> list[str]:
             what, _, reason = reasons[name].partition(": ")
             found.append(f"the factor of the {what} is {least:.2f} to {most:.2f}: {reason}")
     return found
+
+
+MAX_FROM_ALTITUDE_HPA = 40.0
+"""Distance of the mean pressure from that of the altitude beyond which one of them is doubted [hPa]."""
+
+
+def unusual_pressure(pressure_hpa: float, site: Site) -> str:
+    """Doubt about a mean air pressure that does not fit the altitude of the site; empty for a usual one.
+
+    :param pressure_hpa: mean air pressure [hPa], NaN if unknown
+    """
+    place = site.corrections.place or site.location
+    if place is None or place.altitude_m is None:
+        return ""
+    usual_hpa = standard_pressure_hpa(place.latitude_deg, place.altitude_m)
+    if not abs(pressure_hpa - usual_hpa) > MAX_FROM_ALTITUDE_HPA:
+        return ""
+    return (
+        f"the air pressure is {pressure_hpa:.0f} hPa on average, but {usual_hpa:.0f} hPa are usual at "
+        f"{place.altitude_m:g} m: is it reduced to sea level, or the altitude in feet?"
+    )
 
 
 def correct_record(
