@@ -196,7 +196,7 @@ def _intensity_fault(stream: SensorStream) -> str:
     """What is wrong with an intensity from outside, and what to do; empty if nothing is."""
     age_s, limit_s = stream.survey.intensity_age_s, stream.survey.max_intensity_age_s
     if stream.survey.latest_intensity is None or age_s <= OLD_INTENSITY * limit_s:
-        return ""
+        return stream.survey.intensity_doubt
     remedy = "check the publisher of intensity_topic"
     if math.isinf(age_s):
         return f"no incoming intensity has come: that of the site file is used; {remedy}"

@@ -36,6 +36,7 @@ from soilmoist_ros.sensing.survey.correction import (
     place_record,
     site_shares,
     uncorrected_record,
+    unusual_factors,
 )
 from soilmoist_ros.sensing.survey.places import SurveyPlaces
 
@@ -241,6 +242,17 @@ class Survey:
         lacks = isinstance(site, NeutronMonitor) and site.at(stamp_s) is None
         self.keeps_old_intensity = not fresh and lacks and math.isfinite(self.intensity_age_s)
         return self.latest_intensity.rate if fresh or self.keeps_old_intensity else site
+
+    @property
+    def intensity_doubt(self) -> str:
+        """Doubt about the latest intensity from outside against the site's reference; empty if they fit."""
+        if self.latest_intensity is None or not math.isfinite(self.latest_intensity.rate):
+            return ""
+        try:
+            factor = self._site.corrections_parameters.f_intensity(self.latest_intensity.rate)
+        except ValueError as error:
+            return str(error)
+        return "".join(unusual_factors({"f_intensity": (factor, factor)}))
 
     def _typical_cps(self, records: Sequence[LoggerRecord]) -> float:
         """Median rate of records that are known in advance [counts/s], NaN without any."""

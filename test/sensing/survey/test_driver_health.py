@@ -76,6 +76,20 @@ def test_an_intensity_that_does_not_come_or_is_old_is_a_warning_with_its_age():
     ]
 
 
+def test_an_intensity_that_does_not_fit_its_reference_is_a_warning():
+    corrections = {"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 150}}
+    survey = SensorStream(Site(corrections=corrections), LocalFrame(50.0, 10.0), "thorvald_crs")
+    survey.survey.latest_intensity = LatestIntensity()
+    for rate, level in ((160.0, Level.OK), (1600.0, Level.WARN)):
+        survey.survey.latest_intensity.take(rate, 0.0)
+        count(survey, 1)
+        part = records_health(survey, T0 + 10)
+        assert part.level is level
+    assert part.message.startswith(
+        "the factor of the incoming neutrons is 0.09 to 0.09: are monitor and 'reference'"
+    )
+
+
 def test_an_old_intensity_that_is_used_as_the_site_has_none_is_a_warning(tmp_path):
     (tmp_path / "monitor.csv").write_text("2024-04-30 00:00:00;75\n2024-04-30 01:00:00;75\n")
     intensity = {"reference": 150, "file": str(tmp_path / "monitor.csv")}
