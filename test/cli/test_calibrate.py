@@ -106,6 +106,11 @@ def test_peat_has_more_water_than_three_times_its_dry_mass(calibrate):
     assert error["message"] == "34 g/g and 0.23 g/cm3 give 7.82 m3 of water per m3"
 
 
+def test_moss_peat_has_less_than_a_tenth_of_the_density_of_soil(calibrate):
+    answer = calibrate("gravimetric_water,bulk_density_gcm3\n9.0,0.06\n10.0,0.05\n", site=SITE)
+    assert answer["vwc"] == pytest.approx(0.52)
+
+
 COMMAS = """\
 profile;distance_m;top_cm;bottom_cm;gravimetric_water;bulk_density_gcm3
 A1;25;5;10;0,271;1,31

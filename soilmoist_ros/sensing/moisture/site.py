@@ -30,7 +30,7 @@ WaterFraction = Annotated[float, Field(ge=0, lt=1)]
 class Soil(Section):
     """Soil properties that the calibration curve needs."""
 
-    bulk_density_gcm3: Annotated[float, Field(gt=0.1, lt=2.8)]
+    bulk_density_gcm3: Annotated[float, Field(ge=0.02, le=2.8)]
     """Dry bulk density [g/cm^3]."""
     bulk_density_sd_gcm3: NotNegative | None = None
     """Standard deviation of the bulk density [g/cm^3]."""
