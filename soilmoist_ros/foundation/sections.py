@@ -19,6 +19,10 @@ Model = TypeVar("Model", bound=BaseModel)
 Location = tuple[int | str, ...]
 
 
+_UNITS = {"hpa": "hPa", "gcm3": "g/cm3", "gm3": "g/m3", "gv": "GV", "cps": "counts/s", "mm": "mm", "hours": "h"}
+"""Ends of keys, and the unit that they stand for."""
+
+
 class Section(BaseModel):
     """Base class for every part of a configuration file: immutable, without unknown keys."""
 
@@ -89,8 +93,23 @@ def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -
     if isinstance(value, (str, int, float)) and repr(value) not in message:
         message += f", but it is {value!r}"
     swapped = location[-1:] == ("latitude_deg",) and detail["type"] in ("greater_than_equal", "less_than_equal")
-    remedy = "check whether latitude and longitude are swapped" if swapped else ""
+    remedy = "check whether latitude and longitude are swapped" if swapped else _notation(detail, location)
     return Mistake(message, remedy, path, line, column)
+
+
+def _notation(detail: Any, location: Location) -> str:
+    """What to do with a number in another notation or unit; empty if it is not clear."""
+    value, limits = str(detail.get("input")).strip(), detail.get("ctx") or {}
+    if detail["type"] in ("float_parsing", "int_parsing"):
+        if re.fullmatch(r"[+-]?\d+,\d+", value):
+            return f"write decimals with a point: {value.replace(',', '.')}"
+        return "write the number without its unit" if re.match(r"[+-]?[.\d]+\s*[^\d\s.,]", value) else ""
+    if not any(limits.get(one) for one in ("lt", "le", "gt", "ge")):  # zero has no unit
+        return ""
+    if 1.0 in (limits.get("lt"), limits.get("le")):
+        return "it is a fraction: divide per cent by 100"
+    unit = str(location[-1]).rpartition("_")[2] if location else ""
+    return f"the name of the key has its unit: {_UNITS[unit]}" if unit in _UNITS else ""
 
 
 def _is_tag(part: int | str, content: Any) -> bool:

@@ -103,3 +103,22 @@ def test_bound_water_follows_from_clay_and_carbon_unless_it_was_measured():
     assert (measured.lattice_water, measured.organic_water) == (0.01, 0.0)
     with pytest.raises(ValidationError, match="clay"):
         Soil(bulk_density_gcm3=1.4, clay=30.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("location: {latitude_deg: '51,5', longitude_deg: 1.0}", "write decimals with a point: 51.5"),
+        ("location: {latitude_deg: 51.5, longitude_deg: 1.0, altitude_m: 100 m}", "without its unit"),
+        ("corrections: {pressure: {reference_hpa: 101325}}", "the name of the key has its unit: hPa"),
+        ("soil: {bulk_density_gcm3: 1310}", "the name of the key has its unit: g/cm3"),
+        ("soil: {bulk_density_gcm3: 1.3, lattice_water: 3}", "it is a fraction: divide per cent by 100"),
+    ],
+)
+def test_numbers_in_other_notations_and_units_are_refused_with_the_likely_one(tmp_path, text, remedy):
+    path = tmp_path / "site.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        load_site(path)
+    (mistake,) = caught.value.mistakes
+    assert remedy in mistake.remedy
