@@ -37,6 +37,15 @@ ECCENTRICITY2 = FLATTENING * (2 - FLATTENING)
 DEGREE = math.pi / 180
 
 
+def floats(values: ArrayLike) -> Array:
+    """Values as an array; the masked values of a masked array are NaN, never numbers."""
+    if not isinstance(values, np.ma.MaskedArray):
+        return np.asarray(values, float)
+    found: Array = np.array(values, np.float64)
+    found[np.ma.getmaskarray(values)] = np.nan
+    return found
+
+
 @dataclass(frozen=True)
 class LocalFrame:
     """East-north tangent plane about a datum.
@@ -77,7 +86,7 @@ class LocalFrame:
 
     def to_local(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> Array:
         """East and north [m], shape (n, 2), of n positions; NaN beyond the datum's hemisphere."""
-        lat, lon = np.atleast_1d(np.asarray(latitude_deg, float), np.asarray(longitude_deg, float))
+        lat, lon = np.atleast_1d(floats(latitude_deg), floats(longitude_deg))
         lat, lon = np.broadcast_arrays(lat, lon)
         good = np.isfinite(lat) & np.isfinite(lon) & (np.abs(lat) <= 90)
         sin_0, cos_0, lon_0, nu_0 = self._origin
@@ -97,7 +106,7 @@ class LocalFrame:
 
     def to_geographic(self, xy_m: ArrayLike) -> Array:
         """Latitude and longitude [deg], shape (n, 2), of n local points of shape (n, 2) [m]; NaN off the earth."""
-        east, north = np.atleast_2d(np.asarray(xy_m, float)).T / SEMI_MAJOR_M
+        east, north = np.atleast_2d(floats(xy_m)).T / SEMI_MAJOR_M
         sin_0, cos_0, lon_0, nu_0 = self._origin
         # The point on the ellipsoid above or below a point of the plane: p and z are its distances from the axis
         # and the equator in the meridian of the datum, each linear in the height; its length fixes the height.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.sensing.masked import floats
+from soilmoist_ros.foundation.geodesy import floats
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -179,14 +179,14 @@ def default_cell_m(extent_m: tuple[float, float], footprint_radius_m: float = 10
 def _rings(vertices: ArrayLike | Sequence[ArrayLike]) -> list[ArrayLike]:
     """A list of outlines, whether one was given or several."""
     try:
-        single = np.asarray(vertices, float)
+        single = floats(vertices)  # type: ignore[arg-type]
     except ValueError:  # outlines of different lengths
         return list(vertices)  # type: ignore[arg-type]
     return list(single) if single.ndim == 3 else [single]
 
 
 def _corners(ring: ArrayLike, what: str) -> Array:
-    corners = np.array(ring, float)
+    corners = np.array(floats(ring))
     if corners.ndim != 2 or corners.shape[1] != 2:
         raise ValueError(f"a {what} must have shape (k, 2), got {corners.shape}")
     if not np.isfinite(corners).all():

@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.foundation.geodesy import floats
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.samples.samples import check_xy
-from soilmoist_ros.sensing.masked import floats
 
 Array = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.foundation.geodesy import floats
 from soilmoist_ros.mapping.kriging.chebyshev import ChebyshevNodes, raster_by_interpolation
 from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, Covariances, PointCovariances
 from soilmoist_ros.mapping.kriging.few_targets import MAX_SAMPLES, MAX_TARGETS, FewTargets, KnownCovariances
@@ -22,7 +23,6 @@ from soilmoist_ros.mapping.kriging.tile_forms import find_tiles, tile_sums
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.masked import floats
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

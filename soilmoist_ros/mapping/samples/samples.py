@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation.geodesy import LocalFrame, squared_distances
 from soilmoist_ros.foundation.lazy import optional_module
 from soilmoist_ros.mapping.samples.spread import without_noise
-from soilmoist_ros.sensing.masked import require_unmasked
 
 if TYPE_CHECKING:
     import geopandas
@@ -138,6 +137,16 @@ def as_samples(
     moments = np.zeros(3) if spread is None else np.asanyarray(spread, float)
     places, numbers, times_s = (np.asanyarray(values, float) for values in (xy, counts, exposure_s))
     return Samples(places, numbers, times_s, moments)
+
+
+def require_unmasked(name: str, values: ArrayLike) -> None:
+    """Refuse an array with masked values, which NumPy would take for numbers.
+
+    :raises ValueError: if there are masked values
+    """
+    number = np.count_nonzero(np.ma.getmaskarray(values)) if isinstance(values, np.ma.MaskedArray) else 0
+    if number:
+        raise ValueError(f"{name} has {number} masked values: leave these samples out, as by values[~mask]")
 
 
 def check_xy(xy: ArrayLike) -> Array:

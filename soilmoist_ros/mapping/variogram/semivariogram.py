@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import squared_distances
+from soilmoist_ros.foundation.geodesy import floats, squared_distances
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples
-from soilmoist_ros.sensing.masked import floats
 
 Array = NDArray[np.float64]
 

@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import (
     FieldGrid,
     PoissonKriging,
@@ -48,6 +49,11 @@ def test_masked_targets_are_refused():
         kriging.predict_grid(np.ma.masked_equal([0.0, 5.0], 5.0), [0.0])
     with pytest.raises(ValueError, match="all finite"):
         FieldGrid.from_track(np.ma.masked_equal(XY, 45.0), 5.0)
+    with pytest.raises(ValueError, match="is not finite"):
+        FieldGrid.from_polygon(np.ma.masked_equal(XY, 45.0), 5.0)
+    places = LocalFrame(50.0, 10.0).to_local(np.ma.masked_array([50.0, 50.1], mask=[False, True]), [10.0, 10.0])
+    assert places[0].tolist() == [0.0, 0.0]
+    assert np.isnan(places[1]).all()
 
 
 @pytest.mark.parametrize("curve", [CalibrationCurve(6.0, 1.4), UniversalCurve(6.0, 1.4, humidity_gm3=5.0)])
