@@ -1,0 +1,389 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Defaults that may change a map, on against off, over fields that the project did not make.
+
+usage: .venv/bin/python scripts/bench_zoo.py --surfaces FOLDER [--comparisons drift local] [--fields NAME ...]
+       [--seeds 4] [--jobs 1] [--raw FILE.csv] [--setting drift_model=off] [--save]
+
+A surface is a file of the folder: CSV with the columns x, y and value, of points or of a grid. One rule makes a
+field of each, without a choice: the box of the points is stretched to 60 x 50 m (every third surface by name:
+160 x 120 m), values within one square metre are averaged, gaps are interpolated linearly, and the values are
+scaled linearly to 2.5 to 5.5 counts/s. Two surfaces of matplotlib and the project's own fields are always there.
+
+Each mission is repeated with the default off, on the same field with the same seed. The ratio of the squared
+errors is of their means over the missions of a field, and the mean of that over the fields. ``--raw`` keeps each
+mission at once; an interrupted run resumes from it. A new version of the code needs a new file.
+"""
+
+from __future__ import annotations
+
+import os
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import csv
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+import results
+from numpy.typing import NDArray
+
+from soilmoist_ros import __version__
+from soilmoist_ros.mapping import expected_counts
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.variogram import reml
+from soilmoist_ros.simulation.fields.catalogue import DATUM
+from soilmoist_ros.simulation.fields.random_field import random_field
+from soilmoist_ros.simulation.fields.rate_grid import RateGrid
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings
+from soilmoist_ros.simulation.mission.simulator import simulate_mission
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Any]
+
+MISSIONS: Mapping[str, Values] = {
+    "gcb": {"strategy": "gcb", "dwell": "optimal"},
+    "lattice 10 s": {"strategy": "lattice", "dwell": "fmi:10"},
+    "lattice 60 s": {"strategy": "lattice", "dwell": "fmi:60"},
+}
+LOW_CPS, HIGH_CPS = 2.5, 5.5
+SIZES_M = ((60, 50), (60, 50), (160, 120))
+"""Sizes of the fields in turn, by the names of their surfaces."""
+LARGE_M = 1000.0
+OWN = ("patches", "rough", "smooth", "ridge", "strips", "synthetic-high", "synthetic-low")
+"""Fields of the project; what is random in them is drawn from the seed."""
+MATPLOTLIB = {
+    "jacksboro-elevation": ("jacksboro_fault_dem.npz", "elevation"),
+    "topobathy": ("topobathy.npz", "topo"),
+}
+FOOTPRINT_M = 10.0
+WORST = 1.3
+"""Ratio of squared errors that no single mission should exceed."""
+
+
+def mapped_with(footprint_m: float) -> AbstractContextManager[Any]:
+    """Maps take this for the radius of the footprint [m]; 0 maps the counts as they are."""
+    made = FieldMap.__init__
+
+    def init(self: FieldMap, grid: Any, settings: FieldMapSettings, *args: Any) -> None:
+        made(self, grid, replace(settings, footprint_radius_m=footprint_m), *args)
+
+    return mock.patch.object(FieldMap, "__init__", init)
+
+
+CHANGES: Mapping[str, Callable[[], AbstractContextManager[Any]]] = {
+    "none": nullcontext,
+    "no tests of counts": lambda: mock.patch.object(expected_counts, "MAX_PROBABILITY", 0.0),
+    "isotropic": lambda: mock.patch.object(reml, "MIN_ANISOTROPIC", 10**9),
+    "not de-convolved": lambda: mapped_with(0.0),
+    "de-convolved": lambda: mapped_with(FOOTPRINT_M),
+}
+"""Changes that no setting makes, by the value of ``change``."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A default, on and off.
+
+    :param about: row of the table
+    :param on: settings with it
+    :param off: settings without it; ``change`` is one of :data:`CHANGES`
+    :param applies: whether the field has what the default is for: then it should help
+    :param fired: column that counts how often it changed the map
+    """
+
+    about: str
+    on: Values
+    off: Values
+    applies: bool = False
+    fired: str = ""
+
+
+DRYING: Values = {"drift": 0.1}
+MEANS: Values = {"footprint_m": FOOTPRINT_M}
+RAIN: Values = {"drift": -0.1, "drift_hour": 1.0}
+COMPARISONS = {
+    "drift": Comparison("drift model, no drift", {}, {"drift_model": "off"}, fired="drifts"),
+    "drying": Comparison("drift model, drying by 10 %", DRYING, {**DRYING, "drift_model": "off"}, True, "drifts"),
+    "rain": Comparison("drift model, rain of 10 %", RAIN, {**RAIN, "drift_model": "off"}, True, "drifts"),
+    "local": Comparison("local variance", {}, {"local": "off"}, fired="local"),
+    "anisotropy": Comparison("anisotropy", {}, {"change": "isotropic"}, fired="anisotropic"),
+    "tests": Comparison("tests of counts", {}, {"change": "no tests of counts"}, fired="held"),
+    "earlier-unrelated": Comparison(
+        "3 earlier surveys, unrelated", {"earlier_surveys": 3, "persistence": 0.0}, {}
+    ),
+    "earlier": Comparison("3 earlier surveys, correlation 0.9", {"earlier_surveys": 3}, {}, True),
+    "covariates-unrelated": Comparison("2 covariates, unrelated", {"useless_covariates": 2}, {}),
+    "covariates": Comparison("1 covariate, correlation 0.8", {"covariate_correlation": 0.8}, {}, True),
+    "footprint": Comparison(
+        "de-convolution, footprint of 10 m", MEANS, {**MEANS, "change": "not de-convolved"}, True
+    ),
+    "footprint-wrong": Comparison("de-convolution, point sensor", {"change": "de-convolved"}, {}),
+}
+KEY, FIRED = ("field", "mission", "seed", "arm"), ("drifts", "jumps", "local", "anisotropic", "held")
+COLUMNS = (*KEY, "mse", "coverage95", *FIRED)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One mission.
+
+    :param field: name of the field
+    :param mission: one of :data:`MISSIONS`
+    :param settings: settings beyond those
+    :param surfaces: folder of surfaces
+    """
+
+    field: str
+    mission: str
+    seed: int
+    settings: tuple[tuple[str, Any], ...]
+    surfaces: Path | None = None
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """First columns of its row."""
+        arm = " ".join(f"{name}={value}" for name, value in self.settings)
+        return self.field, self.mission, str(self.seed), arm
+
+    def row(self) -> list[str]:
+        """Simulate the mission."""
+        values = dict(self.settings)
+        change = CHANGES[values.pop("change", "none")]
+        ground = zoo_field(self.field, self.surfaces)
+        settings = MissionSettings(
+            field=ground,
+            random_field=isinstance(ground, str),
+            cell_m=None if isinstance(ground, str) else ground.field.cell_m,
+            seed=self.seed,
+            series_every_s=1e9,
+            **{**MISSIONS[self.mission], **values},
+        )
+        with change():
+            result = simulate_mission(settings)
+        soil_map, last = result.soil_map, result.series[-1]
+        assert soil_map is not None
+        assert soil_map.fit is not None
+        found, fit = soil_map.change, soil_map.fit
+        fired = (
+            found.drift is not None,
+            found.jump is not None and found.jump.is_certain,
+            fit.local is not None and fit.local.is_local,
+            fit.variogram.anisotropy > 1,
+            sum(bool(record.quarantine) for record in result.records),
+        )
+        return [*self.key, f"{last.mse:.6g}", f"{last.coverage95:.4f}", *(str(int(one)) for one in fired)]
+
+
+def real_surfaces(folder: Path | None) -> list[str]:
+    """Names of the surfaces that the project did not make."""
+    found = set() if folder is None else {path.stem for path in folder.glob("*.csv")}
+    return sorted(found | set(MATPLOTLIB))
+
+
+def zoo_field(name: str, folder: Path | None = None) -> SurrogateField | str:
+    """A field of the zoo: made of a surface, or the name of one of the project's."""
+    if name in OWN:
+        return name
+    if name == "100 ha":
+        x_m = np.arange(-20.0, LARGE_M + 21.0, 10.0)
+        noise = random_field(x_m, x_m, "matern32", 100.0, np.random.default_rng(1))
+        return _field(name, RateGrid(x_m, x_m, 4.0 + 0.5 * noise), (LARGE_M, LARGE_M), 20.0)
+    size_m = SIZES_M[real_surfaces(folder).index(name) % len(SIZES_M)]
+    truth = surface_rate(*_points(name, folder), size_m)
+    return _field(name, truth, size_m, max(size_m) / 60)
+
+
+def _field(name: str, truth: RateGrid, size_m: tuple[float, float], cell_m: float) -> SurrogateField:
+    width_m, height_m = size_m
+    corners = np.array([(0.0, 0.0), (width_m, 0.0), (width_m, height_m), (0.0, height_m)])
+    return SurrogateField(name, name, Field(name, DATUM, corners, cell_m=cell_m), truth)
+
+
+def _points(name: str, folder: Path | None) -> tuple[Array, Array]:
+    """Positions and values of a surface."""
+    path = None if folder is None else folder / f"{name}.csv"
+    if path is not None and path.exists():
+        table = np.genfromtxt(path, delimiter=",", names=True)
+        return np.column_stack([table["x"], table["y"]]), table["value"]
+    import matplotlib
+
+    file, key = MATPLOTLIB[name]
+    values = np.load(Path(matplotlib.get_data_path(), "sample_data", file))[key]
+    rows, columns = np.indices(values.shape)
+    return np.column_stack([columns.ravel(), -rows.ravel()]).astype(float), values.ravel().astype(float)
+
+
+def surface_rate(xy: Array, values: Array, size_m: tuple[float, float]) -> RateGrid:
+    """Rate of a field made of a surface, by the rule of the zoo.
+
+    :param xy: positions in any unit, shape (n, 2)
+    :param values: values in any unit, shape (n,)
+    :param size_m: width and height of the field, whole numbers [m]
+    """
+    from scipy.interpolate import griddata
+
+    known = np.isfinite(values)
+    xy, values = xy[known], values[known]
+    nodes = np.array(size_m, int)
+    index = np.round((xy - xy.min(axis=0)) / np.ptp(xy, axis=0) * nodes).astype(int)
+    of_node, inverse = np.unique(index, axis=0, return_inverse=True)
+    mean = np.bincount(inverse.ravel(), values) / np.bincount(inverse.ravel())
+    x_m, y_m = (np.arange(count + 1.0) for count in nodes)
+    everywhere = np.stack(np.meshgrid(x_m, y_m), axis=-1)
+    rate = griddata(of_node, mean, everywhere)
+    rate = np.where(np.isnan(rate), griddata(of_node, mean, everywhere, "nearest"), rate)
+    rate = LOW_CPS + (HIGH_CPS - LOW_CPS) * (rate - rate.min()) / np.ptp(rate)
+    return RateGrid(x_m, y_m, rate)
+
+
+def run(jobs: Iterable[Job], raw: Path, workers: int) -> dict[tuple[str, ...], list[str]]:
+    """Rows of missions by their keys; those in the file are not simulated again."""
+    done: dict[tuple[str, ...], list[str]] = {}
+    if raw.exists():
+        with raw.open(encoding="utf-8", newline="") as stream:
+            done = {tuple(row[: len(KEY)]): row for row in list(csv.reader(stream))[1:]}
+    missing = list({job.key: job for job in jobs if job.key not in done}.values())
+    with raw.open("a", encoding="utf-8", newline="") as stream, ProcessPoolExecutor(workers) as pool:
+        writer = csv.writer(stream, lineterminator="\n")
+        if not done:
+            writer.writerow(COLUMNS)
+        for row in pool.map(Job.row, missing):
+            done[tuple(row[: len(KEY)])] = row
+            writer.writerow(row)
+            stream.flush()
+    return done
+
+
+@dataclass(frozen=True)
+class Score:
+    """Missions of one comparison; arrays have a row for each field and a column for each mission and seed."""
+
+    on: Array
+    off: Array
+    coverage: Array
+    fired: Array
+
+    @property
+    def of_fields(self) -> Array:
+        """Ratio of the mean squared errors of each field."""
+        return np.asarray(self.on.mean(axis=1) / self.off.mean(axis=1))
+
+    @property
+    def mean(self) -> float:
+        """Mean of the ratios of the missions of each field."""
+        return float(self.of_fields.mean())
+
+    @property
+    def worst(self) -> float:
+        """Greatest ratio of one mission."""
+        return float((self.on / self.off).max())
+
+
+def score(
+    comparison: Comparison, done: Mapping[tuple[str, ...], list[str]], jobs: Callable[[Values], list[list[Job]]]
+) -> Score:
+    """Figures of a comparison.
+
+    :param jobs: missions with some settings: of each field, those of all kinds and seeds
+    """
+
+    def column(settings: Values, name: str) -> Array:
+        at = COLUMNS.index(name)
+        return np.array([[float(done[job.key][at]) for job in row] for row in jobs(settings)])
+
+    on, off = column(comparison.on, "mse"), column(comparison.off, "mse")
+    fired = np.minimum(column(comparison.on, comparison.fired or "mse"), 1.0)
+    return Score(on, off, column(comparison.on, "coverage95"), fired)
+
+
+def main() -> None:
+    """Print a table of the comparisons, and one of the fields."""
+    options = results.parser(__doc__)
+    options.add_argument("--surfaces", type=Path, help="folder with surfaces as CSV: x, y, value")
+    options.add_argument("--comparisons", nargs="+", choices=list(COMPARISONS), default=list(COMPARISONS))
+    options.add_argument("--fields", nargs="+", help="names of fields instead of all")
+    options.add_argument("--missions", nargs="+", choices=list(MISSIONS), default=list(MISSIONS))
+    options.add_argument("--seeds", type=int, default=4)
+    options.add_argument("--jobs", type=int, default=1, help="number of processes")
+    options.add_argument(
+        "--raw", type=Path, default=Path("zoo_missions.csv"), help="CSV file that keeps the missions"
+    )
+    options.add_argument("--setting", action="append", default=[], help="setting of all missions: NAME=VALUE")
+    given = options.parse_args()
+    real = real_surfaces(given.surfaces)
+    fields = given.fields or [*real, *OWN, "100 ha"]
+    common = {name: SETTINGS[name].parsed(text) for name, text in (one.split("=", 1) for one in given.setting)}
+
+    def jobs(settings: Values) -> list[list[Job]]:
+        chosen = tuple(sorted({**common, **settings}.items()))
+        return [
+            [
+                Job(name, mission, seed, chosen, given.surfaces)
+                for mission in given.missions
+                for seed in range(1, given.seeds + 1)
+            ]
+            for name in fields
+        ]
+
+    chosen = {name: COMPARISONS[name] for name in given.comparisons}
+    arms = [settings for one in chosen.values() for settings in (one.on, one.off)]
+    done = run((job for arm in arms for row in jobs(arm) for job in row), given.raw, given.jobs)
+    scores = {name: score(one, done, jobs) for name, one in chosen.items()}
+    publish(fields, chosen, scores, given)
+
+
+def publish(
+    fields: Sequence[str], chosen: Mapping[str, Comparison], scores: Mapping[str, Score], given: argparse.Namespace
+) -> None:
+    """Both tables."""
+    real = set(real_surfaces(given.surfaces))
+    settings = (
+        f"version {__version__}, {len(fields)} fields, of which {len(real.intersection(fields))} real surfaces; "
+        f"{', '.join(given.missions)}; 2 h, {given.seeds} seeds"
+        + (f"; in all {', '.join(given.setting)}" if given.setting else "")
+    )
+    rows = [
+        (
+            one.about,
+            f"{found.mean:.3f}",
+            f"{found.worst:.2f}",
+            f"{np.mean(found.on / found.off > WORST):.1%}",
+            f"{found.coverage.mean():.1%}",
+            f"{found.coverage.mean(axis=1).min():.1%}",
+            f"{found.fired.mean():.1%}" if one.fired else "",
+        )
+        for one, found in ((one, scores[name]) for name, one in chosen.items())
+    ]
+    columns = (
+        "default", "squared error by that without", "in the worst mission", f"missions above {WORST:g}",
+        "95 % intervals cover", "in the worst field", "missions in which it changed the map",
+    )  # fmt: skip
+    results.publish("zoo", columns, rows, settings, given.save)
+    harmless = [name for name, one in chosen.items() if not one.applies]
+    by_field = np.array([scores[name].of_fields for name in harmless]).reshape(-1, len(fields)).T
+    results.publish(
+        "zoo_fields",
+        ("field", "real", *(chosen[name].about for name in harmless)),
+        [
+            (name, "yes" if name in real else "no", *(f"{value:.3f}" for value in values))
+            for name, values in zip(fields, by_field, strict=True)
+        ],
+        f"{settings}; squared error by that without the default",
+        given.save,
+    )
+
+
+if __name__ == "__main__":
+    main()
