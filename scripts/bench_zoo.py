@@ -37,7 +37,6 @@ import numpy as np
 import results
 from numpy.typing import NDArray
 
-from soilmoist_ros import __version__
 from soilmoist_ros.mapping import expected_counts
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
@@ -350,7 +349,7 @@ def publish(
     """Both tables."""
     real = set(real_surfaces(given.surfaces))
     settings = (
-        f"version {__version__}, {len(fields)} fields, of which {len(real.intersection(fields))} real surfaces; "
+        f"{len(fields)} fields, of which {len(real.intersection(fields))} real surfaces; "
         f"{', '.join(given.missions)}; 2 h, {given.seeds} seeds"
         + (f"; in all {', '.join(given.setting)}" if given.setting else "")
     )

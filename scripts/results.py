@@ -14,6 +14,8 @@ import os
 import platform
 import re
 import shlex
+import shutil
+import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,9 +23,11 @@ from datetime import date
 from itertools import takewhile
 from pathlib import Path
 
+from soilmoist_ros import __version__
+
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "docs" / "data"
-FACTS = ("settings", "command", "date", "machine", "note")
+FACTS = ("settings", "command", "version", "date", "machine", "note")
 LOAD = os.getloadavg()[0]  # before the script measures
 NUMBER = re.compile(r"[-−+±]?[\d.,]+(e[-+]?\d+)?( ?±.*| ?%| \d[\d ]*)?|")
 
@@ -61,6 +65,7 @@ def publish(
     facts = {
         "settings": settings,
         "command": f".venv/bin/python scripts/{Path(sys.argv[0]).name} {arguments}".strip(),
+        "version": version(),
         "date": date.today().isoformat(),
         "machine": machine(),
     }
@@ -88,6 +93,14 @@ def machine() -> str:
     found = re.search(r"^model name\s*: (.*)", cpuinfo.read_text() if cpuinfo.exists() else "", re.MULTILINE)
     name = found[1] if found else platform.processor() or platform.machine()
     return f"{name}, {os.cpu_count()} cores, load {LOAD:.1f}, Python {platform.python_version()}"
+
+
+def version() -> str:
+    """Version of the code that is measured, with the commit where there is one."""
+    git = shutil.which("git")
+    made = [git, "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude", "*"] if git else ["false"]
+    found = subprocess.run(made, capture_output=True, text=True, check=False).stdout.strip()
+    return f"soilmoist_ros {__version__}" + (f", commit {found}" if found else "")
 
 
 def write(table: Table, path: Path) -> None:

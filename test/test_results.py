@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from soilmoist_ros import __version__
 from soilmoist_ros.simulation import simulate_mission
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -50,6 +51,7 @@ def test_a_script_prints_what_it_saves(results, tmp_path, monkeypatch, capsys):
     results.publish("x", ("what", "s"), [("a", 1)], "one thread", save=True)
     table = results.read(tmp_path / "x.csv")
     assert table.facts["command"] == ".venv/bin/python scripts/bench_x.py --seeds 2"
+    assert table.facts["version"].startswith(f"soilmoist_ros {__version__}")
     assert capsys.readouterr().out.strip() == results.markdown(table)
 
 
