@@ -12,8 +12,7 @@ means over the seeds; +- is the standard error of the ratio over the pairs.
 
 Each mission is stored in the cache at once, under a digest of its settings and of the code; an interrupted run
 resumes. The lattices are mapped at a quarter of the time and at its end only, all others at each plan.
-``--keep-lattices`` reuses lattices of other versions of the code with the same ``LATTICE_VERSION``. ``--sgp``
-compares with a planner from the literature, see ``sgp_waypoints.py``.
+``--keep-lattices`` reuses lattices of other versions of the code with the same ``LATTICE_VERSION``.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -39,14 +38,8 @@ from typing import Any
 import numpy as np
 import results
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
-from sgp_waypoints import true_variogram, waypoints
 
 import soilmoist_ros
-from soilmoist_ros.exploration.control.explorer import cell_stops
-from soilmoist_ros.exploration.strategies import lattice
-from soilmoist_ros.exploration.strategies.route import open_route
-from soilmoist_ros.exploration.travel.stop import stops_xy
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.campaign.hindsight import (
     LATTICE_DWELLS,
@@ -57,7 +50,6 @@ from soilmoist_ros.simulation.campaign.hindsight import (
 )
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
 from soilmoist_ros.simulation.mission.map_errors import map_errors
-from soilmoist_ros.simulation.mission.mission_ground import start_stop
 from soilmoist_ros.simulation.mission.result import MissionResult
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
@@ -78,7 +70,6 @@ WINDOW_M = 10.0
 """Window of the local variability of the truth [m]."""
 QUARTERS = 4
 EVERY_S = 60.0
-SGP = "sgp-tools"
 
 
 @dataclass(frozen=True)
@@ -97,16 +88,12 @@ class Job:
     speed_mps: float = 0.6
     overhead_s: float = 12.0
     cell_m: float = 0.0
-    waypoints: tuple[tuple[float, float], ...] = ()
 
     @property
     def settings(self) -> MissionSettings:
         """Settings of the simulator."""
-        strategy: Any
         strategy, dwell = combination(self.strategy)
         cell_m = surrogate_field(self.field).field.cell_m
-        if self.waypoints:
-            strategy = self._tour(max(self.cell_m, cell_m or 0.0) or None)
         return MissionSettings(
             field=self.field,
             strategy=strategy,
@@ -120,18 +107,6 @@ class Job:
             random_field=True,
         )
 
-    def _tour(self, cell_m: float | None) -> lattice.Lattice:
-        """The given way-points on the shortest tour; the time that it leaves is divided equally among them."""
-        field = surrogate_field(self.field).field
-        stops = cell_stops(field.grid(cell_m))
-        xy = stops_xy(stops)
-        numbers = np.unique(cdist(np.array(self.waypoints), xy).argmin(axis=1))
-        start = start_stop(field, stops)
-        from_start = cdist([[start.x_m, start.y_m]], xy[numbers])[0]
-        order = open_route(from_start, cdist(xy[numbers], xy[numbers]), np.random.default_rng(1)).order
-        plan = tuple(stops[int(number)] for number in numbers[list(order)])
-        return lattice.Lattice(plan, len(plan))
-
     @property
     def is_lattice(self) -> bool:
         """Whether this is a lattice, of any dwell."""
@@ -141,8 +116,6 @@ class Job:
         """Digest of the settings and the field, without the code."""
         own = str(LATTICE_VERSION) if self.is_lattice else ""
         about = asdict(self) | {"field": Path(self.field).stem}
-        if not self.waypoints:
-            del about["waypoints"]
         return digest(json.dumps(about) + field_digest + own)
 
 
@@ -273,8 +246,7 @@ def run(job: Job) -> dict[str, Any]:
     """Simulate one mission."""
     settings = job.settings
     started = time.process_time()
-    fixed = job.is_lattice or job.waypoints
-    result = _MappedTwice(settings).run(lambda share: None) if fixed else simulate_mission(settings)
+    result = _MappedTwice(settings).run(lambda share: None) if job.is_lattice else simulate_mission(settings)
     return outcome(result, time.process_time() - started)
 
 
@@ -378,23 +350,6 @@ def best_lattice(field: Sequence[Line]) -> tuple[str, ...]:
     return field[0].field, about.end_best, f"{1e3 * best.mse:.3g}", f"{best.distance_m:.0f}", about.quarter_best
 
 
-def reference_jobs(python: str, lattices: Sequence[Sequence[Job]], found: Mapping[Job, Row]) -> list[Job]:
-    """Missions to the way-points of SGP-Tools, as many as the best lattice of the field has stops.
-
-    The planner is given the true hyperparameters of the family of fields, and the exposure of an equal division.
-    """
-    best = min(lattices, key=lambda jobs: column([found[job] for job in jobs], "mse").mean())
-    count = round(float(column([found[job] for job in best], "samples").mean()))
-    first = best[0]
-    truths = [surrogate_field(first.field, np.random.default_rng((job.seed, 1))) for job in best]
-    exposure_s = (
-        3600 * first.hours / count - float(column([found[first]], "distance_m")[0]) / first.speed_mps / count
-    )
-    places = waypoints(python, truths[0], true_variogram(truths), count, exposure_s)
-    given = tuple((float(x), float(y)) for x, y in np.round(places, 2))
-    return [replace(job, strategy=SGP, waypoints=given) for job in best]
-
-
 def known_fields() -> list[str]:
     """The fields of the benchmark that this version has."""
     from soilmoist_ros.foundation.configuration import resource_names
@@ -417,7 +372,6 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--keep-lattices", action="store_true", help="reuse lattices of other versions of the code"
     )
-    parser.add_argument("--sgp", metavar="PYTHON", help="compare with SGP-Tools, run by this interpreter")
     parser.add_argument("--all", action="store_true", help="show the lattices too")
     return parser.parse_args()
 
@@ -436,13 +390,8 @@ def main() -> None:
         for strategy in strategies
     }
     found = all_rows([job for some in jobs.values() for job in some], cache, given.processes)
-    if given.sgp:
-        for field in fields:
-            jobs[field, SGP] = reference_jobs(given.sgp, [jobs[field, name] for name in LATTICES], found)
-        found |= all_rows([job for field in fields for job in jobs[field, SGP]], cache, given.processes)
-        strategies.append(SGP)
     shown, best = [], []
-    names = strategies if given.all else [*given.strategies, SGP]
+    names = strategies if given.all else given.strategies
     for field in fields:
         compared = lines(
             field, {strategy: [found[job] for job in jobs[field, strategy]] for strategy in strategies}
