@@ -4,7 +4,7 @@
 """Defaults that may change a map, on against off, over fields that the project did not make.
 
 usage: .venv/bin/python scripts/bench_zoo.py --surfaces FOLDER [--comparisons drift local] [--fields NAME ...]
-       [--seeds 4] [--jobs 1] [--raw FILE.csv] [--setting drift_model=off] [--save]
+       [--seeds 4] [--jobs 1] [--raw FILE.csv] [--save]
 
 A surface is a file of the folder: CSV with the columns x, y and value, of points or of a grid. One rule makes a
 field of each, without a choice: the box of the points is stretched to 60 x 50 m (every third surface by name:
@@ -12,8 +12,9 @@ field of each, without a choice: the box of the points is stretched to 60 x 50 m
 scaled linearly to 2.5 to 5.5 counts/s. Two surfaces of matplotlib and the project's own fields are always there.
 
 Each mission is repeated with the default off, on the same field with the same seed. The ratio of the squared
-errors is of their means over the missions of a field, and the mean of that over the fields. ``--raw`` keeps each
-mission at once; an interrupted run resumes from it. A new version of the code needs a new file.
+errors is that of their means over the missions of a field, and the table has the mean over the fields. ``--raw``
+keeps each mission at once: an interrupted run resumes from it, further fields, seeds and comparisons join it, and
+the tables are of all its missions. A new version of the code needs a new file.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ import os
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
-import argparse
 import csv
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
@@ -45,11 +46,13 @@ from soilmoist_ros.simulation.fields.catalogue import DATUM
 from soilmoist_ros.simulation.fields.random_field import random_field
 from soilmoist_ros.simulation.fields.rate_grid import RateGrid
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
+Rows = dict[tuple[str, str, str, str], list[str]]
+"""Rows of missions by field, kind, seed and arm."""
 
 MISSIONS: Mapping[str, Values] = {
     "gcb": {"strategy": "gcb", "dwell": "optimal"},
@@ -134,31 +137,35 @@ KEY, FIRED = ("field", "mission", "seed", "arm"), ("drifts", "jumps", "local", "
 COLUMNS = (*KEY, "mse", "coverage95", *FIRED)
 
 
+def arm(settings: Values) -> str:
+    """Settings of an arm in the file of missions; empty for the defaults."""
+    return json.dumps(settings, sort_keys=True) if settings else ""
+
+
 @dataclass(frozen=True)
 class Job:
     """One mission.
 
     :param field: name of the field
     :param mission: one of :data:`MISSIONS`
-    :param settings: settings beyond those
+    :param arm: settings beyond those, as JSON
     :param surfaces: folder of surfaces
     """
 
     field: str
     mission: str
     seed: int
-    settings: tuple[tuple[str, Any], ...]
+    arm: str = ""
     surfaces: Path | None = None
 
     @property
-    def key(self) -> tuple[str, ...]:
+    def key(self) -> tuple[str, str, str, str]:
         """First columns of its row."""
-        arm = " ".join(f"{name}={value}" for name, value in self.settings)
-        return self.field, self.mission, str(self.seed), arm
+        return self.field, self.mission, str(self.seed), self.arm
 
     def row(self) -> list[str]:
         """Simulate the mission."""
-        values = dict(self.settings)
+        values = dict(json.loads(self.arm or "{}"))
         change = CHANGES[values.pop("change", "none")]
         ground = zoo_field(self.field, self.surfaces)
         settings = MissionSettings(
@@ -247,19 +254,24 @@ def surface_rate(xy: Array, values: Array, size_m: tuple[float, float]) -> RateG
     return RateGrid(x_m, y_m, rate)
 
 
-def run(jobs: Iterable[Job], raw: Path, workers: int) -> dict[tuple[str, ...], list[str]]:
+def _key(row: Sequence[str]) -> tuple[str, str, str, str]:
+    field, mission, seed, arm = row[: len(KEY)]
+    return field, mission, seed, arm
+
+
+def run(jobs: Iterable[Job], raw: Path, workers: int) -> Rows:
     """Rows of missions by their keys; those in the file are not simulated again."""
-    done: dict[tuple[str, ...], list[str]] = {}
+    done: Rows = {}
     if raw.exists():
         with raw.open(encoding="utf-8", newline="") as stream:
-            done = {tuple(row[: len(KEY)]): row for row in list(csv.reader(stream))[1:]}
+            done = {_key(row): row for row in list(csv.reader(stream))[1:]}
     missing = list({job.key: job for job in jobs if job.key not in done}.values())
     with raw.open("a", encoding="utf-8", newline="") as stream, ProcessPoolExecutor(workers) as pool:
         writer = csv.writer(stream, lineterminator="\n")
         if not done:
             writer.writerow(COLUMNS)
         for row in pool.map(Job.row, missing):
-            done[tuple(row[: len(KEY)])] = row
+            done[_key(row)] = row
             writer.writerow(row)
             stream.flush()
     return done
@@ -267,121 +279,103 @@ def run(jobs: Iterable[Job], raw: Path, workers: int) -> dict[tuple[str, ...], l
 
 @dataclass(frozen=True)
 class Score:
-    """Missions of one comparison; arrays have a row for each field and a column for each mission and seed."""
+    """Missions with a default and without, in pairs of one field, kind and seed.
 
+    :param fields: field of each pair
+    :param on: squared error with the default [(counts/s)^2]
+    :param off: squared error without it [(counts/s)^2]
+    :param coverage: share of the cells in the 95 % interval with it
+    :param fired: whether it changed the map; NaN if that is not known
+    """
+
+    fields: NDArray[np.str_]
     on: Array
     off: Array
     coverage: Array
-    fired: Array
+    fired: NDArray[Any]
+
+    @classmethod
+    def of(cls, comparison: Comparison, done: Rows) -> Score:
+        """Figures of a comparison from all missions that have a partner."""
+        on, off = arm(comparison.on), arm(comparison.off)
+        keys = [key for key in done if key[3] == on and (*key[:3], off) in done]
+
+        def column(name: str, of: str = on) -> Array:
+            return np.array([float(done[*key[:3], of][COLUMNS.index(name)]) for key in keys])
+
+        fired = column(comparison.fired) > 0 if comparison.fired else np.full(len(keys), np.nan)
+        return cls(
+            np.array([key[0] for key in keys]), column("mse"), column("mse", off), column("coverage95"), fired
+        )
+
+    def by_field(self, quantity: Callable[[Array, Array, Array], Any]) -> dict[str, float]:
+        """A quantity of the errors with it and without and the coverage of each field."""
+        parts = ((str(name), self.fields == name) for name in np.unique(self.fields))
+        return {name: float(quantity(self.on[own], self.off[own], self.coverage[own])) for name, own in parts}
 
     @property
-    def of_fields(self) -> Array:
+    def ratios(self) -> dict[str, float]:
         """Ratio of the mean squared errors of each field."""
-        return np.asarray(self.on.mean(axis=1) / self.off.mean(axis=1))
-
-    @property
-    def mean(self) -> float:
-        """Mean of the ratios of the missions of each field."""
-        return float(self.of_fields.mean())
+        return self.by_field(lambda on, off, coverage: on.mean() / off.mean())
 
     @property
     def worst(self) -> float:
         """Greatest ratio of one mission."""
         return float((self.on / self.off).max())
 
-
-def score(
-    comparison: Comparison, done: Mapping[tuple[str, ...], list[str]], jobs: Callable[[Values], list[list[Job]]]
-) -> Score:
-    """Figures of a comparison.
-
-    :param jobs: missions with some settings: of each field, those of all kinds and seeds
-    """
-
-    def column(settings: Values, name: str) -> Array:
-        at = COLUMNS.index(name)
-        return np.array([[float(done[job.key][at]) for job in row] for row in jobs(settings)])
-
-    on, off = column(comparison.on, "mse"), column(comparison.off, "mse")
-    fired = np.minimum(column(comparison.on, comparison.fired or "mse"), 1.0)
-    return Score(on, off, column(comparison.on, "coverage95"), fired)
+    def row(self, about: str) -> tuple[str, ...]:
+        """Row of the table."""
+        fired = "" if np.isnan(self.fired).any() else f"{self.fired.mean():.0%}"
+        return (
+            about,
+            str(len(self.on)),
+            f"{np.mean(list(self.ratios.values())):.3f}",
+            f"{self.worst:.2f}",
+            str(np.count_nonzero(self.on / self.off > WORST)),
+            f"{self.coverage.mean():.1%}",
+            f"{min(self.by_field(lambda on, off, coverage: coverage.mean()).values()):.1%}",
+            fired,
+        )
 
 
 def main() -> None:
     """Print a table of the comparisons, and one of the fields."""
     options = results.parser(__doc__)
     options.add_argument("--surfaces", type=Path, help="folder with surfaces as CSV: x, y, value")
-    options.add_argument("--comparisons", nargs="+", choices=list(COMPARISONS), default=list(COMPARISONS))
+    options.add_argument("--comparisons", nargs="*", choices=list(COMPARISONS), default=list(COMPARISONS))
     options.add_argument("--fields", nargs="+", help="names of fields instead of all")
     options.add_argument("--missions", nargs="+", choices=list(MISSIONS), default=list(MISSIONS))
     options.add_argument("--seeds", type=int, default=4)
     options.add_argument("--jobs", type=int, default=1, help="number of processes")
-    options.add_argument(
-        "--raw", type=Path, default=Path("zoo_missions.csv"), help="CSV file that keeps the missions"
-    )
-    options.add_argument("--setting", action="append", default=[], help="setting of all missions: NAME=VALUE")
+    options.add_argument("--raw", type=Path, default=Path("zoo_missions.csv"), help="file that keeps the missions")
     given = options.parse_args()
     real = real_surfaces(given.surfaces)
-    fields = given.fields or [*real, *OWN, "100 ha"]
-    common = {name: SETTINGS[name].parsed(text) for name, text in (one.split("=", 1) for one in given.setting)}
-
-    def jobs(settings: Values) -> list[list[Job]]:
-        chosen = tuple(sorted({**common, **settings}.items()))
-        return [
-            [
-                Job(name, mission, seed, chosen, given.surfaces)
-                for mission in given.missions
-                for seed in range(1, given.seeds + 1)
-            ]
-            for name in fields
-        ]
-
-    chosen = {name: COMPARISONS[name] for name in given.comparisons}
-    arms = [settings for one in chosen.values() for settings in (one.on, one.off)]
-    done = run((job for arm in arms for row in jobs(arm) for job in row), given.raw, given.jobs)
-    scores = {name: score(one, done, jobs) for name, one in chosen.items()}
-    publish(fields, chosen, scores, given)
-
-
-def publish(
-    fields: Sequence[str], chosen: Mapping[str, Comparison], scores: Mapping[str, Score], given: argparse.Namespace
-) -> None:
-    """Both tables."""
-    real = set(real_surfaces(given.surfaces))
-    settings = (
-        f"{len(fields)} fields, of which {len(real.intersection(fields))} real surfaces; "
-        f"{', '.join(given.missions)}; 2 h, {given.seeds} seeds"
-        + (f"; in all {', '.join(given.setting)}" if given.setting else "")
-    )
-    rows = [
-        (
-            one.about,
-            f"{found.mean:.3f}",
-            f"{found.worst:.2f}",
-            f"{np.mean(found.on / found.off > WORST):.1%}",
-            f"{found.coverage.mean():.1%}",
-            f"{found.coverage.mean(axis=1).min():.1%}",
-            f"{found.fired.mean():.1%}" if one.fired else "",
-        )
-        for one, found in ((one, scores[name]) for name, one in chosen.items())
+    jobs = [
+        Job(name, mission, seed, arm(settings), given.surfaces)
+        for name in given.fields or [*real, *OWN, "100 ha"]
+        for comparison in given.comparisons
+        for settings in (COMPARISONS[comparison].on, COMPARISONS[comparison].off)
+        for mission in given.missions
+        for seed in range(1, given.seeds + 1)
     ]
+    done = run(jobs, given.raw, given.jobs)
+    arms = {key[3] for key in done}
+    scores = {
+        one.about: Score.of(one, done) for one in COMPARISONS.values() if {arm(one.on), arm(one.off)} <= arms
+    }
     columns = (
-        "default", "squared error by that without", "in the worst mission", f"missions above {WORST:g}",
-        "95 % intervals cover", "in the worst field", "missions in which it changed the map",
+        "default", "missions", "squared error by that without", "worst mission", f"missions above {WORST:g}",
+        "95 % intervals cover", "in the worst field", "missions whose last map it changed",
     )  # fmt: skip
+    rows = [found.row(about) for about, found in scores.items()]
+    fields = sorted({key[0] for key in done}, key=lambda name: (name not in real, name))
+    made_of = f"{len(fields)} fields, of which {len(set(fields) & set(real))} real surfaces"
+    settings = f"{made_of}; {', '.join(MISSIONS)}; 2 h, up to {len({key[2] for key in done})} seeds"
     results.publish("zoo", columns, rows, settings, given.save)
-    harmless = [name for name, one in chosen.items() if not one.applies]
-    by_field = np.array([scores[name].of_fields for name in harmless]).reshape(-1, len(fields)).T
-    results.publish(
-        "zoo_fields",
-        ("field", "real", *(chosen[name].about for name in harmless)),
-        [
-            (name, "yes" if name in real else "no", *(f"{value:.3f}" for value in values))
-            for name, values in zip(fields, by_field, strict=True)
-        ],
-        f"{settings}; squared error by that without the default",
-        given.save,
-    )
+    harmless = {one.about for one in COMPARISONS.values() if not one.applies}
+    ratios = {about: found.ratios for about, found in scores.items() if about in harmless}
+    rows = [(name, *(f"{of[name]:.3f}" if name in of else "" for of in ratios.values())) for name in fields]
+    results.publish("zoo_fields", ("field", *ratios), rows, f"{settings}; ratios of squared errors", given.save)
 
 
 if __name__ == "__main__":
