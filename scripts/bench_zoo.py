@@ -262,6 +262,7 @@ def _key(row: Sequence[str]) -> tuple[str, str, str, str]:
 def run(jobs: Iterable[Job], raw: Path, workers: int) -> Rows:
     """Rows of missions by their keys; those in the file are not simulated again."""
     done: Rows = {}
+    raw.parent.mkdir(parents=True, exist_ok=True)
     if raw.exists():
         with raw.open(encoding="utf-8", newline="") as stream:
             done = {_key(row): row for row in list(csv.reader(stream))[1:]}
@@ -347,7 +348,7 @@ def main() -> None:
     options.add_argument("--missions", nargs="+", choices=list(MISSIONS), default=list(MISSIONS))
     options.add_argument("--seeds", type=int, default=4)
     options.add_argument("--jobs", type=int, default=1, help="number of processes")
-    options.add_argument("--raw", type=Path, default=Path("zoo_missions.csv"), help="file that keeps the missions")
+    options.add_argument("--raw", type=Path, default=Path("bench/zoo.csv"), help="file that keeps the missions")
     given = options.parse_args()
     real = real_surfaces(given.surfaces)
     jobs = [
