@@ -96,11 +96,11 @@ def machine() -> str:
 
 
 def version() -> str:
-    """Version of the code that is measured, with the commit where there is one."""
-    git = shutil.which("git")
-    made = [git, "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude", "*"] if git else ["false"]
-    found = subprocess.run(made, capture_output=True, text=True, check=False).stdout.strip()
-    return f"soilmoist_ros {__version__}" + (f", commit {found}" if found else "")
+    """Version of the package that is measured, and the last commit that changed it where that is known."""
+    git = shutil.which("git") or "false"
+    last = [git, "-C", str(ROOT), "log", "-1", "--format=, commit %h", "--", "soilmoist_ros"]
+    found = subprocess.run(last, capture_output=True, text=True, check=False).stdout.strip()
+    return f"soilmoist_ros {__version__}{found}"
 
 
 def write(table: Table, path: Path) -> None:
