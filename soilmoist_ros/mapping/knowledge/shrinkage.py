@@ -21,8 +21,10 @@ SCALES = np.array([0.0, 0.1, 0.16, 0.25, 0.4, 0.63, 1.0])
 MULTIPLICITY = 1.25
 """Each of k covariates has an effect with the prior probability 1 / (1 + k^this): the more there are, the more of
 them seem to have one by chance."""
-MAX_USELESS = 0.85
-"""Posterior probability of no effect above which a covariate is left out."""
+MAX_USELESS = 0.55
+"""Posterior probability of no effect above which a covariate is left out: the counts must speak for it. With 0.85,
+two covariates that had nothing to do with the rate stayed in most maps of two hours on foreign surfaces, and raised
+the squared error by 4 %; with this they are left out, and related ones help as much."""
 _SWEEPS = 4
 
 

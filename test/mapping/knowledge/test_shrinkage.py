@@ -31,3 +31,10 @@ def test_without_information_one_covariate_stays_possible_and_many_are_left_out(
     few, many = (effect_variances(np.zeros((count, count)), np.zeros(count)) for count in (1, 5))
     assert few == pytest.approx(0.5 * np.mean(SCALES[1:] ** 2))
     assert (many == 0).all()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.03, 0.06])
+def test_counts_that_do_not_speak_for_covariates_leave_them_out(share):
+    """Two smooth covariates over one field: it has few independent places."""
+    information = np.diag([20.0, 20.0])
+    assert (effect_variances(information, information @ [share, -share]) == 0).all()
