@@ -46,7 +46,8 @@ Value = TypeVar("Value")
 )
 @click.option("--graph", "graphs", type=FILE, multiple=True, help="Topological map of --field. Repeatable.")
 @click.option("--log", "logs", type=FILE, multiple=True, help="Neutron log of the probe of --site. Repeatable.")
-@click.option("--nmea", type=FILE, multiple=True, help="GNSS log (NMEA) of --log. Repeatable.")
+@click.option("--nmea", "--track", type=FILE, multiple=True,
+              help="Positions of --log: NMEA, GPX, CSV, RTKLIB or a bag. Repeatable.")  # fmt: skip
 @answering
 def command(
     logger: tuple[str, ...],
@@ -151,8 +152,8 @@ def _compare(
 
     from soilmoist_ros.foundation.configuration import resource
     from soilmoist_ros.mapping.placement import PositionSource
-    from soilmoist_ros.replay.file_facts import contradictions, log_findings
-    from soilmoist_ros.replay.log_map import log_positions, position_source, read_logs, read_track
+    from soilmoist_ros.replay.file_facts import contradictions, log_findings, position_findings
+    from soilmoist_ros.replay.log_map import log_positions, log_times, position_source, read_logs, read_track
     from soilmoist_ros.sensing.moisture.site import Site
 
     places, source = np.empty((0, 2)), PositionSource("'location' in the site file")
@@ -162,9 +163,10 @@ def _compare(
         def check() -> tuple[None, list[Finding]]:
             nonlocal places, source
             found = read_logs(logs, next(iter(logger), None), chosen)
-            track, _ = read_track(nmea)
+            track, faults = read_track(nmea, [] if nmea else logs, "", log_times(found))
             places, source = log_positions(found, track, chosen), position_source(found, nmea, chosen, None)
-            return None, list(log_findings(found, places, site, time.time()))
+            notes = position_findings(found, track, faults, chosen)
+            return None, [*log_findings(found, places, site, time.time(), track), *notes]
 
         _checked(", ".join(path.name for path in logs), check, mistakes)
     for name, field in fields or [("", None)]:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlie
 from soilmoist_ros.cli.options.map_options import crs_option, map_options
 from soilmoist_ros.cli.options.names import InputFile, Name
 from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
+from soilmoist_ros.cli.options.times import Moment, Shift
 from soilmoist_ros.simulation.mission.settings import PRESETS
 
 if TYPE_CHECKING:
@@ -36,8 +38,18 @@ if TYPE_CHECKING:
     "--field", type=Name("field"), help="Field file: boundary, cell size. Default: the surroundings of the track."
 )
 @click.option(
-    "--nmea", type=InputFile(), multiple=True, help="GNSS log (NMEA), for loggers without positions. Repeatable."
+    "--nmea",
+    "--track",
+    type=InputFile(),
+    multiple=True,
+    help="Positions, for loggers without them: NMEA, GPX, CSV, RTKLIB or a bag, by content. Repeatable.",
 )
+@click.option("--from", "start_s", type=Moment(), metavar="TIME", default=-math.inf, show_default=False,
+              help="Map records after this time, such as 2026-05-02T14:30+02:00; UTC without a zone.")  # fmt: skip
+@click.option("--to", "end_s", type=Moment(), metavar="TIME", default=math.inf, show_default=False,
+              help="Map records up to this time; UTC without a zone.")  # fmt: skip
+@click.option("--gnss-shift", "gnss_shift_s", type=Shift(), metavar="DURATION", default=0.0, show_default=False,
+              help="Time added to that of the positions, such as 1024w, 2h or -18s. Default: none.")  # fmt: skip
 @click.option("--logger-topic", default="", metavar="TOPIC",
               help="In bags: topic with the logger's lines. Default: raw/logger, or the only text.")  # fmt: skip
 @click.option("--fix-topic", default="", metavar="TOPIC",
@@ -80,6 +92,8 @@ def command(
     overwrite: bool,
     figures: tuple[str, ...],
     covariates: tuple[str, ...],
+    start_s: float,
+    end_s: float,
     **choices: Any,
 ) -> None:
     """Map soil moisture from neutron LOGS.
@@ -88,6 +102,8 @@ def command(
 
     Writes summary.json, map.tif, samples.geojson, soilmoist.qgs and report.html to the folder --out.
     """
+    if start_s >= end_s:
+        raise click.UsageError("--from must be before --to")
     prepare_output(out, overwrite)
     from soilmoist_ros.foundation.workers import shared_work
     from soilmoist_ros.mapping.covariates.source import CovariateSource
@@ -95,6 +111,7 @@ def command(
     from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.reporting.figures.run_figures import run_figures
     from soilmoist_ros.reporting.figures.style import write_figures
+    from soilmoist_ros.sensing.position.heard import utc_text
 
     settings = MapSettings(
         site=site,
@@ -107,12 +124,16 @@ def command(
         drift_model="off" if (drift_model or PRESETS[preset]["drift_model"]) == "off" else "auto",
         local="off" if (local or PRESETS[preset]["local"]) == "off" else "auto",
         covariates=tuple(map(CovariateSource.parse, covariates)),
+        times_s=(start_s, end_s),
         **choices,
     )
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:
         run = map_logs(logs, settings, progress, compute)
         progress("writing the results", 0.0)
         written = [*write_outputs(out, run, crs), *write_figures(out, run_figures(run), figures)]
+    if math.isfinite(start_s) or math.isfinite(end_s):
+        stamps = [record.stamp_s for record in run.track]
+        say(f"time       {' to '.join(map(utc_text, (min(stamps), max(stamps))))} UTC, by --from and --to")
     _print_summary(run)
     wrote(written, out)
 

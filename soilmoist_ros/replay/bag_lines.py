@@ -4,26 +4,42 @@
 
 from __future__ import annotations
 
+import math
+import re
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
+from statistics import median
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.replay.topics import CLOUD, FIX, TEXT
+from soilmoist_ros.replay.topics import CLOUD, FIX, GPS_FIX, SENTENCE, TEXT
 from soilmoist_ros.sensing.formats.log_values import split_lines
-from soilmoist_ros.sensing.gnss import Fix, fix_from_message
+from soilmoist_ros.sensing.gnss import Fix, fix_from_message, stamp_of
+from soilmoist_ros.sensing.position.heard import clock_words
 from soilmoist_ros.sensing.position.nmea import parse_nmea
-from soilmoist_ros.sensing.problems import Problem
+from soilmoist_ros.sensing.problems import Kind, Problem
+
+MAX_DIFFERENCE_S = 5.0
+"""Difference of stamps and times of receipt that is told [s]."""
+_SNIFFED = 20
+"""Number of messages that show whether texts are NMEA."""
+_COORDINATES = re.compile(r"\b(lat|latitude|latitude_deg)\b")
+_GNSS_TYPE = re.compile(r"gnss|gps|nav_?sat|navpvt|pvt|geo(point|pose)|bestpos|inspva", re.IGNORECASE)
 
 
 def text_lines(reader: BagReader, topic: str) -> list[bytes]:
-    """Lines of a topic with texts, without line ends; a message may contain several.
+    """Lines of a topic with texts or NMEA sentences, without line ends; a message may contain several.
 
     A message has one character per byte, and a symbol for the byte zero, as the driver writes it.
     """
     found: list[bytes] = []
     for message in reader.messages([topic]):
         try:
-            text = str(reader.decode(message).data).replace("\N{SYMBOL FOR NULL}", "\0")
+            decoded = reader.decode(message)
+            text = str(getattr(decoded, "data", None) or getattr(decoded, "sentence", "")).replace(
+                "\N{SYMBOL FOR NULL}", "\0"
+            )
         except InputError:
             text = "\0"  # bytes that are not text: the parser counts them
         found += split_lines(text.encode("latin-1", "replace"))[0]
@@ -53,37 +69,70 @@ def logger_topic(reader: BagReader, named: str = "") -> str:
     raise InputError(f"has no lines of a logger (type {TEXT})", remedy, reader.path)
 
 
-def read_fixes(reader: BagReader, topic: str) -> tuple[list[Fix], list[Problem]]:
+def read_fixes(
+    reader: BagReader, topic: str, log_s: tuple[float, float] | None = None, shift_s: float = 0.0
+) -> tuple[list[Fix], list[Problem]]:
     """Positions of a topic: fixes, or texts with NMEA sentences.
 
     :param topic: its full name
+    :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
+    :param shift_s: time by which the stamps will be shifted [s]
     :raises InputError: if it has neither
     """
-    kind = reader.topics.get(topic)
-    if kind == TEXT:
-        return parse_nmea(text_lines(reader, topic), Path(topic.lstrip("/")))
-    if kind == FIX:
-        return [fix_from_message(reader.decode(message)) for message in reader.messages([topic])], []
-    raise InputError(f"{topic} has no positions: its type is {kind}", f"name a {FIX} or a {TEXT}", reader.path)
+    kind, path = reader.topics.get(topic, ""), Path(topic.lstrip("/"))
+    chosen = _choice_notes(reader, topic)
+    if kind in (TEXT, SENTENCE):
+        fixes, problems = parse_nmea(text_lines(reader, topic), path, log_s or _recorded_s(reader))
+        return fixes, [*problems, *chosen]
+    if kind not in (FIX, *GPS_FIX):
+        readable = f"name one of type {FIX}, {GPS_FIX[0]}, {SENTENCE}, or {TEXT} with NMEA; {_OTHER_DRIVER}"
+        raise InputError(f"{topic} cannot be read as positions: its type is {kind}", readable, reader.path)
+    fixes, received = [], []
+    for message in reader.messages([topic]):
+        decoded = reader.decode(message)
+        received.append(message.log_ns * 1e-9)
+        fixes.append(replace(fix_from_message(decoded), stamp_s=stamp_of(decoded)))
+    if fixes and not any(fix.stamp_s for fix in fixes):
+        said = f"the {len(fixes)} positions have no stamp: the time of their receipt is used"
+        note = Problem(Kind.ASSUMED_TIME, Mistake(said, "", path))
+        return [replace(fix, stamp_s=s) for fix, s in zip(fixes, received, strict=True)], [*chosen, note]
+    stamped = [(fix, s) for fix, s in zip(fixes, received, strict=True) if fix.stamp_s]
+    ahead_s = median(fix.stamp_s - s for fix, s in stamped) if stamped else 0.0
+    if abs(ahead_s + shift_s) > MAX_DIFFERENCE_S:
+        words = clock_words(ahead_s)
+        said = f"the stamps are {ahead_s:+.0f} s from the times of receipt{f', {words}' if words else ''}"
+        remedy = f"if the times of receipt are right: --gnss-shift {-ahead_s:.0f}s"
+        chosen.append(Problem(Kind.DOUBTFUL_POSITIONS, Mistake(said, remedy, path)))
+    return [fix if fix.stamp_s else replace(fix, stamp_s=math.nan) for fix in fixes], chosen
+
+
+def _recorded_s(reader: BagReader) -> tuple[float, float] | None:
+    """Times of the first and the last message of a bag [s since 1970 UTC]."""
+    extent = reader.extent
+    return (extent.start_ns * 1e-9, extent.end_ns * 1e-9) if extent.messages else None
+
+
+_OTHER_DRIVER = "most drivers of receivers publish sensor_msgs/NavSatFix, too: record it"
 
 
 def fix_topic(reader: BagReader, named: str = "") -> str | None:
     """The topic with the positions of the receiver, ``None`` if there is none.
 
-    :param named: its name; without one it is ``raw/gnss``, else ``fix``, else the only one with fixes
-    :raises InputError: if there is no topic of this name, or it is not clear which it is
+    :param named: its name; without one it is ``raw/gnss``, else the only one of the first type that the bag has:
+        fixes under the name ``fix``, fixes, GPSFix, NMEA sentences, texts with NMEA
+    :raises InputError: if there is no topic of this name, or it is not clear which it is, or positions are of a
+        type that cannot be read
     """
     topics = reader.topics
     if named:
         found = [name for name in topics if named in (name, name.lstrip("/"), name.rpartition("/")[2])]
         if len(found) != 1:
-            there = ", ".join(sorted(name for name, kind in topics.items() if kind in (FIX, TEXT)))
+            there = ", ".join(sorted(name for name, kind in topics.items() if kind in (*_READABLE, TEXT)))
             raise InputError(
                 f"has no topic {named!r} with positions", f"there are: {there or 'none'}", reader.path
             )
         return found[0]
-    for ending, kind in (("/raw/gnss", TEXT), ("/fix", FIX), ("", FIX)):
-        found = [name for name, its in topics.items() if its == kind and name.endswith(ending)]
+    for found in _candidates(reader):
         if len(found) == 1:
             return found[0]
         if found:
@@ -91,4 +140,54 @@ def fix_topic(reader: BagReader, named: str = "") -> str | None:
                 "has several topics with positions", f"name one with --fix-topic: {', '.join(sorted(found))}",
                 reader.path,
             )  # fmt: skip
+    if unread := _unreadable(reader):
+        readable = f"{FIX}, {GPS_FIX[0]}, {SENTENCE}, or NMEA as {TEXT}"
+        message = f"has positions only of a type that cannot be read: {', '.join(unread)}"
+        raise InputError(message, f"give them as {readable}, or with --nmea; {_OTHER_DRIVER}", reader.path)
     return None
+
+
+_READABLE = (FIX, *GPS_FIX, SENTENCE)
+
+
+def _candidates(reader: BagReader) -> list[list[str]]:
+    """Topics that may be the positions, the likeliest group first."""
+    topics = reader.topics
+    by_type = [[name for name, its in topics.items() if its in kinds] for kinds in ((FIX,), GPS_FIX, (SENTENCE,))]
+    own = [name for name, its in topics.items() if its == TEXT and name.endswith("/raw/gnss")]
+    plain = [name for name in by_type[0] if name.endswith("/fix")]
+    found = [own, plain, *by_type]
+    return (
+        found if any(found) else [[name for name, its in topics.items() if its == TEXT and _is_nmea(reader, name)]]
+    )
+
+
+def _is_nmea(reader: BagReader, topic: str) -> bool:
+    """Whether texts are the sentences of a receiver."""
+    found = 0
+    for message in islice(reader.messages([topic]), _SNIFFED):
+        try:
+            text = str(reader.decode(message).data)
+        except InputError:
+            continue
+        found += re.search(r"\$(G[A-Z]|BD|QZ)[A-Z]{3},", text) is not None
+    return found > 0
+
+
+def _unreadable(reader: BagReader) -> list[str]:
+    """Topics with positions of types that cannot be read."""
+    return [
+        f"{name} ({kind})"
+        for name, kind in sorted(reader.topics.items())
+        if kind not in (*_READABLE, TEXT)
+        and (_GNSS_TYPE.search(kind.rpartition("/")[2]) or _COORDINATES.search(reader.definition_text(kind)))
+    ]
+
+
+def _choice_notes(reader: BagReader, topic: str) -> list[Problem]:
+    """Which topic has the positions, if there are others."""
+    others = sorted({name for found in _candidates(reader) for name in found if name != topic})
+    if not others:
+        return []
+    message = f"the positions are those of {topic}; not used: {', '.join(others)}"
+    return [Problem(Kind.CHOSEN_POSITIONS, Mistake(message, "choose with --fix-topic"))]

@@ -32,13 +32,15 @@ from soilmoist_ros.sensing.formats.logger_reader import LogFile
 from soilmoist_ros.sensing.moisture.calibration import n0_in_other_time, unusual_n0
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
+from soilmoist_ros.sensing.position.track import Track
+from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.survey.correction import (
     factors_text,
     intensity_source,
     unusual_factors,
     unusual_pressure,
 )
-from soilmoist_ros.sensing.survey.logs import calibration_counts
+from soilmoist_ros.sensing.survey.logs import calibration_counts, why_unplaced
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
 """Areas beyond which a field is unusual for a survey with a neutron sensor [m^2]."""
@@ -259,7 +261,11 @@ def logger_findings(logger: LoggerFormat) -> Iterator[Finding]:
 
 
 def log_findings(
-    logs: Sequence[LogFile], places: NDArray[np.float64], site: Site | None, now_s: float
+    logs: Sequence[LogFile],
+    places: NDArray[np.float64],
+    site: Site | None,
+    now_s: float,
+    track: Track | None = None,
 ) -> Iterator[Finding]:
     """Format, records, dates, tubes and place of the logs of one probe.
 
@@ -267,6 +273,7 @@ def log_findings(
     :param places: latitude and longitude of the records, shape (n, 2) [deg], see :func:`log_positions`
     :param site: the site, if it is known
     :param now_s: the present [s since 1970-01-01 UTC]
+    :param track: positions of a separate receiver, if there are any
     """
     records = [record for log in logs for record in log.records]
     lost = sum(log.records_lost for log in logs)
@@ -289,12 +296,49 @@ def log_findings(
     if len(places):
         latitude, longitude = np.median(places, axis=0).tolist()
         yield Finding("place", f"{len(places)} records at {place_text((latitude, longitude))}")
-    else:
+    elif track is None:
         yield _doubt(
             "no record has a position: give --nmea, or the location of a stationary probe in the site file"
         )
     if site is not None:
         yield from _moisture_findings(logs, site)
+
+
+def position_findings(
+    logs: Sequence[LogFile], track: Track | None, problems: Sequence[Problem], site: Site
+) -> Iterator[Finding]:
+    """Doubts about positions of a separate receiver, and what was assumed for them.
+
+    :param track: the positions, if there are any
+    :param problems: problems in their files
+    """
+    records = [record for log in logs for record in log.records]
+    if track is not None and records:
+        if (why := why_unplaced(records, track, site.logger_utc_offset_hours is not None)) is not None:
+            yield _doubt(f"{why.message}; {why.remedy}")
+        elif track.heard.without:
+            (reason, said), count = track.heard.without.most_common(1)[0]
+            lost = track.heard.epochs - track.heard.placed
+            yield Finding(
+                "positions", f"{lost} of {track.heard.epochs} epochs have none, {count} by {said}: {reason.text}"
+            )
+    for note in position_notes(problems, track):
+        yield _doubt(note)
+
+
+_NOTED = (Kind.ASSUMED_TIME, Kind.CHOSEN_POSITIONS, Kind.DOUBTFUL_POSITIONS, Kind.CHECKSUM)
+
+
+def position_notes(problems: Sequence[Problem], track: Track | None) -> list[str]:
+    """What was chosen or assumed for positions, and which of them are not of satellites.
+
+    :param problems: problems in their files
+    :param track: the positions, if there are any
+    """
+    said = [str(one) for one in problems if not one.lost and one.kind in _NOTED]
+    if track is not None and track.heard.odd:
+        said.append(f"Of the positions, {track.heard.odd}")
+    return list(dict.fromkeys(said))
 
 
 def _tube_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:

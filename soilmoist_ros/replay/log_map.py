@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_text
 from soilmoist_ros.mapping import FieldGrid
@@ -32,7 +32,7 @@ from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
 from soilmoist_ros.recording.run_folder import BAG_FILES
-from soilmoist_ros.replay.file_facts import far_from_site
+from soilmoist_ros.replay.file_facts import far_from_site, position_notes
 from soilmoist_ros.reporting.earlier.earlier_runs import (
     EarlierRun,
     Target,
@@ -53,10 +53,12 @@ from soilmoist_ros.sensing.formats.logger_reader import (
     parse_log,
     read_log,
 )
+from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.checked_track import CheckedTrack
-from soilmoist_ros.sensing.position.nmea import read_nmea
+from soilmoist_ros.sensing.position.heard import utc_text
 from soilmoist_ros.sensing.position.track import Track
+from soilmoist_ros.sensing.position.track_file import read_positions
 from soilmoist_ros.sensing.problems import Consequence, Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs, stationary_records
@@ -100,6 +102,8 @@ class MapSettings:
     :param reference: log of a stationary sensor that counted during the survey
     :param logger_topic: topic with the lines of the logger in bags; see :func:`.logger_topic` if empty
     :param fix_topic: topic with the positions in bags; see :func:`.fix_topic` if empty
+    :param gnss_shift_s: time added to those of the positions, such as 1024 weeks after a roll-over [s]
+    :param times_s: begin and end of the part of the logs that is mapped [s since 1970-01-01 UTC]
     """
 
     logger: str | None = None
@@ -122,6 +126,8 @@ class MapSettings:
     reference: Path | None = None
     logger_topic: str = ""
     fix_topic: str = ""
+    gnss_shift_s: float = 0.0
+    times_s: tuple[float, float] = (-math.inf, math.inf)
 
 
 def map_logs(
@@ -159,14 +165,21 @@ def map_logs(
     for path in settings.earlier:
         find_runs(path.expanduser())
     logs = read_logs(paths, settings.logger, site, progress, settings.logger_topic)
-    track, track_problems = read_track(settings.nmea, [] if settings.nmea else paths, settings.fix_topic)
+    logs = within(logs, settings.times_s)
+    track, track_problems = read_track(
+        settings.nmea, [] if settings.nmea else paths, settings.fix_topic, log_times(logs), settings.gnss_shift_s
+    )
     placement, places = None, log_positions(logs, track, site)
     source = position_source(logs, settings.nmea, site, field_file)
     if field is not None:
         reach_m = max(field.extent_m, site.footprint_radius_m)  # no variogram yet
         placement = require_near(field, places, reach_m, source)
     progress("correcting and placing records", 0.0)
-    survey = process_logs(logs, site, field.frame if field else None, track)
+    try:
+        survey = process_logs(logs, site, field.frame if field else None, track)
+    except InputError as fault:
+        doubts = (one.mistake for one in track_problems if one.kind is Kind.DOUBTFUL_POSITIONS)
+        raise InputError([*fault.mistakes, *doubts]) from None
     require_crs(settings.crs, survey.frame)
     radius_m = site.footprint_radius_m / 4 if settings.merge_radius_m is None else settings.merge_radius_m
     grid, simulated = _grid(field, survey, site, settings.cell_m), any(log.simulated for log in logs)
@@ -221,6 +234,9 @@ def map_logs(
             "merge_radius_m": radius_m,
             "cell_m": field_map.grid.cell_m,
             "deconvolved_footprint_m": site.support_radius_m,
+            **({"begin_utc": utc_text(settings.times_s[0])} if math.isfinite(settings.times_s[0]) else {}),
+            **({"end_utc": utc_text(settings.times_s[1])} if math.isfinite(settings.times_s[1]) else {}),
+            **({"gnss_shift_s": settings.gnss_shift_s} if settings.gnss_shift_s else {}),
             "tube_shares": ", ".join(f"{share:.3f}" for share in survey.tube_share),
             **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),
         },
@@ -233,6 +249,7 @@ def map_logs(
         covariates=covariates,
         notes=[
             *(Note(NoteCode.FAR_FROM_SITE, f"{one}.") for one in far_from_site(site, places, source)),
+            *(Note(NoteCode.POSITIONS, f"{one}.") for one in position_notes(track_problems, track)),
             *count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),
         ],
     )
@@ -369,34 +386,73 @@ def position_source(
     return PositionSource(logs[0].path.name, side, field_file)
 
 
+def within(logs: Sequence[LogFile], times_s: tuple[float, float]) -> list[LogFile]:
+    """Logs with the records that end after the first time, and at the latest at the second.
+
+    :param times_s: begin and end [s since 1970-01-01 UTC]
+    :raises InputError: if there are none
+    """
+    start_s, end_s = times_s
+    if math.isinf(start_s) and math.isinf(end_s):
+        return list(logs)
+    found = [
+        replace(log, records=tuple(one for one in log.records if start_s < one.stamp_s <= end_s)) for log in logs
+    ]
+    if not any(log.records for log in found) and (span := log_times(logs)) is not None:
+        lasts = " to ".join(map(utc_text, span))
+        raise InputError("has no record between these times", f"the log lasts from {lasts} UTC", logs[0].path)
+    return [log for log in found if log.records]
+
+
+def log_times(logs: Sequence[LogFile]) -> tuple[float, float] | None:
+    """Times of the first and the last record [s since 1970-01-01 UTC], ``None`` without records."""
+    stamps = [record.stamp_s for log in logs for record in log.records]
+    return (min(stamps), max(stamps)) if stamps else None
+
+
 def read_track(
-    paths: Sequence[Path], others: Sequence[Path] = (), topic: str = ""
+    paths: Sequence[Path],
+    others: Sequence[Path] = (),
+    topic: str = "",
+    log_s: tuple[float, float] | None = None,
+    shift_s: float = 0.0,
 ) -> tuple[Track | None, list[Problem]]:
     """The positions of GNSS logs and the faults in them; ``None`` without positions.
 
-    :param paths: GNSS logs
+    :param paths: GNSS logs, tracks or bags
     :param others: files among which bags may have positions
     :param topic: topic with the positions in bags; see :func:`.fix_topic` if empty
+    :param log_s: first and last time of the records [s since 1970-01-01 UTC], for positions without a date
+    :param shift_s: time added to those of the positions [s]
     :raises InputError: if the logs hold no position
     """
-    fixes, problems, used = [], [], list(paths)
-    for path in paths:
-        found, faults = read_nmea(path)
-        fixes += found
-        problems += faults
-    for path in (one for one in others if one.suffix in BAG_FILES):
-        from soilmoist_ros.recording.bag.reader import BagReader
-        from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes
+    fixes: list[Fix] = []
+    problems: list[Problem] = []
+    used: list[Path] = []
+    for path in [*paths, *(one for one in others if one.suffix in BAG_FILES)]:
+        if path.suffix in BAG_FILES:
+            from soilmoist_ros.recording.bag.reader import BagReader
+            from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes
 
-        with BagReader(path) as reader:
-            if name := fix_topic(reader, topic):
-                found, faults = read_fixes(reader, name)
-                fixes, problems, used = fixes + found, problems + faults, [*used, path]
+            with BagReader(path) as reader:
+                name = fix_topic(reader, topic)
+                if name is None and path in paths:
+                    raise InputError("has no topic with positions", "name one with --fix-topic", path)
+                found, faults = ([], []) if name is None else read_fixes(reader, name, log_s, shift_s)
+            if name is None:
+                continue
+        else:
+            found, faults = read_positions(path, log_s)
+        fixes, problems, used = fixes + found, problems + faults, [*used, path]
     if not used:
         return None, []
+    if shift_s:
+        fixes = [replace(fix, stamp_s=fix.stamp_s + shift_s) for fix in fixes]
+        message = f"the times of the positions are shifted by {shift_s:+.0f} s (--gnss-shift)"
+        problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", used[0])))
     track = CheckedTrack(fixes)
-    if len(track) == 0:
-        raise InputError("holds no position", "give a log of NMEA sentences (GGA and RMC) with a fix", used[0])
+    if (why := track.heard.why_none()) is not None:
+        raise InputError([replace(why, path=used[0])])
     return track, problems
 
 

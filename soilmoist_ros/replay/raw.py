@@ -12,6 +12,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.replay.bag_lines import fix_topic, logger_topic, read_fixes, text_lines
+from soilmoist_ros.replay.log_map import log_times
 from soilmoist_ros.replay.topics import FIX, TEXT, RunTopics
 from soilmoist_ros.sensing.formats.log_file import matching_formats
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
@@ -68,15 +69,15 @@ def read_raw(
     form = form.on_clock(site.logger_utc_offset_hours)
     log = parse_log(lines, form, site.longitude, _place(name))
     gnss = topics.find("raw/gnss", TEXT) or topics.find("fix", FIX)
-    if logger_name or fix_name:
+    if logger_name or fix_name or (gnss is None and topics.alone):
         gnss = fix_topic(reader, fix_name)
     track = None
     problems: list[Problem] = []
     if gnss is not None:
-        fixes, problems = read_fixes(reader, gnss)
+        fixes, problems = read_fixes(reader, gnss, log_times([log]))
         track = CheckedTrack(fixes)
-        if len(track) == 0:
-            raise InputError(f"{gnss} holds no position", "map its counts instead", reader.path)
+        if (why := track.heard.why_none()) is not None:
+            raise InputError(f"{gnss} {why.message}", f"{why.remedy}; or map its counts instead", reader.path)
     survey = process_logs([log], site, frame, track, arms)
     return RawSurvey(survey.all_records, [*survey.problems, *problems], log.format_title)
 

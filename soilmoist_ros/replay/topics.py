@@ -14,6 +14,8 @@ from soilmoist_ros.recording.bag.reader import BagReader
 CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 TEXT: Final = "std_msgs/msg/String"
 FIX: Final = "sensor_msgs/msg/NavSatFix"
+SENTENCE: Final = "nmea_msgs/msg/Sentence"
+GPS_FIX: Final = ("gps_msgs/msg/GPSFix", "gps_common/msg/GPSFix")
 STATUS: Final = "diagnostic_msgs/msg/DiagnosticStatus"
 
 

@@ -144,6 +144,7 @@ class NoteCode(StrEnum):
     FAR_RECORDS = "far_records"
     FAR_FROM_SITE = "far_from_site"
     IMPOSSIBLE_DATE = "impossible_date"
+    POSITIONS = "positions"
     NOT_MAPPED = "not_mapped"
     LOST_MESSAGES = "lost_messages"
     OTHER_CORRECTIONS = "other_corrections"

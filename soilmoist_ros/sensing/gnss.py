@@ -39,8 +39,45 @@ class CovarianceKind(enum.IntEnum):
     """The receiver's error ellipse (GST)."""
 
 
+class NoPlace(enum.StrEnum):
+    """Reason code of an epoch without a position, with a text and a remedy."""
+
+    NO_FIX = (
+        "no_fix",
+        "no fix",
+        "begin the survey when the receiver has a fix; check the antenna and its view of the sky",
+    )
+    STATUS_UNKNOWN = (
+        "status_unknown",
+        "unknown whether there is a fix",
+        "the driver that published the positions does not say whether there is a fix: set it up so that it does, "
+        "or give the sentences of the receiver with --nmea",
+    )
+    QUALITY_UNKNOWN = (
+        "quality_unknown",
+        "a quality of unknown meaning",
+        "look the number up in the manual of the receiver; known as a fix are 1 to 6, 8 and 9",
+    )
+    TYPED_IN = "typed_in", "typed in by hand", "switch the receiver from manual input to its own fix"
+    NO_COORDINATES = (
+        "no_coordinates",
+        "no possible latitude and longitude",
+        "check the receiver: it says that it has a fix",
+    )
+
+    text: str
+    remedy: str
+
+    def __new__(cls, code: str, text: str, remedy: str) -> NoPlace:
+        """The value of a member is its code."""
+        reason = str.__new__(cls, code)
+        reason._value_ = code
+        reason.text, reason.remedy = text, remedy
+        return reason
+
+
 # By the quality of NMEA GGA: 1 autonomous, 2 differential, 3 PPS, 4 RTK fixed, 5 RTK float, 6 dead reckoning,
-# 8 simulator. 0 (none) and 7 (typed in by hand) are no fix.
+# 8 simulator; 9 is SBAS at NovAtel. 0 (none) and 7 (typed in by hand) are no fix.
 STATUS_OF_QUALITY: dict[int, FixStatus] = {
     1: FixStatus.FIX,
     2: FixStatus.SBAS,
@@ -49,11 +86,12 @@ STATUS_OF_QUALITY: dict[int, FixStatus] = {
     5: FixStatus.RTK,
     6: FixStatus.FIX,
     8: FixStatus.FIX,
+    9: FixStatus.SBAS,
 }
 
 # User-equivalent range error [m], one standard deviation, by GGA quality: usual values of single-frequency
 # receivers under open sky. Replace them if the receiver is known.
-DEFAULT_UERE_M: dict[int, float] = {1: 4.0, 2: 1.5, 3: 3.0, 4: 0.02, 5: 0.4, 6: 20.0, 8: 4.0}
+DEFAULT_UERE_M: dict[int, float] = {1: 4.0, 2: 1.5, 3: 3.0, 4: 0.02, 5: 0.4, 6: 20.0, 8: 4.0, 9: 1.5}
 
 
 def horizontal_sd(quality: int, hdop: float, uere_m: dict[int, float] | None = None) -> float:
@@ -87,6 +125,8 @@ class Fix:
         altitude above mean sea level plus this separation
     :param covariance_m2: covariance of east, north, up [m^2], rows; NaN where unknown
     :param covariance_kind: source of the covariance
+    :param no_place: why there is no position; ``None`` with one
+    :param said: what the receiver said about that, such as ``GGA quality 0``
     """
 
     stamp_s: float
@@ -100,6 +140,19 @@ class Fix:
     geoid_separation_m: float = NAN
     covariance_m2: Covariance = UNKNOWN_COVARIANCE
     covariance_kind: CovarianceKind = CovarianceKind.UNKNOWN
+    no_place: NoPlace | None = None
+    said: str = ""
+
+    @classmethod
+    def without_place(cls, stamp_s: float, why: NoPlace, said: str, quality: int = 0) -> Fix:
+        """An epoch without a position."""
+        return cls(stamp_s, Position(NAN, NAN), FixStatus.NO_FIX, quality, no_place=why, said=said)
+
+
+def is_place(latitude_deg: float, longitude_deg: float) -> bool:
+    """Whether these can be coordinates of a receiver: 0, 0 is what some send without a fix."""
+    possible = abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180
+    return possible and not latitude_deg == longitude_deg == 0
 
 
 def covariance_of_ellipse(major_m: float, minor_m: float, orientation_deg: float, up_m: float) -> Covariance:
@@ -126,27 +179,45 @@ def diagonal_covariance(east_m: float, north_m: float, up_m: float) -> Covarianc
     return (east_m**2, 0.0, 0.0), (0.0, north_m**2, 0.0), (0.0, 0.0, up_m**2)
 
 
-def fix_from_message(message: Any) -> Fix:
-    """Fix of a message. An impossible place means no fix, and a stamp of zero means an unknown time.
+def fix_from_message(message: Any, received_s: float = NAN) -> Fix:
+    """Fix of a message. An impossible place means no fix, and a stamp of zero the time of receipt.
 
     Altitudes are above the ellipsoid: the message has no geoid separation.
 
-    :param message: a sensor_msgs/NavSatFix, decoded by ROS or by rosbags
+    :param message: a sensor_msgs/NavSatFix, or a gps_msgs/GPSFix, decoded by ROS or by rosbags
+    :param received_s: time at which it was received [s since 1970 UTC]; NaN if unknown
     """
-    stamp_s = float(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9) or NAN
+    stamp_s = stamp_of(message) or received_s
     latitude_deg, longitude_deg = float(message.latitude), float(message.longitude)
-    known = {int(status) for status in FixStatus if status is not FixStatus.NO_FIX}
-    if message.status.status not in known or not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180):
-        return Fix(stamp_s, Position(NAN, NAN), FixStatus.NO_FIX)
+    said = int(message.status.status)
+    status = (_GPS_FIX if hasattr(message, "err_horz") else _NAV_SAT).get(said)
+    if status is None:
+        return Fix.without_place(stamp_s, NoPlace.STATUS_UNKNOWN, f"status {said}")
+    if status is FixStatus.NO_FIX:
+        return Fix.without_place(stamp_s, NoPlace.NO_FIX, f"status {said}")
+    if not is_place(latitude_deg, longitude_deg):
+        where = f"latitude {latitude_deg:g}, longitude {longitude_deg:g}"
+        return Fix.without_place(stamp_s, NoPlace.NO_COORDINATES, where)
     covariance, kind = _covariance_of(message)
     return Fix(
         stamp_s=stamp_s,
         position=Position(latitude_deg, longitude_deg, float(message.altitude), _horizontal_sd(covariance)),
-        status=FixStatus(int(message.status.status)),
+        status=status,
         geoid_separation_m=0.0,
         covariance_m2=covariance,
         covariance_kind=kind,
     )
+
+
+def stamp_of(message: Any) -> float:
+    """Stamp in the header of a message [s since 1970 UTC]; zero if it has none."""
+    stamp = message.header.stamp
+    return float(stamp.sec + stamp.nanosec * 1e-9)
+
+
+_NAV_SAT = {int(status): status for status in FixStatus}
+# gps_msgs/GPSStatus has more of them: 18 DGPS, 19 and 20 RTK fixed and float, 33 WAAS
+_GPS_FIX = {**_NAV_SAT, 18: FixStatus.SBAS, 19: FixStatus.RTK, 20: FixStatus.RTK, 33: FixStatus.SBAS}
 
 
 def _covariance_of(message: Any) -> tuple[Covariance, CovarianceKind]:

@@ -60,6 +60,9 @@ class Kind(enum.StrEnum):
     NO_HEADING = "no_heading", "placed at the antenna, no heading", Severity.NOTE
     NO_CORRECTION = "no_correction", "cannot be corrected", Severity.WARNING
     NO_DATE = "no_date", "no date yet", Severity.NOTE
+    ASSUMED_TIME = "assumed_time", "time of positions assumed", Severity.WARNING
+    CHOSEN_POSITIONS = "chosen_positions", "positions chosen among several", Severity.NOTE
+    DOUBTFUL_POSITIONS = "doubtful_positions", "positions of doubtful accuracy", Severity.WARNING
     NOISY_TUBE = "noisy_tube", "tube counts too much", Severity.WARNING
     DEAD_TUBE = "dead_tube", "tube counts too little", Severity.WARNING
     STUCK_TUBE = "stuck_tube", "tube repeats a number", Severity.WARNING

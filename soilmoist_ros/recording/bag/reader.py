@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from heapq import merge
@@ -13,7 +13,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from soilmoist_ros.exploration.mission.visit import Visit
@@ -22,9 +21,9 @@ from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_t
 from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Storage, open_storages
 from soilmoist_ros.recording.bag.visit import visit_of
 from soilmoist_ros.recording.mcap.chunks import Allowance, TooMuchError
-from soilmoist_ros.recording.mcap.definitions import Definition
+from soilmoist_ros.recording.mcap.definitions import Definition, require_small
 from soilmoist_ros.recording.mcap.metadata import Extent, Qos, joined
-from soilmoist_ros.recording.ros1.bag_file import Message
+from soilmoist_ros.recording.ros1.bag_file import ROS1, Message
 from soilmoist_ros.recording.run_folder import BAG_FILES
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -110,6 +109,18 @@ class BagReader:
                 found[topic.name] = had + tuple(qos for qos in topic.offered if qos not in had)
         return found
 
+    def definition_text(self, type_name: str) -> str:
+        """Definition of a type, with those of the types in it; empty if the bag has none."""
+        return next(
+            (
+                topic.definition.text
+                for content in self._contents
+                for topic in content.topics
+                if topic.definition.type_name == type_name
+            ),
+            "",
+        )
+
     def messages(self, topics: Sequence[str] | None = None, by_time: bool = True) -> Iterator[BagMessage]:
         """Messages in the order of the times at which they were received.
 
@@ -147,10 +158,12 @@ class BagReader:
         definition = self._definitions.pop(type_name, None)
         if definition is not None:
             new, known = _types_in(definition), get_typestore(Stores.ROS2_JAZZY).fielddefs
+            if definition.encoding == ROS1:  # its messages were converted to the types of ROS 2
+                new = {name: known.get(name, fields) for name, fields in new.items()}
             for name in new.keys() & known.keys():
                 if new[name][1] != known[name][1]:  # who reads a message relies on the fields of its type
                     raise ValueError(f"its definition of {name} is not that of ROS 2")
-            _require_small({**new, **self._types.fielddefs}, new)
+            require_small({**new, **self._types.fielddefs}, new)
             self._types.register({name: new[name] for name in new if name not in self._types.fielddefs})
 
     def find_topic(self, name: str, type_name: str) -> str:
@@ -273,7 +286,6 @@ def _size_bytes(path: Path) -> int:
 
 
 _MAX_DEFINITION: Final = 1 << 20
-_MAX_FIELDS: Final = 100_000
 
 
 def _types_in(definition: Definition) -> dict[str, Any]:
@@ -286,32 +298,6 @@ def _types_in(definition: Definition) -> dict[str, Any]:
     parts = definition.text.split(line)[1:] if definition.text.startswith(f"{line}IDL: ") else []
     texts = [part.partition("\n")[2] for part in parts] or [definition.text]
     return {name: fields for text in texts for name, fields in get_types_from_idl(text).items()}
-
-
-def _require_small(types: Mapping[str, Any], names: Iterable[str]) -> None:
-    """Refuse types with very many fields: rosbags writes code for each element of a fixed array, and runs it."""
-    sizes: dict[str, int] = {}
-
-    def fields_of(name: str) -> int:
-        if name not in sizes:
-            sizes[name] = max(1, sum(parts_of(*description) for _, description in types[name][1]))
-            if sizes[name] > _MAX_FIELDS:
-                raise ValueError(f"a {name} would have more than {_MAX_FIELDS:,} fields")
-        return sizes[name]
-
-    def parts_of(kind: Nodetype, about: Any) -> int:
-        if kind == Nodetype.NAME:
-            return fields_of(about)
-        if kind == Nodetype.BASE:
-            return 1
-        (inner, detail), length = about
-        if inner == Nodetype.BASE and detail[0] != "string":
-            return 1  # numbers are one numpy array, and need their bytes in the message
-        one = parts_of(inner, detail)
-        return int(length) * one if kind == Nodetype.ARRAY else one
-
-    for name in names:
-        fields_of(name)
 
 
 def _damaged(path: Path, error: Exception) -> InputError:

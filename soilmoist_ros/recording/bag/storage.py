@@ -20,7 +20,7 @@ from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance, TooM
 from soilmoist_ros.recording.mcap.definitions import Definition
 from soilmoist_ros.recording.mcap.metadata import Extent, Topic, qos_from_yaml
 from soilmoist_ros.recording.mcap.scan import McapScan
-from soilmoist_ros.recording.ros1.bag_file import Message, Ros1File
+from soilmoist_ros.recording.ros1.bag_file import ROS1, Connection, Message, Ros1File, converted
 
 TOO_MUCH: Final = "unpacks to far more than a recording of its size can: it is damaged, or was made to do harm"
 _PIECE: Final = 1 << 20
@@ -185,7 +185,10 @@ class _Mcap:
         for message in scan.sorted_messages() if by_time else scan.messages():
             if message.topic.name in topics:
                 data = _message(message.data) if self._packed else message.data
-                yield message.topic.name, message.topic.definition.type_name, message.log_ns, data
+                definition = message.topic.definition
+                if definition.encoding == ROS1:
+                    data = converted(Connection(message.topic.name, definition.type_name, definition.text), data)
+                yield message.topic.name, definition.type_name, message.log_ns, data
         self._check(scan)
 
     def close(self) -> None:
@@ -273,15 +276,15 @@ def _time_ns(value: Any) -> int:
 
 
 class _Ros1:
-    """A bag of ROS 1. Its types are those of ROS 2, so the topics need no definitions.
+    """A bag of ROS 1. Its messages become those of ROS 2.
 
     Its messages come in the order of time only: no recorder of this package has written it.
     """
 
     def __init__(self, path: Path) -> None:
         self._file = Ros1File(path)
-        kinds = {one.topic: one.type_name for one in self._file.connections.values()}
-        topics = [Topic(name, Definition(kind, ""), ()) for name, kind in kinds.items()]
+        kinds = {one.topic: one for one in self._file.connections.values()}
+        topics = [Topic(name, Definition(one.type_name, one.definition, ROS1), ()) for name, one in kinds.items()]
         total, times = sum(self._file.counts.values()), self._file.extent_ns
         extent = Extent() if times is None or not total else Extent(total, *times)
         self.content = Content(topics, dict(self._file.counts), extent)

@@ -8,16 +8,19 @@ import json
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+from rosbags.interfaces import Nodetype
 
 from soilmoist_ros.foundation.errors import InputError
 
 _SEPARATOR: Final = "=" * 80
 _PRIMITIVE: Final = re.compile(r"bool|byte|char|float(32|64)|u?int(8|16|32|64)|w?string")
 _FIELD: Final = re.compile(r"^\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]\w*")
+_MAX_FIELDS: Final = 100_000
 _TYPE: Final = re.compile(r"(\w+)/msg/(\w+)")
 
 
@@ -100,3 +103,29 @@ def _type_hash(path: Path, type_name: str) -> str:
         return next(str(entry["hash_string"]) for entry in entries if entry["type_name"] == type_name)
     except (OSError, ValueError, KeyError, TypeError, StopIteration):
         return ""  # distributions before Iron have none
+
+
+def require_small(types: Mapping[str, Any], names: Iterable[str]) -> None:
+    """Refuse types with very many fields: rosbags writes code for each element of a fixed array, and runs it."""
+    sizes: dict[str, int] = {}
+
+    def fields_of(name: str) -> int:
+        if name not in sizes:
+            sizes[name] = max(1, sum(parts_of(*description) for _, description in types[name][1]))
+            if sizes[name] > _MAX_FIELDS:
+                raise ValueError(f"a {name} would have more than {_MAX_FIELDS:,} fields")
+        return sizes[name]
+
+    def parts_of(kind: Nodetype, about: Any) -> int:
+        if kind == Nodetype.NAME:
+            return fields_of(about)
+        if kind == Nodetype.BASE:
+            return 1
+        (inner, detail), length = about
+        if inner == Nodetype.BASE and detail[0] != "string":
+            return 1  # numbers are one numpy array, and need their bytes in the message
+        one = parts_of(inner, detail)
+        return int(length) * one if kind == Nodetype.ARRAY else one
+
+    for name in names:
+        fields_of(name)

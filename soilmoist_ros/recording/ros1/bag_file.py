@@ -19,11 +19,14 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance
+from soilmoist_ros.recording.mcap.definitions import require_small
 from soilmoist_ros.recording.mcap.file_bytes import FileBytes
 from soilmoist_ros.recording.mcap.time_order import TimeOrder
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
 _MESSAGE, _BAG, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
+ROS1: Final = "ros1msg"
+"""Encoding of definitions of ROS 1."""
 _HEADER_TYPE: Final = "std_msgs/msg/Header"
 """Has a number ``seq`` in ROS 1, which ROS 2 dropped."""
 _LENGTH: Final = struct.Struct("<I")
@@ -96,20 +99,16 @@ class Ros1File:
         :raises ValueError: if the file is damaged, or a message type has other fields in ROS 2
         """
         wanted = {number: one for number, one in self.connections.items() if one.topic in topics}
-        if convert:
-            for one in wanted.values():
-                _require_same_fields(one)
-        store = get_typestore(Stores.ROS2_JAZZY) if convert else None
         waiting: TimeOrder[tuple[int, int, bytes]] = TimeOrder()
         allowance = Allowance(len(self._data))  # of this pass: a bag may be read once for each topic
         for chunk in self.chunks:
             for found in waiting.ready(chunk.start_ns):
-                yield _converted(store, wanted, *found)
+                yield _converted(convert, wanted, *found)
             for number, time_ns, data in self._messages_of(chunk, allowance):
                 if number in wanted:
                     waiting.add(time_ns, len(data), (number, time_ns, data))
         for found in waiting.ready():
-            yield _converted(store, wanted, *found)
+            yield _converted(convert, wanted, *found)
 
     def close(self) -> None:
         """Close the file."""
@@ -236,20 +235,29 @@ def _unpack(compression: bytes, data: bytes, size: int) -> bytes:
 
 
 @cache
-def _require_same_fields(one: Connection) -> None:
-    """Refuse a type that is not the same in ROS 2: its bytes mean something else there."""
-    known = get_typestore(Stores.ROS2_JAZZY).fielddefs
+def store_of(one: Connection) -> Any:
+    """Types of ROS 2 with that of a topic; a type that ROS 2 does not have is taken from its definition.
+
+    :raises ValueError: if the type has other fields in ROS 2: its bytes mean something else there
+    """
+    store = get_typestore(Stores.ROS2_JAZZY)
     try:
         types = get_types_from_msg(one.definition, one.type_name) if len(one.definition) < 1 << 20 else {}
     except Exception as error:  # a stranger's definition: rosbags does not check everything
         raise ValueError(f"{one.topic} has a damaged definition of {one.type_name}: {error!s:.80}") from None
     if one.type_name not in types:
         raise ValueError(f"{one.topic} has no definition of {one.type_name}")
-    for name, (_, fields) in types.items():
+    new = {}
+    for name, (consts, fields) in types.items():
         if name == _HEADER_TYPE:
             continue
-        if name not in known or _plain(known[name][1]) != _plain(fields):
-            raise ValueError(f"{one.topic}: the type {name} of ROS 1 is not in ROS 2, or has other fields there")
+        if name not in store.fielddefs:
+            new[name] = consts, fields
+        elif _plain(store.fielddefs[name][1]) != _plain(fields):
+            raise ValueError(f"{one.topic}: the type {name} of ROS 1 has other fields in ROS 2")
+    require_small({**store.fielddefs, **new}, new)
+    store.register(new)
+    return store
 
 
 def _plain(fields: Any) -> list[tuple[str, str]]:
@@ -257,11 +265,18 @@ def _plain(fields: Any) -> list[tuple[str, str]]:
     return [(name, str(kind)) for name, kind in fields]
 
 
-def _converted(store: Any, wanted: dict[int, Connection], number: int, time_ns: int, data: bytes) -> Message:
+def _converted(convert: bool, wanted: dict[int, Connection], number: int, time_ns: int, data: bytes) -> Message:
     one = wanted[number]
-    if store is None:
-        return one.topic, one.type_name, time_ns, data
+    return one.topic, one.type_name, time_ns, converted(one, data) if convert else data
+
+
+def converted(one: Connection, data: bytes) -> bytes:
+    """A message in CDR.
+
+    :raises ValueError: if it is damaged, or its type has other fields in ROS 2
+    """
+    store = store_of(one)
     try:
-        return one.topic, one.type_name, time_ns, bytes(store.ros1_to_cdr(data, one.type_name))
+        return bytes(store.ros1_to_cdr(data, one.type_name))
     except Exception as error:  # a stranger's data: rosbags does not check everything
         raise ValueError(f"{one.topic}: a message is damaged: {error}") from None

@@ -33,8 +33,10 @@ _MAGIC = {
 }
 
 
-def read_lines(path: Path) -> tuple[list[bytes], bool]:
+def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
     """Lines of a text file without line ends, and whether the last line had an end.
+
+    :param binary: whether other bytes may stand between the lines
 
     :raises InputError: if the file is missing, a folder, not readable, empty or not text
     """
@@ -52,7 +54,7 @@ def read_lines(path: Path) -> tuple[list[bytes], bool]:
     for magic, what in _MAGIC.items():
         if data.startswith(magic):
             raise InputError(f"is {what}, not a text file", "unpack it or export it as text first", path)
-    if _is_binary(data[:4096]):
+    if not binary and _is_binary(data[:4096]):
         raise InputError("is not a text file", "give the text file that the logger wrote", path)
     return split_lines(data)
 

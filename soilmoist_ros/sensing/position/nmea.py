@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Parses NMEA 0183 (GGA, RMC and GST) of a GNSS receiver into one fix per epoch.
+"""Parses NMEA 0183 (GGA, GNS, RMC, GLL, GST, ZDA and PUBX) of a GNSS receiver into one fix per epoch.
 
 :data:`SENTENCES` has the fields and converters of each sentence type. Sentences with one time of day form an
 epoch. No line makes the parser raise; faults are reported and counted.
@@ -9,7 +9,8 @@ epoch. No line makes the parser raise; faults are reported and counted.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,7 +20,7 @@ import pynmea2
 from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.sensing.formats.log_file import read_lines
-from soilmoist_ros.sensing.formats.log_values import read_number
+from soilmoist_ros.sensing.formats.log_values import read_number, read_time, strip_checksum
 from soilmoist_ros.sensing.gnss import (
     DEFAULT_UERE_M,
     STATUS_OF_QUALITY,
@@ -28,18 +29,25 @@ from soilmoist_ros.sensing.gnss import (
     CovarianceKind,
     Fix,
     FixStatus,
+    NoPlace,
     covariance_of_ellipse,
     diagonal_covariance,
     horizontal_sd,
+    is_place,
 )
+from soilmoist_ros.sensing.position.heard import EARLIEST_DATE_S, utc_text
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
 
 MAX_SENTENCE = 512  # the standard allows 82 characters; receivers send more
 KNOTS_MPS = 1852.0 / 3600.0
 VERTICAL_PER_HORIZONTAL = 2.0  # without GST: usual error of the altitude per error of each coordinate
-EARLIEST_DATE_S = 946_684_800.0  # 2000-01-01: receivers without a date start in 1980
-QUALITY_OF_MODE = {"A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8, "N": 0}
+QUALITY_OF_MODE = {"R": 4, "F": 5, "P": 3, "D": 2, "A": 1, "E": 6, "S": 8, "M": 7, "N": 0}
+"""Quality as in GGA of a mode, the best mode first: GNS has one for each constellation."""
+_QUALITY_OF_PUBX = {"RK": 6, "DR": 6, "G2": 1, "G3": 1, "D2": 2, "D3": 2, "TT": 0, "NF": 0}
+_DATED = (b"RMC", b"ZDA", b"PUBX,04")
+_CHECKED = re.compile(rb"\$[^$*]*\*[0-9A-Fa-f]{2}")
+_DATE_BEFORE = re.compile(rb"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d)[^$]*\$")
 
 Values = dict[str, float | None]
 
@@ -106,8 +114,12 @@ def _status(text: str) -> float | None:
 
 
 def _mode(text: str) -> float | None:
-    quality = QUALITY_OF_MODE.get(text.strip().upper())
-    return None if quality is None else float(quality)
+    said = text.strip().upper()
+    return next((float(quality) for mode, quality in QUALITY_OF_MODE.items() if mode in said), None)
+
+
+def _pubx_state(text: str) -> float | None:
+    return float(_QUALITY_OF_PUBX.get(text.strip().upper(), 0))
 
 
 def _speed(text: str) -> float | None:
@@ -132,6 +144,15 @@ SENTENCES: Mapping[str, Mapping[str, tuple[str, Callable[[str], float | None]]]]
         "altitude": ("altitude", _number),
         "geoid": ("geo_sep", _number),
     },
+    "GNS": {
+        "time": ("timestamp", _time_of_day),
+        **_PLACE,
+        "mode": ("mode_indicator", _mode),
+        "satellites": ("num_sats", _number),
+        "hdop": ("hdop", _number),
+        "altitude": ("altitude", _number),
+        "geoid": ("geo_sep", _number),
+    },
     "RMC": {
         "time": ("timestamp", _time_of_day),
         "date": ("datestamp", _date),
@@ -141,6 +162,26 @@ SENTENCES: Mapping[str, Mapping[str, tuple[str, Callable[[str], float | None]]]]
         "speed": ("spd_over_grnd", _speed),
         "course": ("true_course", _number),
     },
+    "GLL": {
+        "time": ("timestamp", _time_of_day),
+        **_PLACE,
+        "valid": ("status", _status),
+        "mode": ("faa_mode", _mode),
+    },
+    "ZDA": {
+        "time": ("timestamp", _time_of_day),
+        "day": ("day", _number),
+        "month": ("month", _number),
+        "year": ("year", _number),
+    },
+    "PUBX,00": {
+        "time": ("timestamp", _time_of_day),
+        **_PLACE,
+        "quality": ("nav_stat", _pubx_state),
+        "satellites": ("num_svs", _number),
+        "hdop": ("hdop", _number),
+    },
+    "PUBX,04": {"time": ("time", _time_of_day), "date": ("date", _date)},
     "GST": {
         "time": ("timestamp", _time_of_day),
         "major_sd": ("std_dev_major", _number),
@@ -151,6 +192,9 @@ SENTENCES: Mapping[str, Mapping[str, tuple[str, Callable[[str], float | None]]]]
         "up_sd": ("std_dev_altitude", _number),
     },
 }
+
+_PLACES = ("GGA", "GNS", "RMC", "GLL", "PUBX,00")
+"""Sentences with a position, the best first."""
 
 
 @dataclass
@@ -163,6 +207,24 @@ class _Epoch:
 
     def value(self, sentence: str, name: str) -> float | None:
         return self.sentences.get(sentence, {}).get(name)
+
+    def best(self, name: str) -> float | None:
+        """Value of the best sentence with a position that has it."""
+        return next((v for kind in _PLACES if (v := self.value(kind, name)) is not None), None)
+
+    @property
+    def midnight_s(self) -> float | None:
+        """Begin of its day [s since 1970 UTC], ``None`` if no sentence has a date."""
+        day, month, year = (self.value("ZDA", name) for name in ("day", "month", "year"))
+        if day is not None and month is not None and year is not None:
+            try:
+                stamp_s = datetime(int(year), int(month), int(day), tzinfo=UTC).timestamp()
+            except ValueError:
+                stamp_s = 0.0
+            if stamp_s >= EARLIEST_DATE_S:
+                return stamp_s
+        date_s = self.value("RMC", "date")
+        return self.value("PUBX,04", "date") if date_s is None else date_s
 
 
 class NmeaParser:
@@ -194,6 +256,8 @@ class NmeaParser:
         self._uere_m = dict(uere_m)
         self._last_stamp_s = reference_stamp_s
         self._has_date, self._now_s = False, NAN
+        self.first_dated_s = NAN
+        """Time of the first epoch with a date of its own [s since 1970 UTC], NaN before it."""
         self._require_checksum = require_checksum
         self._on_problem = on_problem or self.problems.append
         self._path = path
@@ -234,6 +298,9 @@ class NmeaParser:
         epoch, self._epoch = self._epoch, None
         if epoch is None:
             return None
+        if epoch.sentences.keys().isdisjoint(_PLACES):
+            self._stamp(epoch)
+            return None
         self._expected = set(epoch.sentences)
         return None if epoch.sent else self._fix(epoch)
 
@@ -241,12 +308,14 @@ class NmeaParser:
         """Type and values of a sentence, ``None`` if its type is not used or it is damaged."""
         start = line.rfind(b"$")
         if start < 0:
-            if line.strip():
+            if line.strip() and not _is_other_message(line):
                 self._report(Kind.UNREADABLE, "no NMEA sentence")
             return None
-        text = line[start:].decode("latin-1").strip()
-        kind = text[3:6]
-        if len(text) > MAX_SENTENCE:
+        whole = _CHECKED.match(line, start)
+        found = line[start:] if whole is None else whole[0][:-2] + whole[0][-2:].upper()
+        text = found.decode("latin-1").strip().rstrip("'\"\\")
+        kind = text[1:8] if text.startswith("$PUBX") else text[3:6]
+        if len(text) > MAX_SENTENCE and not _is_other_message(found):
             self._report(Kind.TOO_LONG, f"the sentence has {len(text)} bytes")
             return None
         try:
@@ -255,12 +324,14 @@ class NmeaParser:
             self._report(Kind.CHECKSUM, "the checksum is absent or wrong")
             return None
         except pynmea2.SentenceTypeError:
+            self.sentences_read += 1
             return None  # an intact sentence of an unused type
-        except (pynmea2.ParseError, ValueError):
-            self._report(Kind.UNREADABLE, "the sentence is damaged")
+        except (pynmea2.ParseError, ValueError, IndexError):
+            if not _is_other_message(found):
+                self._report(Kind.UNREADABLE, "the sentence is damaged")
             return None
         self.sentences_read += 1
-        if kind not in SENTENCES or not isinstance(message, pynmea2.TalkerSentence):
+        if kind not in SENTENCES or message.name_to_idx.keys().isdisjoint(("timestamp", "time")):
             return None
         try:
             return kind, _values(message, SENTENCES[kind])
@@ -274,35 +345,40 @@ class NmeaParser:
 
     def _fix(self, epoch: _Epoch) -> Fix:
         stamp_s = self._stamp(epoch)
-        quality = _quality(epoch)
+        quality, said = _quality(epoch)
         place = _place(epoch)
         status = STATUS_OF_QUALITY.get(quality, FixStatus.NO_FIX)
-        if place is None or status is FixStatus.NO_FIX:
-            return Fix(stamp_s, Position(NAN, NAN), FixStatus.NO_FIX)
-        hdop = _or_nan(epoch.value("GGA", "hdop"))
-        satellites = epoch.value("GGA", "satellites")
+        if status is FixStatus.NO_FIX:
+            why = {0: NoPlace.NO_FIX, 7: NoPlace.TYPED_IN}.get(quality, NoPlace.QUALITY_UNKNOWN)
+            return Fix.without_place(stamp_s, why, said, quality)
+        if place is None:
+            return Fix.without_place(stamp_s, NoPlace.NO_COORDINATES, said, quality)
+        hdop = _or_nan(epoch.best("hdop"))
+        satellites = epoch.best("satellites")
         covariance, known = self._covariance(epoch, quality, hdop)
         sd = math.sqrt((covariance[0][0] + covariance[1][1]) / 2)
         return Fix(
             stamp_s=stamp_s,
-            position=Position(*place, _or_nan(epoch.value("GGA", "altitude")), sd),
+            position=Position(*place, _or_nan(epoch.best("altitude")), sd),
             status=status,
             quality=quality,
             satellites=-1 if satellites is None else int(satellites),
             hdop=hdop,
             speed_mps=_or_nan(epoch.value("RMC", "speed")),
             course_deg=_or_nan(epoch.value("RMC", "course")),
-            geoid_separation_m=_or_nan(epoch.value("GGA", "geoid")),
+            geoid_separation_m=_or_nan(epoch.best("geoid")),
             covariance_m2=covariance,
             covariance_kind=known,
         )
 
     def _stamp(self, epoch: _Epoch) -> float:
-        """Time of the epoch: with the date of its RMC, else within 12 h of the previous epoch, or of now."""
-        midnight_s = epoch.value("RMC", "date")
+        """Time of the epoch: with the date of its sentences, else within 12 h of the previous epoch, or of now."""
+        midnight_s = epoch.midnight_s
         if midnight_s is None and not self._has_date and math.isfinite(self._now_s):
             self._last_stamp_s = self._now_s  # each time anew: the clock may have been wrong before
         if midnight_s is not None:
+            if not self._has_date:
+                self.first_dated_s = midnight_s + epoch.time_of_day_s
             self._has_date, self._last_stamp_s = True, midnight_s + epoch.time_of_day_s
         elif not math.isnan(self._last_stamp_s):
             ahead_s = (epoch.time_of_day_s - self._last_stamp_s + DAY_S / 2) % DAY_S - DAY_S / 2
@@ -329,7 +405,7 @@ class NmeaParser:
 
 
 def _values(
-    message: pynmea2.TalkerSentence, fields: Mapping[str, tuple[str, Callable[[str], float | None]]]
+    message: pynmea2.NMEASentence, fields: Mapping[str, tuple[str, Callable[[str], float | None]]]
 ) -> Values:
     values: Values = {}
     for name, (attribute, convert) in fields.items():
@@ -348,63 +424,164 @@ def _all_known(values: list[float | None], deviations: int) -> bool:
     return len(known) == len(values) and all(0 < value < 1e5 for value in known[:deviations])
 
 
-def _quality(epoch: _Epoch) -> int:
-    """Quality from GGA, else from the mode of RMC. A void RMC always means no fix."""
-    if epoch.value("RMC", "valid") == 0.0:
-        return 0
-    quality = epoch.value("GGA", "quality")
-    if "GGA" not in epoch.sentences:
-        mode = epoch.value("RMC", "mode")
-        quality = (1.0 if mode is None else mode) if "RMC" in epoch.sentences else 0.0
-    return int(quality) if quality is not None and 0 <= quality <= 8 else 0
+def _quality(epoch: _Epoch) -> tuple[int, str]:
+    """Quality of GGA, else of the mode of GNS, RMC or GLL, and what the receiver said. A void RMC is no fix."""
+    for kind in ("RMC", "GLL"):
+        if epoch.value(kind, "valid") == 0.0 and (kind == "RMC" or "GGA" not in epoch.sentences):
+            return 0, f"{kind} status V"
+    for kind in _PLACES:
+        if kind in epoch.sentences:
+            name = "quality" if kind in ("GGA", "PUBX,00") else "mode"
+            quality = epoch.value(kind, name)
+            if quality is None:
+                quality = 0.0 if kind in ("GGA", "GNS") else 1.0
+            return int(quality), f"{kind} {name} {quality:.0f}"
+    return 0, "no quality"
 
 
 def _place(epoch: _Epoch) -> tuple[float, float] | None:
-    """Latitude and longitude [deg] from GGA, else from RMC."""
-    for sentence in ("GGA", "RMC"):
+    """Latitude and longitude [deg] of the best sentence that has them."""
+    for sentence in _PLACES:
         values = [epoch.value(sentence, name) for name in ("latitude", "north", "longitude", "east")]
         latitude, north, longitude, east = (_or_nan(value) for value in values)
-        if abs(latitude) <= 90 and abs(longitude) <= 180 and not math.isnan(north + east):
+        if is_place(latitude, longitude) and not math.isnan(north + east):
             return latitude * north, longitude * east
     return None
 
 
-def read_nmea(path: Path | str) -> tuple[list[Fix], list[Problem]]:
+def _is_other_message(line: bytes) -> bool:
+    """Whether bytes are no NMEA, but what receivers send between its sentences: binary, or ASCII of NovAtel."""
+    return line[:1] in b"#%!" or 10 * sum(not (32 <= byte < 127 or byte in b"\t\r\n") for byte in line) > len(line)
+
+
+def read_nmea(path: Path | str, log_s: tuple[float, float] | None = None) -> tuple[list[Fix], list[Problem]]:
     """Read the fixes and problems of a file of NMEA sentences, in the order of the file.
 
-    Epochs before the first date are dated from the first date.
+    Epochs before the first date are dated from the first date; without any date, from the times of a log. Other
+    messages between the sentences are skipped, text is reported.
 
-    :param path: the file; other lines between the sentences are reported and skipped
-    :raises InputError: if the file cannot be read, or has no NMEA sentence
+    :param path: the file
+    :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
+    :raises InputError: if the file cannot be read, has no NMEA sentence, or its day is not clear
     """
     path = Path(path)
-    lines, _ = read_lines(path)
-    return parse_nmea(lines, path)
+    lines, _ = read_lines(path, binary=True)
+    return parse_nmea(lines, path, log_s)
 
 
-def parse_nmea(lines: Sequence[bytes], path: Path) -> tuple[list[Fix], list[Problem]]:
+def parse_nmea(
+    lines: Sequence[bytes], path: Path, log_s: tuple[float, float] | None = None
+) -> tuple[list[Fix], list[Problem]]:
     """Parse the lines of a receiver; see :func:`read_nmea`.
 
     :param path: source of the lines, for messages
     """
-    parser = NmeaParser(reference_stamp_s=_first_stamp(lines), path=path)
-    fixes = [parser.feed(line) for line in lines]
-    fixes.append(parser.flush())
+    pieces = list(_pieces(lines))
+    fixes, parser = _parsed(pieces, path, NAN)
     if parser.sentences_read == 0:
-        raise InputError(
-            "has no NMEA sentence with a correct checksum",
-            "give the text that the GNSS receiver sent, with lines such as $GPGGA,...*hh",
-            path,
-        )
-    return [fix for fix in fixes if fix is not None], parser.problems
+        fixes, parser = _parsed(pieces, path, NAN, require_checksum=False)
+        if not fixes:
+            raise InputError(*_no_sentence(lines), path)
+        unchecked = Mistake("no sentence has a checksum: damaged ones are not noticed", "", path)
+        parser.problems.append(Problem(Kind.CHECKSUM, unchecked))
+    checked = not any(one.kind is Kind.CHECKSUM and not one.lost for one in parser.problems)
+    if not any(math.isnan(fix.stamp_s) for fix in fixes):
+        return fixes, parser.problems
+    first_s = parser.first_dated_s
+    if math.isnan(first_s):
+        first_s = next((_iso_s(match[1]) for _, line in pieces if (match := _DATE_BEFORE.search(line))), NAN)
+    assumed = []
+    if math.isnan(first_s) and log_s is not None:
+        first_s = log_s[0] + DAY_S * _day_of(lambda s: _parsed(pieces, path, s, checked)[0], log_s, path)
+        day = utc_text(first_s)[:10]
+        message = f"the sentences have no date (neither RMC nor ZDA): the day is that of the log, {day}"
+        assumed = [Problem(Kind.ASSUMED_TIME, Mistake(message, "", path))]
+    if math.isfinite(first_s):
+        fixes, parser = _parsed(pieces, path, first_s, checked)
+    return fixes, [*parser.problems, *assumed]
 
 
-def _first_stamp(lines: Sequence[bytes]) -> float:
-    """Time of the first epoch with a date, NaN if there is none."""
-    parser = NmeaParser(on_problem=lambda problem: None)
-    for line in lines:
-        fix = parser.feed(line) if b"RMC" in line else None
-        if fix is not None and not math.isnan(fix.stamp_s):
-            return fix.stamp_s
-    last = parser.flush()
-    return NAN if last is None else last.stamp_s
+def _parsed(
+    pieces: Sequence[tuple[int, bytes]], path: Path, reference_stamp_s: float, require_checksum: bool = True
+) -> tuple[list[Fix], NmeaParser]:
+    parser = NmeaParser(reference_stamp_s=reference_stamp_s, require_checksum=require_checksum, path=path)
+    fixes = []
+    for number, line in pieces:
+        parser.line_number = number - 1
+        fixes.append(parser.feed(line))
+    fixes.append(parser.flush())
+    return [fix for fix in fixes if fix is not None], parser
+
+
+def _pieces(lines: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
+    """Number and bytes of each sentence: a line may have several, and a sentence several lines."""
+    begun = b""
+    for number, line in enumerate(lines, 1):
+        if begun and b"$" not in line and strip_checksum(begun + line.rstrip().rstrip(b"'\"")) is not None:
+            yield number, begun + line
+            begun = b""
+            continue
+        if begun:
+            yield number - 1, begun
+        *whole, begun = re.split(rb"(?=\$[A-Z]{5},)", line) if line.count(b"$") > 1 else [line]
+        yield from ((number, piece) for piece in whole if piece.strip())
+        if b"$" not in begun or b"*" in begun:
+            yield number, begun
+            begun = b""
+    if begun:
+        yield len(lines), begun
+
+
+def _iso_s(text: bytes) -> float:
+    stamp_s = read_time(text.decode(), ("iso8601",))
+    return NAN if stamp_s is None else stamp_s
+
+
+def _day_of(fixes_from: Callable[[float], list[Fix]], log_s: tuple[float, float], path: Path) -> int:
+    """The day after the first one of a log on which positions without a date were taken.
+
+    :param fixes_from: the fixes, dated from a time within 12 h of the first
+    :raises InputError: if there are several such days, or none
+    """
+    stamps = [fix.stamp_s for fix in fixes_from(log_s[0])]
+    first_s, last_s = min(stamps), max(stamps)
+    days = math.ceil((log_s[1] - log_s[0]) / DAY_S) + 1
+    found = [
+        day
+        for day in range(-days, days + 1)
+        if first_s + day * DAY_S < log_s[1] and last_s + day * DAY_S > log_s[0]
+    ]
+    if len(found) == 1:
+        return found[0]
+    clock = f"{utc_text(first_s)[11:]} to {utc_text(last_s)[11:]}"
+    other = "several of its days fit" if found else "it has no record at these times of day"
+    raise InputError(
+        f"has positions, but no date (neither RMC nor ZDA): they are from {clock}, the log from "
+        f"{utc_text(log_s[0])} to {utc_text(log_s[1])}: {other}",
+        "let the receiver send RMC or ZDA, too"
+        + ("; or give a log and a file of positions for each day" if found else ""),
+        path,
+    )
+
+
+_LOOKS = {
+    b"\xb5b": "binary messages of u-blox (UBX): convert them to NMEA, such as with u-center or ubx2nmea",
+    b"$@": "binary messages of Septentrio (SBF): convert them to NMEA, such as with sbf2nmea or SBF Converter",
+    b"\xaaD\x12": "binary messages of NovAtel: convert them to NMEA, such as with NovAtel Convert",
+    b"#BESTPOS": "ASCII messages of NovAtel: log GPGGA and GPZDA, too, or convert them to NMEA",
+    b"#": "ASCII messages of NovAtel or Unicore: log GPGGA and GPZDA, too, or convert them to NMEA",
+    b'{"class"': "JSON of gpsd: record NMEA with gpspipe -r",
+    b"\xd3\x00": "correction messages (RTCM), which have no position: record the output of the rover",
+}
+
+
+def _no_sentence(lines: Sequence[bytes]) -> tuple[str, str]:
+    """Why lines hold no sentence, and what to do."""
+    for begin, what in _LOOKS.items():
+        if any(line.startswith(begin) or (begin[0] > 126 and begin in line) for line in lines[:50]):
+            kind, _, remedy = what.partition(": ")
+            return f"has no NMEA sentence, but {kind}", remedy
+    return (
+        "has no NMEA sentence with a correct checksum",
+        "give the text that the GNSS receiver sent, with lines such as $GPGGA,...*hh",
+    )

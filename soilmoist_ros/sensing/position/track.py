@@ -10,6 +10,7 @@ from bisect import bisect_left
 from collections.abc import Iterable
 
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.position.heard import Heard
 from soilmoist_ros.sensing.position.lever_arms import Course
 from soilmoist_ros.sensing.records import NAN, Position
 
@@ -39,6 +40,11 @@ class Track:
         """Heading of the robot that carries the receiver."""
         self.reached_s = -math.inf
         """Time of the last epoch, with or without a fix [s since 1970 UTC]; minus infinity if there is none."""
+        self.heard = Heard()
+        """Epochs of the receiver, with and without a position."""
+        fixes = list(fixes)
+        for fix in fixes:
+            self.heard.add(fix)
         self._set((fix.stamp_s, fix.position) for fix in fixes if fix.status is not FixStatus.NO_FIX)
 
     @classmethod

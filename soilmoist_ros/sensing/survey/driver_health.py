@@ -12,6 +12,7 @@ from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.sensing.gnss import FixStatus
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
 from soilmoist_ros.sensing.links.reconnecting import MAX_SILENT_PERIODS
+from soilmoist_ros.sensing.position.heard import EARLIEST_DATE_S, SIMULATED, clock_words, utc_text
 from soilmoist_ros.sensing.problems import Kind, reason_text
 from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
 
@@ -223,8 +224,15 @@ def fix_health(stream: SensorStream, now_s: float) -> Health:
     """
     fix = stream.last_fix
     values = _by_kind("dropped", stream.gnss_problems.lost)
+    heard = stream.survey.heard
     if fix is None:
-        return Health("GNSS", Level.STALE, "no fix yet", values)
+        sentences = stream.sentences_read
+        came = f": {sentences} sentences, none with a position (GGA, GNS, RMC or GLL)" if sentences else ""
+        dropped = stream.gnss_problems.lost.total()
+        came += (
+            f": {dropped} lines could not be read; check the baud rate in gnss_uri" if dropped and not came else ""
+        )
+        return Health("GNSS", Level.WARN if came else Level.STALE, f"no fix yet{came}", values)
     age_s = now_s - fix.stamp_s
     values |= {
         "status": fix.status.name.lower(),
@@ -234,9 +242,20 @@ def fix_health(stream: SensorStream, now_s: float) -> Health:
         "age [s]": _number(age_s, 1),
     }
     if fix.status is FixStatus.NO_FIX:
-        return Health("GNSS", Level.ERROR, "the receiver has no fix: records are not placed", values)
+        said = f" ({fix.said})" if fix.said else ""
+        why = fix.no_place.text if fix.no_place else "no fix"
+        message = f"the receiver has {why}{said}: records are not placed"
+        if heard.why_none() is not None and fix.no_place is not None:
+            message += f"; {fix.no_place.remedy}"
+        return Health("GNSS", Level.ERROR, message, values)
     if not abs(age_s) <= STALE_FIX_S:
-        message = "the last fix has no time" if math.isnan(age_s) else f"the last fix is {age_s:.0f} s old"
+        message = f"the last fix is {age_s:.0f} s old"
+        if math.isnan(age_s):
+            message = "the last fix has no time"
+        elif fix.stamp_s < EARLIEST_DATE_S or (words := clock_words(-age_s)):
+            words = SIMULATED if fix.stamp_s < EARLIEST_DATE_S else words
+            times = f"{utc_text(fix.stamp_s)}, and by this computer {utc_text(now_s)} (UTC)"
+            message = f"the last fix is of {times}: {words}"
         return Health("GNSS", Level.WARN, message, values)
     return Health("GNSS", Level.OK, f"fix ({fix.status.name})", values)
 

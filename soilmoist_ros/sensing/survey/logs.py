@@ -108,6 +108,7 @@ def process_logs(
         problems += [Problem(Kind.CLOCK_DRIFT, Mistake(clock.message, remedy, log.path)) for clock in drifting]
         problems += [Problem(Kind.CLOCK_OFFSET, Mistake(step, set_before, log.path)) for step in log.clock.steps]
     entries = _without_duplicates(entries, problems)
+    problems += _require_same_time(entries, track, site)
     if any(log.clock.n_steps for log in logs):
         entries = _by_gnss_time(entries)
     survey = _survey_of([entry.record for entry in entries], site, frame, track, problems, arms)
@@ -126,6 +127,34 @@ def process_logs(
     if not records or survey.frame is None or survey.tube_share is None:
         raise InputError(_all_lost(logs, problems))
     return SurveyRecords(records, survey.frame, tuple(problems), survey.tube_share, quarantined)
+
+
+def why_unplaced(records: Sequence[LoggerRecord], track: Track, clock_known: bool = False) -> Mistake | None:
+    """Why positions of a separate receiver are not those of records, ``None`` if they are.
+
+    :param records: records of a log, at least one
+    :param clock_known: whether it was stated which time the logger's clock shows
+    """
+    first, last = (pick(records, key=lambda record: record.stamp_s) for pick in (min, max))
+    begin_s = first.stamp_s - max([live for live in first.tube_live_s if math.isfinite(live)], default=0.0)
+    return track.heard.why_not_at(begin_s, last.stamp_s, clock_known)
+
+
+def _require_same_time(entries: Sequence[_Entry], track: Track | None, site: Site) -> list[Problem]:
+    """Check that positions of a separate receiver are of the time of the records that have none.
+
+    :raises InputError: if they are not
+    """
+    if track is None or not track.heard.epochs:
+        return []
+    records = [replace(entry.record, stamp_s=entry.record.stamp_s - entry.clock_ahead_s) for entry in entries]
+    why = why_unplaced(records, track, site.logger_utc_offset_hours is not None)
+    if why is None:
+        return []
+    if not any(record.position for record in records):
+        raise InputError([why])
+    message = f"the positions of the separate receiver are not used: {why.message}"
+    return [Problem(Kind.DOUBTFUL_POSITIONS, replace(why, message=message))]
 
 
 def _require_clock(logs: Sequence[LogFile], offset_hours: float | None) -> None:

@@ -48,6 +48,7 @@ class SurveyPlaces:
 
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
+        self.track.heard.add(fix)
         self.track.add(fix.stamp_s, None if fix.status is FixStatus.NO_FIX else fix.position)
 
     def at(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:

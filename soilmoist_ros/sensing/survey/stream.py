@@ -192,6 +192,11 @@ class SensorStream:
         self._clock_differences_s.append(stamp_s - now_s)
 
     @property
+    def sentences_read(self) -> int:
+        """Number of intact sentences of the receiver, of any type."""
+        return self._nmea.sentences_read
+
+    @property
     def records_without_position(self) -> int:
         """Number of records returned without a position."""
         return self.logger_problems.noted[Kind.NO_POSITION]

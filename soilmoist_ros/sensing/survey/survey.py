@@ -24,6 +24,7 @@ from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.weather import WeatherSeries
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.heard import Heard, utc_text
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind, Problem
@@ -196,6 +197,11 @@ class Survey:
                 recorded = self._correct(replace(record, tube_counts=original.tube_counts), self._shares)
         self._waiting.append(_Waiting(corrected, recorded, record, interval_s, clock_ahead_s, now_s, path))
 
+    @property
+    def heard(self) -> Heard:
+        """What has come of a separate receiver."""
+        return self._places.track.heard
+
     def take_fix(self, fix: Fix) -> None:
         """Add an epoch of a separate receiver, with or without a fix."""
         self._places.take_fix(fix)
@@ -300,6 +306,10 @@ class Survey:
         try:
             record = place_record(waiting.record, position, self.frame, self._to_sensor(waiting))
         except UnusableRecordError as error:
+            if position is None and self.heard.first_s < math.inf:
+                error = UnusableRecordError(
+                    error.kind, "the receiver has no position at the time of this record", _span(self.heard)
+                )
             self._report(error, waiting.raw, waiting.path, lost=not self._keep_unplaced)
             if not self._keep_unplaced:
                 return None
@@ -325,3 +335,8 @@ class Survey:
 
     def _report(self, error: UnusableRecordError, record: LoggerRecord, path: Path | None, lost: bool) -> None:
         self._on_problem(Problem(error.kind, Mistake(error.message, error.remedy, path, record.line), lost))
+
+
+def _span(heard: Heard) -> str:
+    times = f"{utc_text(heard.first_s)} to {utc_text(heard.last_s)} UTC"
+    return f"its positions are from {times}: check the receiver, or give its whole log"

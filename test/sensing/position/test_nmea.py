@@ -204,7 +204,7 @@ def test_damaged_sentences(line, kind) -> None:
 
 
 def test_other_sentences_and_empty_lines_are_no_problem() -> None:
-    lines = [sentence("GPGSV,1,1,00"), sentence("GNVTG,90.0,T,,M,1.9,N,3.6,K,A"), sentence("PUBX,00,1"), b"\r\n"]
+    lines = [sentence("GPGSV,1,1,00"), sentence("GNVTG,90.0,T,,M,1.9,N,3.6,K,A"), sentence("PUBX,03,1"), b"\r\n"]
     fixes, problems = parse(*lines, sentence("GNXYZ,1"), rmc())
     assert len(fixes) == 1
     assert problems == []
