@@ -135,7 +135,7 @@ class SensorDriver(LifecycleNode):
 
     def _on_fix(self, message: NavSatFix) -> None:
         if self._driver is not None:
-            self._driver.stream.take_fix(fix_from_message(message))
+            self._driver.stream.take_fix(fix_from_message(message, self._now_s()))
             self._step()
 
     def _on_intensity(self, message: Float64) -> None:

@@ -24,8 +24,10 @@ MAX_DIFFERENCE_S = 5.0
 """Difference of stamps and times of receipt that is told [s]."""
 _SNIFFED = 20
 """Number of messages that show whether texts are NMEA."""
-_COORDINATES = re.compile(r"\b(lat|latitude|latitude_deg)\b")
-_GNSS_TYPE = re.compile(r"gnss|gps|nav_?sat|navpvt|pvt|geo(point|pose)|bestpos|inspva", re.IGNORECASE)
+_COORDINATES = re.compile(r'^\s*(float|double|u?int)\w*\s+(lat|latitude\w*)\b|"latitude"', re.MULTILINE)
+_GNSS_TYPE = re.compile(
+    r"gnss|gps|nav_?sat|navpvt|pvt|geo(point|pose)|location_?fix|bestpos|inspva", re.IGNORECASE
+)
 
 
 def text_lines(reader: BagReader, topic: str) -> list[bytes]:
@@ -120,8 +122,7 @@ def fix_topic(reader: BagReader, named: str = "") -> str | None:
 
     :param named: its name; without one it is ``raw/gnss``, else the only one of the first type that the bag has:
         fixes under the name ``fix``, fixes, GPSFix, NMEA sentences, texts with NMEA
-    :raises InputError: if there is no topic of this name, or it is not clear which it is, or positions are of a
-        type that cannot be read
+    :raises InputError: if there is no topic of this name, or it is not clear which it is
     """
     topics = reader.topics
     if named:
@@ -140,10 +141,6 @@ def fix_topic(reader: BagReader, named: str = "") -> str | None:
                 "has several topics with positions", f"name one with --fix-topic: {', '.join(sorted(found))}",
                 reader.path,
             )  # fmt: skip
-    if unread := _unreadable(reader):
-        readable = f"{FIX}, {GPS_FIX[0]}, {SENTENCE}, or NMEA as {TEXT}"
-        message = f"has positions only of a type that cannot be read: {', '.join(unread)}"
-        raise InputError(message, f"give them as {readable}, or with --nmea; {_OTHER_DRIVER}", reader.path)
     return None
 
 
@@ -174,14 +171,20 @@ def _is_nmea(reader: BagReader, topic: str) -> bool:
     return found > 0
 
 
-def _unreadable(reader: BagReader) -> list[str]:
-    """Topics with positions of types that cannot be read."""
-    return [
+def unread_positions(reader: BagReader) -> list[Problem]:
+    """Topics with positions of types that cannot be read, if there are any."""
+    found = [
         f"{name} ({kind})"
         for name, kind in sorted(reader.topics.items())
         if kind not in (*_READABLE, TEXT)
+        and not kind.startswith("soilmoist_msgs/")
         and (_GNSS_TYPE.search(kind.rpartition("/")[2]) or _COORDINATES.search(reader.definition_text(kind)))
     ]
+    if not found:
+        return []
+    message = f"has positions of types that cannot be read: {', '.join(found)}"
+    remedy = f"give them as {FIX}, {GPS_FIX[0]}, {SENTENCE}, or NMEA as {TEXT}, or with --nmea; {_OTHER_DRIVER}"
+    return [Problem(Kind.DOUBTFUL_POSITIONS, Mistake(message, remedy, reader.path))]
 
 
 def _choice_notes(reader: BagReader, topic: str) -> list[Problem]:

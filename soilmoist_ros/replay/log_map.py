@@ -165,18 +165,18 @@ def map_logs(
     for path in settings.earlier:
         find_runs(path.expanduser())
     logs = read_logs(paths, settings.logger, site, progress, settings.logger_topic)
-    logs = within(logs, settings.times_s)
+    part = within(logs, settings.times_s)
     track, track_problems = read_track(
-        settings.nmea, [] if settings.nmea else paths, settings.fix_topic, log_times(logs), settings.gnss_shift_s
+        settings.nmea, [] if settings.nmea else paths, settings.fix_topic, log_times(part), settings.gnss_shift_s
     )
-    placement, places = None, log_positions(logs, track, site)
-    source = position_source(logs, settings.nmea, site, field_file)
+    placement, places = None, log_positions(part, track, site)
+    source = position_source(part, settings.nmea, site, field_file)
     if field is not None:
         reach_m = max(field.extent_m, site.footprint_radius_m)  # no variogram yet
         placement = require_near(field, places, reach_m, source)
     progress("correcting and placing records", 0.0)
     try:
-        survey = process_logs(logs, site, field.frame if field else None, track)
+        survey = process_logs(logs, site, field.frame if field else None, track, times_s=settings.times_s)
     except InputError as fault:
         doubts = (one.mistake for one in track_problems if one.kind is Kind.DOUBTFUL_POSITIONS)
         raise InputError([*fault.mistakes, *doubts]) from None
@@ -432,20 +432,24 @@ def read_track(
     for path in [*paths, *(one for one in others if one.suffix in BAG_FILES)]:
         if path.suffix in BAG_FILES:
             from soilmoist_ros.recording.bag.reader import BagReader
-            from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes
+            from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes, unread_positions
 
             with BagReader(path) as reader:
                 name = fix_topic(reader, topic)
-                if name is None and path in paths:
-                    raise InputError("has no topic with positions", "name one with --fix-topic", path)
-                found, faults = ([], []) if name is None else read_fixes(reader, name, log_s, shift_s)
+                found, faults = (
+                    read_fixes(reader, name, log_s, shift_s) if name else ([], unread_positions(reader))
+                )
+            if name is None and path in paths:
+                missing = Mistake("has no topic with positions", "name one with --fix-topic", path)
+                raise InputError([one.mistake for one in faults] or [missing])
             if name is None:
+                problems += faults
                 continue
         else:
             found, faults = read_positions(path, log_s)
         fixes, problems, used = fixes + found, problems + faults, [*used, path]
     if not used:
-        return None, []
+        return None, problems
     if shift_s:
         fixes = [replace(fix, stamp_s=fix.stamp_s + shift_s) for fix in fixes]
         message = f"the times of the positions are shifted by {shift_s:+.0f} s (--gnss-shift)"

@@ -11,7 +11,7 @@ from pathlib import Path
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.replay.bag_lines import fix_topic, logger_topic, read_fixes, text_lines
+from soilmoist_ros.replay.bag_lines import fix_topic, logger_topic, read_fixes, text_lines, unread_positions
 from soilmoist_ros.replay.log_map import log_times
 from soilmoist_ros.replay.topics import FIX, TEXT, RunTopics
 from soilmoist_ros.sensing.formats.log_file import matching_formats
@@ -21,7 +21,7 @@ from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.checked_track import CheckedTrack
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
-from soilmoist_ros.sensing.problems import Problem
+from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.logs import process_logs
 
@@ -73,12 +73,18 @@ def read_raw(
         gnss = fix_topic(reader, fix_name)
     track = None
     problems: list[Problem] = []
-    if gnss is not None:
+    if gnss is None:
+        problems = unread_positions(reader)
+    else:
         fixes, problems = read_fixes(reader, gnss, log_times([log]))
         track = CheckedTrack(fixes)
         if (why := track.heard.why_none()) is not None:
             raise InputError(f"{gnss} {why.message}", f"{why.remedy}; or map its counts instead", reader.path)
-    survey = process_logs([log], site, frame, track, arms)
+    try:
+        survey = process_logs([log], site, frame, track, arms)
+    except InputError as fault:
+        doubts = (one.mistake for one in problems if one.kind is Kind.DOUBTFUL_POSITIONS)
+        raise InputError([*fault.mistakes, *doubts]) from None
     return RawSurvey(survey.all_records, [*survey.problems, *problems], log.format_title)
 
 

@@ -80,6 +80,8 @@ from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.knowledge.drift import Changing
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
+from soilmoist_ros.sensing.gnss import Fix
+from soilmoist_ros.sensing.position.heard import Heard
 from soilmoist_ros.sensing.records import CountRecord
 
 PLACE_TIME = "place_s"
@@ -191,6 +193,7 @@ class MissionControl:
         self._journal.keep(mission)
         self._mission = mission
         journal = self._journal
+        self._heard = Heard()
         self._feed = MissionFeed(
             mission,
             self._carry_out,
@@ -261,7 +264,7 @@ class MissionControl:
         missing = {
             "the time (is /clock published?)": self._clock.now_s() <= 0,
             self._current.waiting_for: self._access is None,
-            "a position": self._feed.place is None,
+            f"a position{f' ({self._no_place})' if self._no_place else ''}": self._feed.place is None,
             self.navigator.waiting_for: bool(self.navigator.waiting_for),
         }
         return tuple(what for what, lacks in missing.items() if lacks)
@@ -360,6 +363,17 @@ class MissionControl:
             "until_gain": rules.until_gain,
             **{name: _listed(value) for name, value in (changes.of_survey if changes else {}).items()},
         }
+
+    def hear(self, fix: Fix) -> None:
+        """An epoch of the receiver has come, with or without a place."""
+        self._heard.add(fix)
+        self.watch.fix_fault = "" if fix.no_place is None else f"{fix.no_place.text}, {fix.said}"
+
+    @property
+    def _no_place(self) -> str:
+        """Why no position has come, in words; empty if there is nothing to say about it."""
+        why = self._heard.why_none()
+        return why.message if why is not None and self._heard.epochs else ""
 
     def fix(self, place: tuple[float, float], sd_m: float = math.nan, stamp_s: float = math.nan) -> None:
         """The receiver reports a place [m]; one that is not plausible is ignored.
@@ -577,7 +591,8 @@ class MissionControl:
     def _age(self, name: str, age_s: float, limit_s: float) -> Health:
         values = {"without_place": str(self._records_lost)} if name == "records" else {}
         if math.isinf(age_s):
-            return Health(name, self._severity, "none has come", values)
+            none = self._no_place if name == "position" else ""
+            return Health(name, self._severity, none or "none has come", values)
         level = self._severity if age_s > limit_s else Level.OK
         return Health(name, level, f"{age_s:.0f} s old", {"age_s": f"{age_s:.1f}", **values})
 

@@ -162,6 +162,8 @@ class Watch:
         self._record_stamp_s = self._map_stamp_s = -math.inf
         self._trust = CountTrust(self.limits.counts_bad_s)
         self._logger_fault = ""
+        self.fix_fault = ""
+        """Why the last epoch of the receiver had no place; empty if it had one."""
         self._battery = Battery()
         self._battery_limits = {
             Cause.BATTERY_LOW: BatteryLimit(self.limits.battery_low, self.limits.battery_low_v),
@@ -357,8 +359,9 @@ class Watch:
         self._under_way = doing.under_way
         behind = doing.under_way and self._record_stamp_s > self._map_stamp_s
         fault = f" ({self._logger_fault})" if self._logger_fault else ""
+        no_fix = f" ({self.fix_fault})" if self.fix_fault else ""
         for cause, name, missed, limit_s, what, why in (
-            (Cause.FIX_OLD, "fix", True, limits.fix_old_s, "no plausible position for", ""),
+            (Cause.FIX_OLD, "fix", True, limits.fix_old_s, "no plausible position for", no_fix),
             (Cause.RECORDS_OLD, "record", doing.under_way, limits.records_old_s, "no record for", fault),
             (Cause.MAP_OLD, "map", behind, limits.map_old_s, "the map has taken in no record for", ""),
         ):

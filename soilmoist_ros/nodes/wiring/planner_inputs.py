@@ -93,7 +93,8 @@ class PlannerInputs:
             node.create_subscription(DiagnosticStatus, f"{name}/mission", partial(self._on_other, name), LATCHED)
 
     def _on_fix(self, message: NavSatFix) -> None:
-        fix = fix_from_message(message)
+        fix = fix_from_message(message, self._node.get_clock().now().nanoseconds * 1e-9)
+        self._control.hear(fix)
         place = self._frames.place(fix)
         if place is not None:
             self._control.fix(place, fix.position.horizontal_sd_m, fix.stamp_s)

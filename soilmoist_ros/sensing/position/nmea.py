@@ -47,7 +47,7 @@ QUALITY_OF_MODE = {"R": 4, "F": 5, "P": 3, "D": 2, "A": 1, "E": 6, "S": 8, "M": 
 _QUALITY_OF_PUBX = {"RK": 6, "DR": 6, "G2": 1, "G3": 1, "D2": 2, "D3": 2, "TT": 0, "NF": 0}
 _DATED = (b"RMC", b"ZDA", b"PUBX,04")
 _CHECKED = re.compile(rb"\$[^$*]*\*[0-9A-Fa-f]{2}")
-_DATE_BEFORE = re.compile(rb"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d)[^$]*\$")
+_DATE_BEFORE = re.compile(rb"(\d{4}[-/]\d\d[-/]\d\d[T ]\d\d:\d\d:\d\d)[^$]*\$")
 
 Values = dict[str, float | None]
 
@@ -327,7 +327,7 @@ class NmeaParser:
             self.sentences_read += 1
             return None  # an intact sentence of an unused type
         except (pynmea2.ParseError, ValueError, IndexError):
-            if not _is_other_message(found):
+            if not (_is_other_message(found) or _is_other_message(line)):
                 self._report(Kind.UNREADABLE, "the sentence is damaged")
             return None
         self.sentences_read += 1
@@ -517,7 +517,8 @@ def _pieces(lines: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
     """Number and bytes of each sentence: a line may have several, and a sentence several lines."""
     begun = b""
     for number, line in enumerate(lines, 1):
-        if begun and b"$" not in line and strip_checksum(begun + line.rstrip().rstrip(b"'\"")) is not None:
+        rest = line.rstrip().rstrip(b"'\"")
+        if begun and b"$" not in line and strip_checksum(begun.rpartition(b"$")[2] + rest) is not None:
             yield number, begun + line
             begun = b""
             continue
@@ -533,7 +534,7 @@ def _pieces(lines: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
 
 
 def _iso_s(text: bytes) -> float:
-    stamp_s = read_time(text.decode(), ("iso8601",))
+    stamp_s = read_time(text.decode().replace("/", "-"), ("iso8601",))
     return NAN if stamp_s is None else stamp_s
 
 
@@ -564,23 +565,24 @@ def _day_of(fixes_from: Callable[[float], list[Fix]], log_s: tuple[float, float]
     )
 
 
-_LOOKS = {
-    b"\xb5b": "binary messages of u-blox (UBX): convert them to NMEA, such as with u-center or ubx2nmea",
-    b"$@": "binary messages of Septentrio (SBF): convert them to NMEA, such as with sbf2nmea or SBF Converter",
-    b"\xaaD\x12": "binary messages of NovAtel: convert them to NMEA, such as with NovAtel Convert",
-    b"#BESTPOS": "ASCII messages of NovAtel: log GPGGA and GPZDA, too, or convert them to NMEA",
-    b"#": "ASCII messages of NovAtel or Unicore: log GPGGA and GPZDA, too, or convert them to NMEA",
-    b'{"class"': "JSON of gpsd: record NMEA with gpspipe -r",
-    b"\xd3\x00": "correction messages (RTCM), which have no position: record the output of the rover",
-}
+_LOOKS = (
+    (rb"\xb5b", "binary messages of u-blox (UBX)", "convert them to NMEA, such as with u-center"),
+    (rb"\$@", "binary messages of Septentrio (SBF)", "convert them to NMEA, such as with SBF Converter"),
+    (rb"\xaaD[\x12\x13]", "binary messages of NovAtel", "convert them to NMEA, such as with NovAtel Convert"),
+    (rb"#[A-Z]{3,}[A-D]?,", "ASCII messages of NovAtel or Unicore", "log GPGGA and GPZDA, too"),
+    (rb'{"class" *:', "JSON of gpsd", "record NMEA: gpspipe -r"),
+    (rb"RINEX VERSION", "raw observations (RINEX)", "compute positions from them first, such as with RTKLIB"),
+    (rb"\xd3\x00", "correction messages (RTCM), which have no position", "record the output of the rover"),
+    (rb"[\x00-\x08\x80-\xff]{8}", "binary messages of an unknown kind", "let the receiver send NMEA"),
+)
 
 
 def _no_sentence(lines: Sequence[bytes]) -> tuple[str, str]:
     """Why lines hold no sentence, and what to do."""
-    for begin, what in _LOOKS.items():
-        if any(line.startswith(begin) or (begin[0] > 126 and begin in line) for line in lines[:50]):
-            kind, _, remedy = what.partition(": ")
-            return f"has no NMEA sentence, but {kind}", remedy
+    head = b"\n".join(lines[:200])
+    for pattern, what, remedy in _LOOKS:
+        if re.search(pattern, head):
+            return f"has no NMEA sentence, but {what}", remedy
     return (
         "has no NMEA sentence with a correct checksum",
         "give the text that the GNSS receiver sent, with lines such as $GPGGA,...*hh",

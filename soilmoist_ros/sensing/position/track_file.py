@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
+from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.formats.log_values import decode_line, read_number, read_time
@@ -23,12 +24,14 @@ _HEAD = 50
 """Number of lines in which the header of a table is searched."""
 _LEAP_S = 18.0
 """GPS time minus UTC since 2017 [s]."""
+_GPS_EPOCH_S = 315_964_800.0
+"""1980-01-06, from which GPS counts its weeks [s since 1970]."""
 _LATITUDE = ("latitude", "lat", "y_lat", "gps_lat", "gps_latitude", "latitude_n")
 _LONGITUDE = ("longitude", "lon", "lng", "long", "gps_lon", "gps_long", "gps_longitude", "longitude_e")
 _ALTITUDE = ("altitude", "alt", "elevation", "ele", "height", "ellipsoidal_height", "gps_alt", "msl")
 _TIME = (
     "time", "timestamp", "datetime", "date_time", "time_utc", "utc_time", "utc", "utc_datetime", "gps_time",
-    "iso_time", "gpst", "unix_time", "unix", "epoch", "stamp", "averaging_end", "time_s", "timestamp_s",
+    "iso_time", "gpst", "unix_time", "unix", "epoch", "stamp",
 )  # fmt: skip
 _DATE = ("date", "utc_date", "date_utc", "day")
 
@@ -67,18 +70,20 @@ def _read_gpx(path: Path) -> tuple[list[Fix], list[Problem]]:
         if inside.get("fix", "").lower() == "none":
             fixes.append(Fix.without_place(stamp_s, NoPlace.NO_FIX, "GPX fix none"))
             continue
-        values = (point.get("lat", ""), point.get("lon", ""), inside.get("ele", ""))
-        fixes.append(_fix(stamp_s, *map(read_number, values)))
+        latitude, longitude = read_number(point.get("lat", "")), read_number(point.get("lon", ""))
+        fixes.append(_fix(stamp_s, latitude, longitude, read_number(inside.get("ele", ""))))
     if not fixes:
         raise InputError("is a GPX file without points", "export the track, not only its outline", path)
     return fixes, zones.problems
 
 
-def _fix(stamp_s: float, latitude: float | None, longitude: float | None, altitude: float | None) -> Fix:
+def _fix(
+    stamp_s: float, latitude: float | None, longitude: float | None, altitude: float | None, sd_m: float = NAN
+) -> Fix:
     if latitude is None or longitude is None or not is_place(latitude, (longitude + 180) % 360 - 180):
         return Fix.without_place(stamp_s, NoPlace.NO_COORDINATES, f"latitude {latitude}, longitude {longitude}")
     longitude = longitude - 360.0 if longitude > 180 else longitude
-    return Fix(stamp_s, Position(latitude, longitude, NAN if altitude is None else altitude), FixStatus.FIX)
+    return Fix(stamp_s, Position(latitude, longitude, NAN if altitude is None else altitude, sd_m), FixStatus.FIX)
 
 
 class _Zones:
@@ -88,9 +93,10 @@ class _Zones:
         self._path = path
         self.problems: list[Problem] = []
 
-    def stamp_s(self, text: str, line: int) -> float:
+    def stamp_s(self, text: str, line: int, known: bool = False) -> float:
         """Time of a text [s since 1970 UTC], NaN if it is empty.
 
+        :param known: whether the file states the zone elsewhere
         :raises InputError: if it cannot be understood
         """
         said = re.sub(r"\s*(UTC|GMT)$", "Z", text.strip().strip('"'))
@@ -103,8 +109,8 @@ class _Zones:
         stamp_s = read_time(said, ("iso8601",))
         if stamp_s is None:
             remedy = "write times as 2026-05-14T09:00:10Z, or as seconds since 1970: day and month are not guessed"
-            raise InputError([Mistake(f"{text[:40]!r} is no time that is known", remedy, self._path, line)])
-        if not self.problems and not re.search(r"(Z|[+-]\d\d:?\d\d)$", said):
+            raise InputError([Mistake(f"{text[:40]!r} is no time that can be read", remedy, self._path, line)])
+        if not known and not self.problems and not re.search(r"(Z|[+-]\d\d:?\d\d)$", said):
             message = f"times such as {text[:40]!r} have no time zone: they are read as UTC"
             self.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "if not: --gnss-shift", self._path)))
         return stamp_s
@@ -112,18 +118,18 @@ class _Zones:
 
 def _plain(name: str) -> str:
     name = re.sub(r"\(.*?\)|\[.*?\]|°", "", name.lower().strip().strip("\"'%# "))
-    return re.sub(r"_(deg|degrees|m|dd)$", "", re.sub(r"[\s./-]+", "_", name.strip()))
+    return re.sub(r"_(deg|degrees|m|dd|s|ms|us|ns)$", "", re.sub(r"[\s./-]+", "_", name.strip()))
 
 
 def _split(line: str, delimiter: str) -> list[str]:
     return line.split() if delimiter == " " else next(csv.reader([line], delimiter=delimiter), [])
 
 
-Table = tuple[str, int, dict[str, int], Sequence[bytes], bool]
+Table = tuple[str, int, dict[str, int], Sequence[bytes], str]
 
 
 def _table(lines: Sequence[bytes]) -> Table | None:
-    """Delimiter, line of the header, columns, lines, and whether times are GPS time; ``None`` without a header."""
+    """Delimiter, line of the header, columns, lines, and the scale of its times; ``None`` without a header."""
     for number, raw in enumerate(lines[:_HEAD], 1):
         line = decode_line(raw)
         for delimiter in ";\t, ":
@@ -132,18 +138,20 @@ def _table(lines: Sequence[bytes]) -> Table | None:
             found = {
                 key: next((names.index(name) for name in known if name in names), -1)
                 for key, known in (("lat", _LATITUDE), ("lon", _LONGITUDE), ("alt", _ALTITUDE), ("time", _TIME),
-                                   ("date", _DATE), ("quality", ("q",)))
+                                   ("date", _DATE), ("sdn", ("sdn",)), ("sde", ("sde",)))
             }  # fmt: skip
             if found["lat"] >= 0 and found["lon"] >= 0:
+                its = [names[at] for at in (found["time"], found["date"]) if at >= 0]
+                scale = "GPS" if "gpst" in its else "UTC" if any("utc" in name for name in its) else ""
                 if delimiter == " " and line.startswith("%"):  # of RTKLIB: date and time are two fields, one name
                     found = {key: at + (at > 0) for key, at in found.items()}
                     found["date"], found["time"] = 0, 1
-                return delimiter, number, found, lines, "gpst" in names
+                return delimiter, number, found, lines, scale
     return None
 
 
 def _read_table(
-    path: Path, delimiter: str, header: int, columns: dict[str, int], lines: Sequence[bytes], gps_time: bool
+    path: Path, delimiter: str, header: int, columns: dict[str, int], lines: Sequence[bytes], scale: str
 ) -> tuple[list[Fix], list[Problem]]:
     fixes, zones = [], _Zones(path)
     if columns["time"] < 0 and columns["date"] < 0:
@@ -155,15 +163,23 @@ def _read_table(
     for number, cells in _rows(lines[header:], header, delimiter):
         text = {key: cells[at].strip() if 0 <= at < len(cells) else "" for key, at in columns.items()}
         time = " ".join(filter(None, (text["date"], text["time"])))
-        stamp_s = zones.stamp_s(f"{time} UTC" if gps_time and time else time, number)
+        if re.fullmatch(r"\d{3,4}", text["date"]) and (of_week_s := read_number(text["time"])) is not None:
+            stamp_s = _GPS_EPOCH_S + 7 * DAY_S * int(text["date"]) + of_week_s
+        else:
+            stamp_s = zones.stamp_s(time, number, bool(scale))
         values = [text[key].replace(",", ".") if delimiter == ";" else text[key] for key in ("lat", "lon", "alt")]
         latitude, longitude, altitude = (read_number(value) for value in values)
-        for key, value, limit in (("lat", latitude, 90.0), ("lon", longitude, 360.0)):
+        for key, name, value, limit in (
+            ("lat", "latitude", latitude, 90.0),
+            ("lon", "longitude", longitude, 360.0),
+        ):
             if text[key] and (value is None or abs(value) > limit):
                 remedy = "give decimal degrees, such as 53.2680 and -0.5245"
-                raise InputError([Mistake(f"{text[key][:40]!r} is no {key} in degrees", remedy, path, number)])
-        fixes.append(_fix(stamp_s - _LEAP_S * gps_time, latitude, longitude, altitude))
-    if gps_time:
+                raise InputError([Mistake(f"{text[key][:40]!r} is no {name} in degrees", remedy, path, number)])
+        sds = [read_number(text[key]) for key in ("sdn", "sde")]
+        sd_m = math.hypot(sds[0], sds[1]) / math.sqrt(2) if sds[0] is not None and sds[1] is not None else NAN
+        fixes.append(_fix(stamp_s - _LEAP_S * (scale == "GPS"), latitude, longitude, altitude, sd_m))
+    if scale == "GPS":
         message = f"the times are GPS time: {_LEAP_S:g} leap seconds are taken off for UTC"
         zones.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", path)))
     return fixes, zones.problems

@@ -87,6 +87,7 @@ def process_logs(
     frame: LocalFrame | None = None,
     track: Track | None = None,
     arms: LeverArms = NO_ARMS,
+    times_s: tuple[float, float] = (-math.inf, math.inf),
 ) -> SurveyRecords:
     """Correct and geo-tag the records of one probe.
 
@@ -95,11 +96,12 @@ def process_logs(
     :param frame: plane of the coordinates; centred on the mean position if ``None``
     :param track: positions of a separate GNSS receiver; if ``None``, the positions in the logs are used
     :param arms: where antenna and sensor sit on the robot
+    :param times_s: begin and end of the part that is used, by the clock of the logger [s since 1970-01-01 UTC]
     :raises InputError: if the logs are of different probes, or were read with another clock than that of the site,
         or no record can be placed and corrected
     """
     _require_clock(logs, site.logger_utc_offset_hours)
-    entries = _in_order_of_time(logs)
+    entries = [one for one in _in_order_of_time(logs) if times_s[0] < one.record.stamp_s <= times_s[1]]
     problems = [problem for log in logs for problem in log.problems]
     remedy = "set the clock before each survey; places are found with the drift taken off"
     set_before = "set the clock before each survey; each part of the log is placed by its own offset"

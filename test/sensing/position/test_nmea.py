@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.formats.log_values import nmea_checksum
-from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, horizontal_sd
-from soilmoist_ros.sensing.position.nmea import NmeaParser, read_nmea
+from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, NoPlace, horizontal_sd
+from soilmoist_ros.sensing.position.nmea import NmeaParser, parse_nmea, read_nmea
 from soilmoist_ros.sensing.problems import Kind
 
 # The two sentences that every description of NMEA 0183 shows, with checksums as published.
@@ -112,6 +112,8 @@ def test_talkers(talker) -> None:
         ("4", FixStatus.RTK),
         ("5", FixStatus.RTK),
         ("6", FixStatus.FIX),
+        ("8", FixStatus.FIX),
+        ("9", FixStatus.SBAS),
     ],
 )
 def test_status(quality, status) -> None:
@@ -274,3 +276,120 @@ def test_files_without_sentences(tmp_path, data) -> None:
         read_nmea(path)
     with pytest.raises(InputError, match="no such file"):
         read_nmea(tmp_path / "b.nmea")
+
+
+@pytest.mark.parametrize(
+    ("lines", "reason", "said"),
+    [
+        ([rmc(), gga(quality="0")], NoPlace.NO_FIX, "GGA quality 0"),
+        ([rmc(), gga(quality="7")], NoPlace.TYPED_IN, "GGA quality 7"),
+        ([rmc(), gga(quality="12")], NoPlace.QUALITY_UNKNOWN, "GGA quality 12"),
+        ([rmc(status="V"), gga()], NoPlace.NO_FIX, "RMC status V"),
+        (
+            [rmc(lat="0000.0,N", lon="00000.0,E"), gga(lat="0000.0,N", lon="00000.0,E")],
+            NoPlace.NO_COORDINATES,
+            "GGA quality 1",
+        ),
+    ],
+)
+def test_an_epoch_without_a_place_says_why(lines, reason, said) -> None:
+    (fix,), _ = parse(*lines)
+    assert (fix.no_place, fix.said) == (reason, said)
+
+
+@pytest.mark.parametrize(
+    "dated",
+    ["GNZDA,100000.00,01,05,2024,00,00", "PUBX,04,100000.00,010524,208818.00,2312,18,1930035,-2660.664,43"],
+    ids=["ZDA", "PUBX"],
+)
+@pytest.mark.parametrize("first", [True, False])
+def test_other_sentences_have_the_date(dated, first) -> None:
+    lines = [sentence(dated), gga()] if first else [gga(), sentence(dated)]
+    (fix,), problems = parse(*lines, gga("100000.50"))[0][:1], []
+    assert fix.stamp_s == stamp("2024-05-01 10:00:00")
+    assert problems == []
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "quality"),
+    [
+        ("GNGNS,100000.00,5231.1000,N,01324.6000,E,AD,12,0.8,35.5,44.0,,", FixStatus.SBAS, 2),
+        ("GNGNS,100000.00,5231.1000,N,01324.6000,E,RR,12,0.8,35.5,44.0,,", FixStatus.RTK, 4),
+        ("GPGLL,5231.1000,N,01324.6000,E,100000.00,A,A", FixStatus.FIX, 1),
+        (
+            "PUBX,00,100000.00,5231.1000,N,01324.6000,E,79.5,D3,2.1,2.0,0.007,77.52,0.007,,0.92,1.19,0.77,9,0,0",
+            FixStatus.SBAS,
+            2,
+        ),
+    ],
+    ids=["GNS", "GNS RTK", "GLL", "PUBX"],
+)
+def test_other_sentences_have_the_place(body, status, quality) -> None:
+    (fix,), problems = parse(sentence(body), sentence("GNZDA,100000.00,01,05,2024,00,00"))
+    assert (fix.status, fix.quality, fix.stamp_s) == (status, quality, stamp("2024-05-01 10:00:00"))
+    assert fix.position.latitude_deg == pytest.approx(52.5183333)
+    assert fix.position.longitude_deg == pytest.approx(13.41)
+    assert problems == []
+
+
+EPOCHS = [(gga(f"1000{second:02d}"), rmc(f"1000{second:02d}")) for second in range(4)]
+UBX = b"\xb5b\x01\x07\x5c\x00" + bytes(range(0, 250, 3))
+FORMS = {
+    "binary messages between": lambda one: UBX + one + b"\r\n" + UBX,
+    "NovAtel between": lambda one: (
+        b"#BESTPOSA,COM1,0,90.5,FINESTEERING,2312,208818.0,0,b1f6,3;SOL*1a2b3c4d\r\n" + one
+    ),
+    "a logger's time before": lambda one: b"2024-05-01 10:00:07.123 [rx] " + one,
+    "quotes": lambda one: b"sentence: '" + one + b"'",
+    "lower case": lambda one: one[:-2] + one[-2:].lower(),
+    "two lines": lambda one: one[:25] + b"\r\n" + one[25:],
+    "no line ends": lambda one: one,
+    "no checksums": lambda one: one[:-3],
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_sentences_in_files_of_other_programs(tmp_path, form) -> None:
+    glue = b"" if form == "no line ends" else b"\r\n"
+    path = tmp_path / "a.log"
+    path.write_bytes(glue.join(FORMS[form](one) for pair in EPOCHS for one in pair) + glue)
+    fixes, problems = read_nmea(path)
+    assert [fix.stamp_s - stamp("2024-05-01 10:00:00") for fix in fixes] == [0, 1, 2, 3]
+    assert {fix.quality for fix in fixes} == {1}
+    assert [str(one.mistake.message) for one in problems] == (
+        ["no sentence has a checksum: damaged ones are not noticed"] if form == "no checksums" else []
+    )
+
+
+@pytest.mark.parametrize(
+    ("data", "what"),
+    [
+        (UBX * 9, "u-blox"),
+        (b"$@" + UBX[2:] * 9, "Septentrio"),
+        (b"#BESTPOSA,COM1,0,90.5,FINESTEERING,2312,1.0,0,b1f6,3;SOL*1a2b3c4d\r\n", "NovAtel"),
+        (b'{"class":"TPV","mode":3}\n', "gpspipe -r"),
+        (bytes(range(128, 255)), "unknown kind"),
+    ],
+)
+def test_files_of_other_protocols_are_named(tmp_path, data, what) -> None:
+    path = tmp_path / "a.log"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=what):
+        read_nmea(path)
+
+
+def test_without_a_date_the_day_is_that_of_the_log_or_asked_for(tmp_path) -> None:
+    lines = [gga("235958"), gga("235959"), gga("000000"), gga("000001")]
+    log_s = stamp("2024-05-01 23:30:00"), stamp("2024-05-02 00:30:00")
+    fixes, problems = parse_nmea(lines, tmp_path, log_s)
+    assert [fix.stamp_s - stamp("2024-05-02 00:00:00") for fix in fixes] == [-2, -1, 0, 1]
+    kept = [problem for problem in problems if not problem.lost]
+    assert [problem.kind for problem in kept] == [Kind.ASSUMED_TIME]
+    assert "the day is that of the log, 2024-05-01" in str(kept[0])
+    with pytest.raises(InputError, match="several of its days fit"):
+        parse_nmea(lines, tmp_path, (log_s[0], log_s[1] + 2 * 86_400.0))
+    with pytest.raises(InputError, match="positions, but no date .* no record at these times of day"):
+        parse_nmea(lines, tmp_path, (stamp("2024-05-01 10:00:00"), stamp("2024-05-01 11:00:00")))
+    before = [b"2024/05/03 01:59:50 " + line for line in lines]  # a logger in local time
+    fixes, _ = parse_nmea(before, tmp_path)
+    assert [fix.stamp_s - stamp("2024-05-03 00:00:00") for fix in fixes] == [-2, -1, 0, 1]
