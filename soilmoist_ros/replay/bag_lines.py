@@ -51,13 +51,15 @@ def text_lines(reader: BagReader, topic: str) -> list[bytes]:
 def logger_topic(reader: BagReader, named: str = "") -> str:
     """The topic with the lines of the logger.
 
-    :param named: its name; without one it is ``raw/logger``, or the only topic with texts
+    :param named: its name; without one it is ``raw/logger``, or the only topic with texts that are not NMEA
     :raises InputError: if there is none, or it is not clear which it is
     """
     if named:
         return reader.find_topic(named, TEXT)
     texts = [name for name, kind in reader.topics.items() if kind == TEXT]
     own = [name for name in texts if name.endswith("/raw/logger")]
+    if not own and len(texts) > 1:
+        texts = [name for name in texts if not _is_nmea(reader, name)] or texts
     if len(own or texts) == 1:
         return (own or texts)[0]
     counts = [name for name, kind in reader.topics.items() if kind == CLOUD and name.endswith("/counts")]
