@@ -24,9 +24,10 @@ from soilmoist_ros.nodes.parameters.sensor_driver import PARAMETERS, SETTINGS
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.runtime.soon import Soon
+from soilmoist_ros.nodes.runtime.topic_types import other_type
 from soilmoist_ros.nodes.wiring.driver_outputs import DriverOutputs
 from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
-from soilmoist_ros.sensing.gnss import fix_from_message
+from soilmoist_ros.sensing.gnss import FIX_TYPE, fix_from_message
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings
@@ -146,6 +147,9 @@ class SensorDriver(LifecycleNode):
         now_s = self._now_s()
         if self._driver is not None:
             serial = self._driver.stream.parser.serial
+            heard = self._driver.stream.survey.heard
+            if not heard.epochs and not self._given.text("gnss_uri"):
+                heard.other_type = other_type(self, "fix", FIX_TYPE)
             parts = self._driver.health(now_s)
             name = self.get_fully_qualified_name()
             self._diagnostics.publish(diagnostics_to_message(parts, now_s, name, serial))

@@ -10,10 +10,11 @@ from typing import Final, Self
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.sensing.gnss import FIX_TYPE
 
 CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 TEXT: Final = "std_msgs/msg/String"
-FIX: Final = "sensor_msgs/msg/NavSatFix"
+FIX: Final = FIX_TYPE
 SENTENCE: Final = "nmea_msgs/msg/Sentence"
 GPS_FIX: Final = ("gps_msgs/msg/GPSFix", "gps_common/msg/GPSFix")
 STATUS: Final = "diagnostic_msgs/msg/DiagnosticStatus"

@@ -13,6 +13,8 @@ from soilmoist_ros.sensing.records import NAN, Position
 
 Row = tuple[float, float, float]
 Covariance = tuple[Row, Row, Row]
+FIX_TYPE = "sensor_msgs/msg/NavSatFix"
+"""Type of the topic ``fix``."""
 UNKNOWN_COVARIANCE: Covariance = ((NAN, NAN, NAN),) * 3
 
 

@@ -193,7 +193,8 @@ class MissionControl:
         self._journal.keep(mission)
         self._mission = mission
         journal = self._journal
-        self._heard = Heard()
+        self.heard = Heard()
+        """What has come of the receiver."""
         self._feed = MissionFeed(
             mission,
             self._carry_out,
@@ -366,14 +367,15 @@ class MissionControl:
 
     def hear(self, fix: Fix) -> None:
         """An epoch of the receiver has come, with or without a place."""
-        self._heard.add(fix)
+        self.heard.add(fix)
         self.watch.fix_fault = "" if fix.no_place is None else f"{fix.no_place.text}, {fix.said}"
 
     @property
     def _no_place(self) -> str:
         """Why no position has come, in words; empty if there is nothing to say about it."""
-        why = self._heard.why_none()
-        return why.message if why is not None and self._heard.epochs else ""
+        why = self.heard.why_none()
+        told = why is not None and (self.heard.epochs or self.heard.other_type)
+        return why.message.removeprefix("has ") if why is not None and told else ""
 
     def fix(self, place: tuple[float, float], sd_m: float = math.nan, stamp_s: float = math.nan) -> None:
         """The receiver reports a place [m]; one that is not plausible is ignored.

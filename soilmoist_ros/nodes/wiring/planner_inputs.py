@@ -27,10 +27,11 @@ from soilmoist_ros.exploration.travel.topological_map import TopologicalMap, par
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import other_namespaces
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS, SENSOR
+from soilmoist_ros.nodes.runtime.topic_types import other_type
 from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_records import PlannerRecords
 from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
-from soilmoist_ros.sensing.gnss import fix_from_message
+from soilmoist_ros.sensing.gnss import FIX_TYPE, fix_from_message
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.sensing.survey.logger_fault import logger_fault
 
@@ -175,6 +176,8 @@ class PlannerInputs:
     def tick(self) -> None:
         """Check the frames, and use a map that waits; to be called every second."""
         self._control.watch.report(Cause.FRAME_MISMATCH, self._frames.tick())
+        if not self._control.heard.epochs:
+            self._control.heard.other_type = other_type(self._node, "fix", FIX_TYPE)
         self._ticks += 1
         if self._ticks % _AGAIN_TICKS == 0:
             self._map_fault = ""  # home or field may be others now

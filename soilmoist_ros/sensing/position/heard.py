@@ -36,6 +36,8 @@ class Heard:
         number of epochs without a position, by reason code and by what the receiver said
     by_quality : Counter
         number of epochs with a position, by the quality of GGA
+    other_type : str
+        what the topic has instead of positions, in words; empty if it is not known to have anything else
     first_s, last_s : float
         times of the first and the last epoch with a position and a time [s since 1970 UTC]
     """
@@ -44,6 +46,7 @@ class Heard:
         self.epochs = self.placed = 0
         self.without: Counter[tuple[NoPlace, str]] = Counter()
         self.by_quality: Counter[int] = Counter()
+        self.other_type = ""
         self.first_s, self.last_s = math.inf, -math.inf
 
     def add(self, fix: Fix) -> None:
@@ -72,6 +75,8 @@ class Heard:
         """Why there is no position with a time, ``None`` if there is one."""
         if self.first_s < math.inf:
             return None
+        if not self.epochs and self.other_type:
+            return Mistake(self.other_type, "publish the positions as sensor_msgs/NavSatFix, or set gnss_uri")
         if not self.epochs:
             remedy = "check that the receiver sends GGA or GNS with RMC or ZDA, or the topic of its positions"
             return Mistake("has no epoch of a receiver", remedy)

@@ -228,6 +228,7 @@ def fix_health(stream: SensorStream, now_s: float) -> Health:
     if fix is None:
         sentences = stream.sentences_read
         came = f": {sentences} sentences, none with a position (GGA, GNS, RMC or GLL)" if sentences else ""
+        came = f": {heard.other_type}" if heard.other_type else came
         dropped = stream.gnss_problems.lost.total()
         came += (
             f": {dropped} lines could not be read; check the baud rate in gnss_uri" if dropped and not came else ""

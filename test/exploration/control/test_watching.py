@@ -25,6 +25,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.sensing.gnss import Fix, NoPlace
 from soilmoist_ros.sensing.records import CountRecord
 
 BEGIN_S = 1.78e9
@@ -475,6 +476,24 @@ def test_the_first_place_needs_more_than_one_fix():
     farm.fixes = True
     farm.pass_by(3)
     assert farm.control.missing() == ()
+
+
+def test_without_a_position_it_is_said_what_came_instead():
+    farm = Farm()
+    control = farm.control
+
+    def health():
+        return next(one for one in control.health() if one.name == "position")
+
+    assert health().message == "none has come"
+    control.heard.other_type = "the topic fix has gps_msgs/msg/GPSFix, not sensor_msgs/msg/NavSatFix"
+    assert health().message == control.heard.other_type
+    for _ in range(4):
+        control.hear(Fix.without_place(math.nan, NoPlace.STATUS_UNKNOWN, "status -2"))
+    why = "no position in 4 epochs: status -2: unknown whether there is a fix (4)"
+    assert health().message == why
+    assert f"a position ({why})" in control.missing()
+    assert control.watch.fix_fault == "unknown whether there is a fix, status -2"
 
 
 @pytest.mark.parametrize("response", [Response.WARN, Response.IGNORE])

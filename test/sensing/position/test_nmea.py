@@ -388,7 +388,7 @@ def test_without_a_date_the_day_is_that_of_the_log_or_asked_for(tmp_path) -> Non
     assert "the day is that of the log, 2024-05-01" in str(kept[0])
     with pytest.raises(InputError, match="several of its days fit"):
         parse_nmea(lines, tmp_path, (log_s[0], log_s[1] + 2 * 86_400.0))
-    with pytest.raises(InputError, match="positions, but no date .* no record at these times of day"):
+    with pytest.raises(InputError, match=r"positions, but no date .* no record at these times of day"):
         parse_nmea(lines, tmp_path, (stamp("2024-05-01 10:00:00"), stamp("2024-05-01 11:00:00")))
     before = [b"2024/05/03 01:59:50 " + line for line in lines]  # a logger in local time
     fixes, _ = parse_nmea(before, tmp_path)

@@ -12,9 +12,10 @@ from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.log_header import Header
 from soilmoist_ros.sensing.formats.robot_logger import format_record
-from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
 from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.position.heard import utc_text
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.driver_health import fix_health, link_health, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream
@@ -187,3 +188,28 @@ def test_fixes_have_a_quality_and_an_age(survey):
     assert fix_health(survey, T0 + 21).level is Level.ERROR
     survey.take_fix(Fix(NAN, Position(50.0, 10.0), FixStatus.FIX))
     assert fix_health(survey, T0 + 21).message == "the last fix has no time"
+
+
+def test_what_came_instead_of_a_fix_is_said(survey):
+    survey.survey.heard.other_type = "the topic fix has gps_msgs/msg/GPSFix, not sensor_msgs/msg/NavSatFix"
+    assert fix_health(survey, T0).message == f"no fix yet: {survey.survey.heard.other_type}"
+    survey.take_fix(Fix.without_place(T0, NoPlace.STATUS_UNKNOWN, "status -2"))
+    part = fix_health(survey, T0)
+    assert part.level is Level.ERROR
+    assert "unknown whether there is a fix (status -2): records are not placed; the driver" in part.message
+    for stamp_s, words in (
+        (T0 - 1024 * 604_800, "exactly 1024 weeks earlier: the receiver's date has rolled over"),
+        (12.0, "simulated time"),
+        (T0 - 7200.0, "-2 h: local time instead of UTC"),
+    ):
+        survey.take_fix(Fix(stamp_s, Position(50.0, 10.0), FixStatus.FIX))
+        message = fix_health(survey, T0).message
+        assert words in message
+        assert f"by this computer {utc_text(T0)} (UTC)" in message
+
+
+def test_sentences_without_a_position_are_counted(survey):
+    survey.take_nmea_line(b"$GPGSV,1,1,00*79")
+    part = fix_health(survey, T0)
+    assert part.level is Level.WARN
+    assert part.message == "no fix yet: 1 sentences, none with a position (GGA, GNS, RMC or GLL)"
