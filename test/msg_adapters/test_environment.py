@@ -33,7 +33,8 @@ def fixes(draw):
     """Fixes of receivers, with a geoid separation of 0."""
     covariance = diagonal_covariance(draw(sds), draw(sds), draw(sds))
     sd = math.sqrt((covariance[0][0] + covariance[1][1]) / 2)
-    place = Position(draw(numbers(-90, 90)), draw(numbers(-180, 180)), draw(numbers(-400, 9000)), sd)
+    latitude_deg = draw(numbers(-90, 90).filter(bool))  # 0, 0 is no place
+    place = Position(latitude_deg, draw(numbers(-180, 180)), draw(numbers(-400, 9000)), sd)
     status = draw(st.sampled_from([status for status in FixStatus if status is not FixStatus.NO_FIX]))
     kind = draw(st.sampled_from([kind for kind in CovarianceKind if kind is not CovarianceKind.UNKNOWN]))
     stamp_s = T0 + draw(st.integers(0, 10**9)) / 16

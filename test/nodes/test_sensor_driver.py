@@ -321,6 +321,14 @@ def test_it_survives_what_connections_do(ros, start, outputs, logger):
     assert "Traceback" not in process.output()
 
 
+def test_another_type_on_the_topic_of_fixes_is_named(ros, start, outputs):
+    ros.node.create_publisher(String, "fix", qos.SENSOR)
+    start()
+    ros.wait_for(lambda: outputs.diagnostics and "has std_msgs/msg/String" in outputs.health("GNSS").message)
+    expected = "no fix yet: the topic fix has std_msgs/msg/String, not sensor_msgs/msg/NavSatFix"
+    assert outputs.health("GNSS").message == expected
+
+
 def test_fixes_come_by_topic_if_no_receiver_is_given(ros, start, outputs, logger):
     publisher = ros.node.create_publisher(NavSatFix, "fix", qos.SENSOR)
     start(fix_wait_s=30.0)
