@@ -57,6 +57,21 @@ def bag_of(path: Path) -> Path:
     return path / BAG if (path / BAG).is_dir() else path
 
 
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag: a file of one, or a folder with several."""
+    return path.suffix in BAG_FILES or (path / "metadata.yaml").is_file() or any(path.glob("*.bag"))
+
+
+def message_files(bag: Path) -> list[Path]:
+    """The files with the messages of a bag, including compressed files.
+
+    :param bag: folder of the bag, or its only file
+    """
+    if not bag.is_dir():
+        return [bag]
+    return [path for path in sorted(bag.iterdir()) if set(BAG_FILES) & set(path.suffixes)]
+
+
 def configuration_of(bag: Path) -> Path | None:
     """The folder with the configuration of a bag, in the bag's folder or next to it; ``None`` if there is none.
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.recording.bag.reader import BagReader, bags_of
 from soilmoist_ros.recording.bag.storage import recorder_notes
-from soilmoist_ros.recording.run_folder import BAG_FILES, bag_of, configuration_of, read_parameters
+from soilmoist_ros.recording.run_folder import bag_of, configuration_of, message_files, read_parameters
 from soilmoist_ros.replay.bag_lines import logger_topic
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
 from soilmoist_ros.replay.log_map import loss_rows, read_reference, reference_error, with_reference
@@ -239,12 +239,5 @@ def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -
 
 
 def _files(bag: Path) -> list[Path]:
-    """The files with a bag's messages, including compressed files."""
-    if not bag.is_dir():
-        return [bag]
-    return [
-        path
-        for one in bags_of(bag)
-        for path in (sorted(one.iterdir()) if one.is_dir() else [one])
-        if set(BAG_FILES) & set(path.suffixes)
-    ]
+    """The files with the messages of a bag, or of the bags in a folder."""
+    return [path for one in (bags_of(bag) if bag.is_dir() else [bag]) for path in message_files(one)]

@@ -31,7 +31,7 @@ from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
-from soilmoist_ros.recording.run_folder import BAG_FILES
+from soilmoist_ros.recording.run_folder import is_bag, message_files
 from soilmoist_ros.replay.file_facts import far_from_site, position_notes
 from soilmoist_ros.reporting.earlier.earlier_runs import (
     EarlierRun,
@@ -340,7 +340,7 @@ def read_logs(
     logs = []
     for index, path in enumerate(paths):
         progress("reading logs", index / len(paths))
-        if path.suffix in BAG_FILES:
+        if is_bag(path):
             # logs of a logger are read without the extra with recordings
             from soilmoist_ros.recording.bag.reader import BagReader
             from soilmoist_ros.replay.bag_lines import logger_topic, text_lines
@@ -429,8 +429,8 @@ def read_track(
     fixes: list[Fix] = []
     problems: list[Problem] = []
     used: list[Path] = []
-    for path in [*paths, *(one for one in others if one.suffix in BAG_FILES)]:
-        if path.suffix in BAG_FILES:
+    for path in [*paths, *filter(is_bag, others)]:
+        if is_bag(path):
             from soilmoist_ros.recording.bag.reader import BagReader
             from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes, unread_positions
 
@@ -456,7 +456,8 @@ def read_track(
         problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", used[0])))
     track = CheckedTrack(fixes)
     if (why := track.heard.why_none()) is not None:
-        raise InputError([replace(why, path=used[0])])
+        chosen = (one.mistake for one in problems if one.kind is Kind.CHOSEN_POSITIONS)
+        raise InputError([replace(why, path=used[0]), *chosen])
     return track, problems
 
 
@@ -476,13 +477,13 @@ def _grid(field: Field | None, survey: SurveyRecords, site: Site, cell_m: float 
 def _inputs(
     logs: Sequence[LogFile], settings: MapSettings, covariates: Sequence[CovariateSource]
 ) -> list[InputFile]:
-    others = [("GNSS log", path) for path in settings.nmea]
+    others = [("GNSS log", file) for path in settings.nmea for file in message_files(path)]
     others += [("site", Path(settings.site))] if settings.site else []
     others += [("field", Path(settings.field))] if settings.field else []
     others += [("reference sensor", settings.reference)] if settings.reference else []
     others += [("covariate", path) for path in dict.fromkeys(one.path for one in covariates)]
     return [
-        *(input_file(log.path, "neutron log", len(log.records)) for log in logs),
+        *(input_file(path, "neutron log", len(log.records)) for log in logs for path in message_files(log.path)),
         *(input_file(path, role, None) for role, path in others),
     ]
 

@@ -14,12 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.placement import PositionSource, require_near
+from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import read_parameters
+from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes, unread_positions
 from soilmoist_ros.reporting.field_survey import FieldSurvey
+from soilmoist_ros.sensing.position.heard import Heard
 from soilmoist_ros.sensing.records import CountRecord
 
 
@@ -87,6 +90,22 @@ def recorded_places(configuration: Path | None, field: Field) -> RecordedPlaces:
     return RecordedPlaces(field.frame, field)
 
 
+def _why_unplaced(records: Sequence[CountRecord], path: Path) -> Mistake | None:
+    """Why no record of a recording has a place, from its positions; ``None`` if these do not say."""
+    heard = Heard()
+    try:
+        with BagReader(path) as reader:
+            if (topic := fix_topic(reader)) is None:
+                unread = unread_positions(reader)
+                return unread[0].mistake if unread else None
+            for fix in read_fixes(reader, topic)[0]:
+                heard.add(fix)
+    except InputError:
+        return None  # of several robots, or damaged
+    stamps = [record.stamp_s for record in records]
+    return heard.why_not_at(min(stamps), max(stamps)) if stamps else heard.why_none()
+
+
 def why_nothing(survey: FieldSurvey, records: Sequence[CountRecord], path: Path) -> InputError:
     """Why none of the records is in the map: they lie elsewhere, or have other faults.
 
@@ -96,6 +115,8 @@ def why_nothing(survey: FieldSurvey, records: Sequence[CountRecord], path: Path)
     """
     places = [(record.x_m, record.y_m) for record in records if np.isfinite(record.x_m + record.y_m)]
     field = survey.field
+    if not places and (why := _why_unplaced(records, path)) is not None:
+        return InputError([why])
     if places:
         try:
             source = PositionSource("the recording", field_file=dict(survey.files).get("field"))

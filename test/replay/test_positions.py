@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +14,18 @@ from click.testing import CliRunner
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as FolderWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.cli.main import main
+from soilmoist_ros.replay.recorded_place import why_nothing
+from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.formats.log_values import nmea_checksum
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
-from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.sensing.records import CountRecord, LoggerRecord
 
+GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 T0 = 1_778_749_200.0  # 2026-05-14 09:00 UTC
 RECORDS, SECONDS = 12, 121
 TEXT, FIX = "std_msgs/msg/String", "sensor_msgs/msg/NavSatFix"
@@ -128,6 +134,16 @@ def bag(path, types, topics, **how):
                 made[topic] = made.get(topic) or writer.add_connection(topic, kind, typestore=types.store)
                 writer.write(made[topic], round(time_s * 1e9), types.data(message))
         return path
+    if not path.suffix:
+        writer = FolderWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
+        writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
+        with writer:
+            made = {}
+            for topic, time_s, message in messages:
+                kind = message.__msgtype__
+                made[topic] = made.get(topic) or writer.add_connection(topic, kind, typestore=types.store)
+                writer.write(made[topic], round(time_s * 1e9), types.data(message))
+        return path
     ros1 = types.ros == 1
     with path.open("wb") as file:
         writer = McapWriter(file, **how)
@@ -163,6 +179,7 @@ FILES = {
     "noindex.mcap": (2, NO_INDEX),
     "ros1.mcap": (1, {}),
     "a.bag": (1, {}),
+    "folder": (2, {}),
 }
 
 
@@ -288,3 +305,19 @@ def test_times_and_durations_that_cannot_be_read_are_refused(tmp_path, log, text
     assert (code, "--from must be before --to" in said) == (2, True)
     code, said = run("map", log, "--out", tmp_path / "out", "--from", "2026-05-15")
     assert (code, "the log lasts from 2026-05-14 09:00:10 to 2026-05-14 09:02:00 UTC" in said) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda types, n: types.fix(n, T0 + n, status=-2), "status -2: unknown whether there is a fix (121)"),
+        (lambda types, n: types.fix(n, T0 + n - 1024 * 604_800), "exactly 1024 weeks earlier"),
+    ],
+    ids=["status -2", "roll-over"],
+)
+def test_a_replay_without_places_has_the_reason_of_the_receiver(tmp_path, make, words):
+    types = Types(2)
+    path = bag(tmp_path / "a.mcap", types, {"/fix": lambda n: make(types, n)})
+    survey = open_survey(str(GOLDEN / "one_stop" / "configuration" / "field.yaml"))
+    records = [CountRecord(T0 + 10 * n, math.nan, math.nan, math.nan, 60, 10.0, 9.0) for n in range(1, 13)]
+    assert words in str(why_nothing(survey, records, path))

@@ -559,8 +559,7 @@ def _day_of(fixes_from: Callable[[float], list[Fix]], log_s: tuple[float, float]
     raise InputError(
         f"has positions, but no date (neither RMC nor ZDA): they are from {clock}, the log from "
         f"{utc_text(log_s[0])} to {utc_text(log_s[1])}: {other}",
-        "let the receiver send RMC or ZDA, too"
-        + ("; or give a log and a file of positions for each day" if found else ""),
+        "let the receiver send RMC or ZDA, too" + ("; or map one day: --from, --to" if found else ""),
         path,
     )
 

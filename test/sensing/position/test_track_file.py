@@ -5,8 +5,11 @@
 import math
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing.gnss import FixStatus
 from soilmoist_ros.sensing.position.track_file import read_positions
 from soilmoist_ros.sensing.problems import Kind
 
@@ -76,3 +79,25 @@ def test_times_without_a_zone_are_said_once_and_rows_without_a_place_are_no_fix(
 def test_what_cannot_be_read_is_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         read(tmp_path, text)
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    st.sampled_from(
+        [b"", b"<gpx><trkpt ", b"time,lat,lon\n", b"lat;lon;unix\n", b"%  GPST latitude(deg) longitude(deg)\n"]
+    ),
+    st.one_of(
+        st.binary(max_size=200),
+        st.lists(
+            st.sampled_from([b"1", b"2026-05-14", b"\n", b",", b";", b" ", b"9e99", b"-5", b'"', b"$GPGGA,"])
+        ).map(b"".join),
+    ),
+)
+def test_any_bytes_are_read_or_refused(tmp_path_factory, head, rest):
+    path = tmp_path_factory.getbasetemp() / "any.track"
+    path.write_bytes(head + rest)
+    try:
+        fixes, _ = read_positions(path, (T0, T0 + 60.0))
+    except InputError:
+        return
+    assert all(math.isnan(fix.position.latitude_deg) == (fix.status is FixStatus.NO_FIX) for fix in fixes)
