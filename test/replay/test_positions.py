@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import math
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -121,7 +122,7 @@ class Types:
         return bytes(store.serialize_ros1(message, name) if self.ros == 1 else store.serialize_cdr(message, name))
 
 
-def bag(path, types, topics, **how):
+def bag(path, types, topics, packed=True, **how):
     """A file with the lines of a logger, and topics with a message a second."""
     spoken = [("/crns/line", T0 + n, types.make(TEXT, line)) for n, line in enumerate(log_lines())]
     heard = [(topic, T0 + n + 0.1, make(n)) for topic, make in topics.items() for n in range(SECONDS)]
@@ -136,7 +137,8 @@ def bag(path, types, topics, **how):
         return path
     if not path.suffix:
         writer = FolderWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
-        writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
+        if packed:
+            writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
         with writer:
             made = {}
             for topic, time_s, message in messages:
@@ -321,3 +323,15 @@ def test_a_replay_without_places_has_the_reason_of_the_receiver(tmp_path, make, 
     survey = open_survey(str(GOLDEN / "one_stop" / "configuration" / "field.yaml"))
     records = [CountRecord(T0 + 10 * n, math.nan, math.nan, math.nan, 60, 10.0, 9.0) for n in range(1, 13)]
     assert words in str(why_nothing(survey, records, path))
+
+
+@pytest.mark.parametrize(("kind", "code"), [("Sentence", 0), ("GPSFix", 2)])
+def test_older_bags_have_no_definitions(tmp_path, kind, code):
+    types = Types(2)
+    folder = bag(tmp_path / "folder", types, {"/gnss": KINDS[kind](types)}, packed=False)
+    (file,) = folder.glob("*.db3")
+    with sqlite3.connect(file) as base:
+        base.execute("DROP TABLE message_definitions")
+    found, said = run("check", "--log", file)
+    assert found == code
+    assert ("12 records at 53.27 N" if code == 0 else "has no definition of gps_msgs/msg/GPSFix") in said

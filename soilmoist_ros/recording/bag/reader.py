@@ -29,6 +29,7 @@ from soilmoist_ros.sensing.records import CountRecord
 
 VISIT = "soilmoist_msgs/msg/Visit"
 """Type of the topic ``visits``."""
+_SENTENCE: Final = "std_msgs/Header header\nstring sentence"
 GIVE: Final = "give the folder of a bag, or an MCAP, db3 or ROS 1 .bag file"
 
 
@@ -79,6 +80,8 @@ class BagReader:
             if topic.definition.text
         }
         self._types = get_typestore(Stores.EMPTY if self._definitions else Stores.ROS2_JAZZY)
+        if not self._definitions:  # SQLite before ROS 2 Iron has none
+            self._types.register(get_types_from_msg(_SENTENCE, "nmea_msgs/msg/Sentence"))
 
     @property
     def topics(self) -> Mapping[str, str]:
@@ -150,6 +153,9 @@ class BagReader:
         """
         try:
             self._learn(message.type_name)
+            if message.type_name not in self._types.fielddefs:
+                remedy = "convert it to MCAP by 'ros2 bag convert' where ROS has this type"
+                raise InputError(f"has no definition of {message.type_name}", remedy, self.path)
             return self._types.deserialize_cdr(message.data, message.type_name)
         except Exception as error:  # a stranger's definition and data: rosbags does not check everything
             raise _damaged(self.path, error) from None

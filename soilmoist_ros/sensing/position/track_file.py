@@ -8,6 +8,7 @@ import csv
 import math
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,7 +16,7 @@ from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.formats.log_values import decode_line, read_number, read_time
-from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, is_place
+from soilmoist_ros.sensing.gnss import STATUS_OF_QUALITY, Fix, FixStatus, NoPlace, is_place
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
@@ -31,9 +32,11 @@ _LONGITUDE = ("longitude", "lon", "lng", "long", "gps_lon", "gps_long", "gps_lon
 _ALTITUDE = ("altitude", "alt", "elevation", "ele", "height", "ellipsoidal_height", "gps_alt", "msl")
 _TIME = (
     "time", "timestamp", "datetime", "date_time", "time_utc", "utc_time", "utc", "utc_datetime", "gps_time",
-    "iso_time", "gpst", "unix_time", "unix", "epoch", "stamp",
+    "iso_time", "gpst", "date_time_utc", "utc_t", "unix_time", "unix", "epoch", "stamp",
 )  # fmt: skip
-_DATE = ("date", "utc_date", "date_utc", "day")
+_QUALITY = ("quality", "fix_quality", "gps_quality", "gga_quality")
+"""Columns with the quality of GGA."""
+_DATE = ("date", "utc_date", "date_utc", "day", "utc_d")
 
 
 def read_positions(path: Path | str, log_s: tuple[float, float] | None = None) -> tuple[list[Fix], list[Problem]]:
@@ -138,7 +141,8 @@ def _table(lines: Sequence[bytes]) -> Table | None:
             found = {
                 key: next((names.index(name) for name in known if name in names), -1)
                 for key, known in (("lat", _LATITUDE), ("lon", _LONGITUDE), ("alt", _ALTITUDE), ("time", _TIME),
-                                   ("date", _DATE), ("sdn", ("sdn",)), ("sde", ("sde",)))
+                                   ("date", _DATE), ("sdn", ("sdn",)), ("sde", ("sde",)),
+                                   ("quality", _QUALITY), ("hrms", ("hrms", "h_rms")))
             }  # fmt: skip
             if found["lat"] >= 0 and found["lon"] >= 0:
                 its = [names[at] for at in (found["time"], found["date"]) if at >= 0]
@@ -176,9 +180,19 @@ def _read_table(
             if text[key] and (value is None or abs(value) > limit):
                 remedy = "give decimal degrees, such as 53.2680 and -0.5245"
                 raise InputError([Mistake(f"{text[key][:40]!r} is no {name} in degrees", remedy, path, number)])
+        quality = read_number(text["quality"])
+        if quality is not None and (status := STATUS_OF_QUALITY.get(int(quality))) is None:
+            why = NoPlace.QUALITY_UNKNOWN if quality else NoPlace.NO_FIX
+            fixes.append(Fix.without_place(stamp_s - _LEAP_S * (scale == "GPS"), why, f"quality {quality:g}"))
+            continue
         sds = [read_number(text[key]) for key in ("sdn", "sde")]
         sd_m = math.hypot(sds[0], sds[1]) / math.sqrt(2) if sds[0] is not None and sds[1] is not None else NAN
-        fixes.append(_fix(stamp_s - _LEAP_S * (scale == "GPS"), latitude, longitude, altitude, sd_m))
+        if (rms_m := read_number(text["hrms"])) is not None:
+            sd_m = rms_m / math.sqrt(2)
+        fix = _fix(stamp_s - _LEAP_S * (scale == "GPS"), latitude, longitude, altitude, sd_m)
+        if quality is not None and fix.no_place is None:
+            fix = replace(fix, status=status or FixStatus.FIX, quality=int(quality))
+        fixes.append(fix)
     if scale == "GPS":
         message = f"the times are GPS time: {_LEAP_S:g} leap seconds are taken off for UTC"
         zones.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", path)))
