@@ -15,6 +15,7 @@ import click
 
 from soilmoist_ros.cli.answers.answer import answering, put, say, warn, wrote
 from soilmoist_ros.cli.options.names import InputFile, Name
+from soilmoist_ros.cli.options.times import Moment
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import listing
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.survey.logs import CalibrationCounts
 
 DAY_S = 86_400.0
-TIME = click.DateTime(["%Y-%m-%d", "%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M", "%Y-%m-%d %H:%M:%S"])
+TIME = Moment()
 
 
 @click.command("calibrate")

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,9 +45,9 @@ if TYPE_CHECKING:
     multiple=True,
     help="Positions, for loggers without them: NMEA, GPX, CSV, RTKLIB or a bag, by content. Repeatable.",
 )
-@click.option("--from", "start_s", type=Moment(), metavar="TIME", default=-math.inf, show_default=False,
+@click.option("--from", "start", type=Moment(), metavar="TIME",
               help="Map records after this time, such as 2026-05-02T14:30+02:00; UTC without a zone.")  # fmt: skip
-@click.option("--to", "end_s", type=Moment(), metavar="TIME", default=math.inf, show_default=False,
+@click.option("--to", "end", type=Moment(), metavar="TIME",
               help="Map records up to this time; UTC without a zone.")  # fmt: skip
 @click.option("--gnss-shift", "gnss_shift_s", type=Shift(), metavar="DURATION", default=0.0, show_default=False,
               help="Time added to that of the positions, such as 1024w, 2h or -18s. Default: none.")  # fmt: skip
@@ -92,8 +93,8 @@ def command(
     overwrite: bool,
     figures: tuple[str, ...],
     covariates: tuple[str, ...],
-    start_s: float,
-    end_s: float,
+    start: datetime | None,
+    end: datetime | None,
     **choices: Any,
 ) -> None:
     """Map soil moisture from neutron LOGS.
@@ -102,6 +103,7 @@ def command(
 
     Writes summary.json, map.tif, samples.geojson, soilmoist.qgs and report.html to the folder --out.
     """
+    start_s, end_s = start.timestamp() if start else -math.inf, end.timestamp() if end else math.inf
     if start_s >= end_s:
         raise click.UsageError("--from must be before --to")
     prepare_output(out, overwrite)
@@ -131,7 +133,7 @@ def command(
         run = map_logs(logs, settings, progress, compute)
         progress("writing the results", 0.0)
         written = [*write_outputs(out, run, crs), *write_figures(out, run_figures(run), figures)]
-    if math.isfinite(start_s) or math.isfinite(end_s):
+    if start or end:
         stamps = [record.stamp_s for record in run.track]
         say(f"time       {' to '.join(map(utc_text, (min(stamps), max(stamps))))} UTC, by --from and --to")
     _print_summary(run)

@@ -189,7 +189,7 @@ def fix_from_message(message: Any, received_s: float = NAN) -> Fix:
     :param message: a sensor_msgs/NavSatFix, or a gps_msgs/GPSFix, decoded by ROS or by rosbags
     :param received_s: time at which it was received [s since 1970 UTC]; NaN if unknown
     """
-    stamp_s = stamp_of(message) or received_s
+    stamp_s = stamp_of(message) or received_s or NAN
     latitude_deg, longitude_deg = float(message.latitude), float(message.longitude)
     said = int(message.status.status)
     status = (_GPS_FIX if hasattr(message, "err_horz") else _NAV_SAT).get(said)

@@ -14,21 +14,21 @@ _UNITS_S = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0, "w": 604_800.0}
 
 
 class Moment(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A time in ISO 8601 with or without a time zone, as seconds since 1970; without a zone it is UTC."""
+    """A time in ISO 8601 with or without a time zone, converted to UTC; without a zone it is UTC."""
 
     name = "time"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Seconds since 1970-01-01 UTC."""
-        if isinstance(value, float):
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> datetime:
+        """The time in UTC."""
+        if isinstance(value, datetime):
             return value
         try:
             moment = datetime.fromisoformat(re.sub(r"\s*(UTC|GMT|Z)$", "+00:00", str(value).strip()))
-        except ValueError:
+            return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
+        except (ValueError, OverflowError):
             self.fail(
                 f"{value!r} is no time: write 2026-05-02T14:30Z, 2026-05-02T16:30+02:00 or 2026-05-02", param
             )
-        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 class Shift(click.ParamType):  # type: ignore[type-arg,unused-ignore]

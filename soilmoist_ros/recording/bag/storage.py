@@ -8,7 +8,7 @@ import contextlib
 import sqlite3
 import tempfile
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 from typing import Any, Final, Protocol
 
@@ -156,13 +156,21 @@ def _message(data: bytes) -> bytes:
     return zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES).stream_reader(data).read(MAX_CHUNK_BYTES)
 
 
+def _as_ros2(topic: Topic) -> Topic:
+    """A topic with the name that its type has in ROS 2: ``std_msgs/msg/String``."""
+    package, _, kind = topic.definition.type_name.partition("/")
+    if topic.definition.encoding != ROS1 or "/" in kind:
+        return topic
+    return replace(topic, definition=replace(topic.definition, type_name=f"{package}/msg/{kind}"))
+
+
 class _Mcap:
     def __init__(self, path: Path, packed: bool) -> None:
         self._path = path
         self._packed = packed
         scan = McapScan(path)
         if scan.read_summary() and scan.statistics is not None:
-            numbers, topics = scan.statistics, scan.topics()
+            numbers, topics = scan.statistics, {key: _as_ros2(one) for key, one in scan.topics().items()}
             counts: dict[str, int] = {}
             for number, topic in topics.items():
                 had = counts.get(topic.name, 0)
@@ -176,7 +184,7 @@ class _Mcap:
             name = message.topic.name
             content.counts[name] = content.counts.get(name, 0) + 1
             content.extent = content.extent.with_message(message.log_ns)
-        content.topics = list(scan.topics().values())
+        content.topics = list(map(_as_ros2, scan.topics().values()))
         self.content = content
         self._check(scan)
 
@@ -185,7 +193,7 @@ class _Mcap:
         for message in scan.sorted_messages() if by_time else scan.messages():
             if message.topic.name in topics:
                 data = _message(message.data) if self._packed else message.data
-                definition = message.topic.definition
+                definition = _as_ros2(message.topic).definition
                 if definition.encoding == ROS1:
                     data = converted(Connection(message.topic.name, definition.type_name, definition.text), data)
                 yield message.topic.name, definition.type_name, message.log_ns, data

@@ -269,11 +269,9 @@ class McapScan:
                 return None
             text = schema.data.decode("utf-8", "replace")
             type_hash = channel.metadata.get("topic_type_hash", "")
-            package, slash, kind = schema.name.partition("/")
-            name = f"{package}/msg/{kind}" if slash and "/" not in kind else schema.name  # ROS 1 has no "msg"
             self._topics[number] = Topic(
                 channel.topic,
-                Definition(name, text, schema.encoding, type_hash),
+                Definition(schema.name, text, schema.encoding, type_hash),
                 self._offered(channel.metadata.get("offered_qos_profiles", "")),
             )
         return self._topics[number]

@@ -19,6 +19,8 @@ ROLLOVER_S = 1024 * 7 * DAY_S
 MAX_EDGE_S = 120.0
 """Largest difference of the ends of two spans of one survey [s]."""
 MAX_ZONE_H = 14.0
+MAX_REASONS = 50
+"""Number of reasons that are counted apart: a live receiver may send any number."""
 ROLLED_OVER = "exactly 1024 weeks earlier: the receiver's date has rolled over"
 SIMULATED = "simulated time, or the time since the device was switched on"
 
@@ -53,7 +55,9 @@ class Heard:
         """An epoch has come."""
         self.epochs += 1
         if fix.status is FixStatus.NO_FIX:
-            self.without[fix.no_place or NoPlace.NO_FIX, fix.said or "no status"] += 1
+            key = fix.no_place or NoPlace.NO_FIX, fix.said or "no status"
+            known = key in self.without or len(self.without) < MAX_REASONS
+            self.without[key if known else (key[0], "others")] += 1
             return
         self.placed += 1
         self.by_quality[fix.quality] += 1

@@ -491,7 +491,8 @@ def parse_nmea(
     if math.isnan(first_s):
         first_s = next((_iso_s(match[1]) for _, line in pieces if (match := _DATE_BEFORE.search(line))), NAN)
     assumed = []
-    if math.isnan(first_s) and log_s is not None:
+    placed = any(math.isnan(fix.stamp_s) and fix.no_place is None for fix in fixes)
+    if math.isnan(first_s) and log_s is not None and placed:
         first_s = log_s[0] + DAY_S * _day_of(lambda s: _parsed(pieces, path, s, checked)[0], log_s, path)
         day = utc_text(first_s)[:10]
         message = f"the sentences have no date (neither RMC nor ZDA): the day is that of the log, {day}"
