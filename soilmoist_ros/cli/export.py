@@ -10,6 +10,7 @@ import click
 
 from soilmoist_ros.cli.answers.answer import answering, warn, wrote
 from soilmoist_ros.cli.options.names import FILE, Name
+from soilmoist_ros.cli.options.output_options import confirmed, overwrite_option
 from soilmoist_ros.foundation.errors import InputError
 
 
@@ -31,6 +32,7 @@ from soilmoist_ros.foundation.errors import InputError
               help="Distance of contour lines [% by volume, or counts/s]. Default: a round one.")  # fmt: skip
 @click.option("--root-depth", "root_depth_mm", type=click.FloatRange(min=0, min_open=True),
               help="Depth of the root zone for the water of zones [mm]. Default: the run's, or 300.")  # fmt: skip
+@overwrite_option("Replace the files of an earlier export.")
 @answering
 def command(
     run: Path,
@@ -40,6 +42,7 @@ def command(
     min_zone_ha: float | None,
     step: float | None,
     root_depth_mm: float | None,
+    overwrite: bool,
 ) -> None:
     """Export a RUN for GIS, phones and farm terminals.
 
@@ -51,4 +54,8 @@ def command(
     from soilmoist_ros.reporting.exports.source import ExportSettings
 
     settings = ExportSettings(zones, min_zone_ha, step, root_depth_mm)
-    wrote(export_run(run, names, out, settings, lambda text: warn(f"note: {text}")))
+
+    def replaces(held: str) -> bool:
+        return overwrite or confirmed(out or run / "export", held)
+
+    wrote(export_run(run, names, out, settings, lambda text: warn(f"note: {text}"), replaces))

@@ -68,7 +68,7 @@ class OpenedRun:
             places = np.array([feature["geometry"]["coordinates"][:2] for feature in found], float).reshape(-1, 2)
             columns: Columns = {"longitude_deg": places[:, 0], "latitude_deg": places[:, 1]}
             for key in found[0]["properties"] if found else ():
-                if key != "kind":
+                if key not in ("kind", "calibrated"):
                     columns[key] = np.array([feature["properties"][key] for feature in found], float)
                     columns[key].shape = (len(found),)
         except (KeyError, TypeError, ValueError, OverflowError) as error:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, FieldChange
 from soilmoist_ros.recording.record_table import write_records
 from soilmoist_ros.recording.run_folder import SUMMARY
+from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import PropertyMap
 from soilmoist_ros.reporting.files.cell_raster import CellBand, write_cell_raster
@@ -27,11 +28,18 @@ from soilmoist_ros.reporting.output_folder import (
     replaced_together,
     writable,
 )
+from soilmoist_ros.reporting.page.irrigation import calibration_of
 from soilmoist_ros.reporting.page.report import write_report
 from soilmoist_ros.reporting.run import MapRun
 
 if TYPE_CHECKING:
     from pyproj import CRS
+
+
+GUESSED = (
+    "Soil moisture map from cosmic-ray neutron counts, by Poisson kriging; illustrative calibration: the pattern "
+    "is real, the level of the moisture is not"
+)
 
 
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
@@ -128,10 +136,12 @@ def change_bands(change: FieldChange) -> dict[str, CellBand]:
 def _tags(run: MapRun) -> dict[str, str]:
     return {
         "SOILMOIST_SIMULATED": "yes" if run.simulated else "no",
+        CALIBRATION_TAG: calibration_of(run),
         "SOILMOIST_CREATED_UTC": run.created,
         "SOILMOIST_FIELD": run.field_name,
         **({"SOILMOIST_PROPERTY": run.name} if run.name else {}),
         **_survey_tags(run),
+        **({"TIFFTAG_IMAGEDESCRIPTION": GUESSED} if calibration_of(run) == ILLUSTRATIVE else {}),
     }
 
 

@@ -12,7 +12,7 @@ from enum import StrEnum
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
 from soilmoist_ros.exploration.mission.events import Command
 from soilmoist_ros.exploration.mission.state import MissionState
-from soilmoist_ros.exploration.mission.types import Changes, MissionRules, Verb
+from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD, Changes, MissionRules, Verb
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -294,6 +294,9 @@ class Requests:
     def _limit(self, name: str, value: float | None) -> float | None:
         if value is not None and not (math.isfinite(value) and value >= 0):
             remedy = "give a number above 0, or 0 for no such end"
+            raise RequestError(ReplyCode.BAD_SETTING, f"{name} is {value:g}", remedy)
+        if name == "until_sd" and value is not None and value > MAX_UNTIL_SD:
+            remedy = f"it is not in percent: write {value / 100:g}"
             raise RequestError(ReplyCode.BAD_SETTING, f"{name} is {value:g}", remedy)
         return value
 

@@ -22,6 +22,8 @@ READY = "waiting for start"
 """End of the reason of a mission that can be started."""
 PUBLISHED_MIN_LAST_DWELL_S = 60.0
 """With the published presets, stops that leave less for counting are skipped [s]."""
+MAX_UNTIL_SD = 0.5
+"""Largest standard deviation that can end a mission [m^3/m^3, or share of the rate]; more is meant in percent."""
 
 
 class Phase(StrEnum):

@@ -8,7 +8,13 @@ from typing import Final
 
 from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
 from soilmoist_ros.exploration.guard.fenced_graph import Outside
-from soilmoist_ros.exploration.mission.types import PUBLISHED_MIN_LAST_DWELL_S, Changes, MissionRules, OnSilence
+from soilmoist_ros.exploration.mission.types import (
+    MAX_UNTIL_SD,
+    PUBLISHED_MIN_LAST_DWELL_S,
+    Changes,
+    MissionRules,
+    OnSilence,
+)
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -51,7 +57,7 @@ PARAMETERS: Final = (
     _row("site", "", "site file with the calibration, or name of a shipped one; for target vwc"),
     _row("longest_dwell_s", 3600.0, "longest time at a stop", "s", 1.0),
     of_setting("hours", description="time of the mission, the way home and pauses included", low=0.01, live=True),
-    of_setting("until_sd", live=True),
+    of_setting("until_sd", high=MAX_UNTIL_SD, live=True),
     of_setting("until_gain", live=True),
     _row(
         "others",

@@ -14,6 +14,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import colour_ramp
 from soilmoist_ros.reporting.exports.classes import shown_range
 from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource
@@ -42,7 +43,7 @@ def _write(source: RunSource, one: PropertyMap, path: Path) -> Path:
     _texts(_into(style, "LineStyle"), color="ff3c3022", width="2")
     _texts(_into(style, "PolyStyle"), fill="0")
     overlay = _into(document, "GroundOverlay")
-    _texts(overlay, name=f"{one.quantity.title} [{one.quantity.unit}]")
+    _texts(overlay, name=one.title)
     _texts(_into(overlay, "Icon"), href="map.png")
     _texts(_into(overlay, "LatLonBox"), **{key: f"{value:.8f}" for key, value in box.items()})
     legend = _into(document, "ScreenOverlay")
@@ -70,13 +71,16 @@ def _write(source: RunSource, one: PropertyMap, path: Path) -> Path:
 
 def _title(source: RunSource, one: PropertyMap) -> str:
     label = f", {one.label}" if one.name else ""
-    return f"{source.title}{label}: {one.quantity.title.lower()}"
+    guessed = f", {ILLUSTRATIVE}" if one.calibration == ILLUSTRATIVE else ""
+    return f"{source.title}{label}: {one.quantity.title.lower()}{guessed}"
 
 
 def _about(source: RunSource, one: PropertyMap) -> str:
     """Date and colours in words: programs on phones show no legend."""
     low, high = shown_range(one.values)
     sentences = ["Simulated counts."] if source.simulated else []
+    if one.calibration == ILLUSTRATIVE:
+        sentences.append("Illustrative calibration: the pattern is real, the level of the moisture is not.")
     if source.survey is not None:
         begin, end = (f"{time:%Y-%m-%d %H:%M}" for time in source.survey)
         sentences.append(f"Survey {begin} to {end} UTC.")
@@ -141,8 +145,9 @@ def _legend(source: RunSource, one: PropertyMap) -> bytes:
     bar = figure.colorbar(scale, cax=figure.add_axes((0.06, 0.36, 0.88, 0.2)), orientation="horizontal")
     bar.ax.tick_params(labelsize=10)
     figure.text(0.06, 0.7, f"{one.quantity.title} [{one.quantity.unit}]", fontsize=10, fontweight="bold")
-    if source.simulated:
-        figure.text(0.94, 0.02, "simulated", fontsize=8, ha="right")
+    if one.calibration in (ILLUSTRATIVE, "simulated") or source.simulated:
+        word = ILLUSTRATIVE if one.calibration == ILLUSTRATIVE else "simulated"
+        figure.text(0.94, 0.02, word, fontsize=8, ha="right")
     if source.survey is not None:
         figure.text(0.06, 0.02, f"{source.survey[1]:%Y-%m-%d}", fontsize=8)
     content = io.BytesIO()
@@ -176,7 +181,7 @@ def _samples(folder: ET.Element, one: PropertyMap) -> None:
         known = bool(np.isfinite(values[row]))
         red, green, blue = ramp[round(share * (COLOURS - 1))] if known else (160, 160, 160)
         mark = _into(folder, "Placemark")
-        _texts(mark, name=f"{values[row]:.1f} {quantity.unit}" if known else "no value")
+        _texts(mark, name=f"{values[row]:.1f} {one.unit}" if known else "no value")
         _texts(mark, description=_row_text(samples, row))
         end = float(samples.get("last_stamp_s", np.full(len(values), np.nan))[row])
         if end >= EARLIEST_STAMP_S:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.reporting.exports.classes import shown_range
 from soilmoist_ros.reporting.exports.contours import contour_lines
 from soilmoist_ros.reporting.exports.source import MOISTURE, ROOT_DEPTH_MM, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.vectors import Layer, texts, times
 from soilmoist_ros.reporting.exports.zones import Zone, management_zones
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
+
+KEPT_SHARE = 0.9
+"""Share of a zone of the advice that the file of zones has, below which there is a note."""
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -38,6 +40,7 @@ def field_layer(source: RunSource) -> Layer:
         "start_utc": times([begin]),
         "end_utc": times([end]),
         "simulated": np.array([int(source.simulated)], np.int32),
+        "calibrated": texts([source.properties[0].calibration]),
         "software": texts([f"soilmoist_ros {about.get('version', '')}".strip()]),
     }
     return Layer("field", "MultiPolygon", [MultiPolygon(parts)], columns, "Field without its no-go areas")
@@ -84,8 +87,8 @@ def samples_layer(source: RunSource, one: PropertyMap) -> Layer:
         if name in columns:
             columns[name] = columns[name].astype(np.int32)
     shapes = _points(*source.frame.to_local(latitude, longitude).T)
-    shown = shown_range(one.values)
-    return Layer(f"samples{one.suffix}", "Point", shapes, columns, "Counts merged by place", shown=shown)
+    columns["calibrated"] = texts([one.calibration] * len(shapes))
+    return Layer(f"samples{one.suffix}", "Point", shapes, columns, f"Counts merged by place: {one.title}")
 
 
 def records_layers(one: PropertyMap) -> list[Layer]:
@@ -125,45 +128,70 @@ def contours_layer(source: RunSource, one: PropertyMap, settings: ExportSettings
     :raises InputError: if the step is far too small
     """
     lines, values = contour_lines(one, source.boundary, settings.step)
-    unit = "%" if one.quantity is MOISTURE else one.quantity.unit
+    unit = one.unit.replace(one.quantity.unit, "%") if one.quantity is MOISTURE else one.unit
     columns = {
         one.quantity.column: values,
         "LABEL": texts([f"{value:g} {unit}" for value in values]),
-        **_date(source, len(lines)),
+        **_origin(source, one, len(lines)),
     }
-    return Layer(f"contours{one.suffix}", "LineString", lines, columns, f"Contours: {_about(one)}")
-
-
-def zones_of(source: RunSource, one: PropertyMap, settings: ExportSettings) -> list[Zone]:
-    """Management zones of a property. Limits of the site file come before classes of equal area.
-
-    :raises InputError: if the settings are out of range
-    """
-    smallest = None if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
-    given = (source.run.summary.get("irrigation") or {}).get("zone_limits_vwc")
-    limits = [100 * limit for limit in given] if given and not one.name and one.quantity is MOISTURE else None
-    return management_zones(one, source.boundary, settings.zones, smallest, limits)
+    return Layer(f"contours{one.suffix}", "LineString", lines, columns, f"Contours: {one.title}")
 
 
 def zones_layer(source: RunSource, one: PropertyMap, settings: ExportSettings) -> Layer:
     """Management zones as single polygons; zone 1 has the lowest values.
 
+    Limits of the site file come before classes of equal area. A zone of the advice that has lost area, because its
+    parts are too small, is named in the notes of the source.
+
     :raises InputError: if the settings are out of range
     """
-    zones = zones_of(source, one, settings)
+    about: Mapping[str, Any] = source.run.summary.get("irrigation") or {}
+    moist, absolute = one.quantity is MOISTURE and not one.name, one.calibration in ("own", "simulated")
+    limits = [100 * limit for limit in about.get("zone_limits_vwc") or ()] if moist and absolute else []
+    full = about.get("field_capacity_vwc") if moist and absolute else None
+    smallest = None if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
+    zones = management_zones(
+        one, source.boundary, settings.zones, smallest, limits or None, None if full is None else 100 * full
+    )
+    names = [str(zone["name"]) for zone in about.get("zones") or ()] if limits else []
+    source.notes.extend(_lost(one, source.boundary.area, zones, limits, names))
     columns: dict[str, NDArray[Any]] = {
         "ZONE": np.array([zone.number for zone in zones], np.int32),
         one.quantity.column: np.round([zone.mean for zone in zones], 3),
         "SD": np.round([zone.sd for zone in zones], 3),
-        "SURE_PCT": np.round([100 * zone.sure for zone in zones], 1),
+        "CERTAIN": np.array([zone.certainty.certain for zone in zones], np.int32),
+        "SURE_PCT": np.round([100 * zone.certainty.sure for zone in zones], 1),
+        "OTHER_PCT": np.round([100 * zone.other for zone in zones], 1),
         "AREA_HA": np.round([zone.area_ha for zone in zones], 4),
     }
-    if one.quantity is MOISTURE:
+    if moist and absolute:
         depth = root_depth_mm(source, settings)
         columns["WATER_MM"] = np.round([zone.water_mm(depth) for zone in zones], 1)
+        if full is not None:
+            missing = np.array([zone.missing for zone in zones]).reshape(-1, 3) / 100 * depth
+            columns |= dict(zip(("MISS_MM", "MISS_P05", "MISS_P95"), np.round(missing, 1).T, strict=True))
         columns["ROOT_MM"] = np.full(len(zones), depth)
-    columns |= _date(source, len(zones))
-    return Layer(f"zones{one.suffix}", "Polygon", [zone.shape for zone in zones], columns, f"Zones: {_about(one)}")
+    if names:
+        columns["NAME"] = texts([names[zone.number - 1] for zone in zones])
+    columns |= _origin(source, one, len(zones))
+    return Layer(f"zones{one.suffix}", "Polygon", [zone.shape for zone in zones], columns, f"Zones: {one.title}")
+
+
+def _lost(
+    one: PropertyMap, area_m2: float, zones: Sequence[Zone], limits: Sequence[float], names: Sequence[str]
+) -> Iterator[str]:
+    """Zones of the advice whose parts are too small for a polygon, in sentences."""
+    values = one.values[one.cells[0]]
+    number = np.searchsorted(limits, values, side="right") + 1
+    for index, name in enumerate(names, 1):
+        of_map = float((number == index).mean()) * area_m2 / 1e4
+        kept = sum(zone.area_ha for zone in zones if zone.number == index)
+        if kept < KEPT_SHARE * of_map:
+            yield (
+                f"zone {index} ({name}): {of_map:.3g} ha on the map, {kept:.3g} ha in the file of zones. Other "
+                "parts are so small that they joined their neighbours, see OTHER_PCT; a smaller --min-zone keeps "
+                "them"
+            )
 
 
 def root_depth_mm(source: RunSource, settings: ExportSettings) -> float:
@@ -172,15 +200,12 @@ def root_depth_mm(source: RunSource, settings: ExportSettings) -> float:
     return settings.root_depth_mm or float(known or ROOT_DEPTH_MM)
 
 
-def _about(one: PropertyMap) -> str:
-    label = f"{one.label}, " if one.name else ""
-    return f"{label}{one.quantity.title.lower()} [{one.quantity.unit}]"
-
-
-def _date(source: RunSource, count: int) -> dict[str, NDArray[Any]]:
-    """Column with the last day of the survey (UTC), if it is known."""
-    survey = source.survey
-    return {"DATE": np.full(count, survey[1].date(), "datetime64[D]")} if survey else {}
+def _origin(source: RunSource, one: PropertyMap, count: int) -> dict[str, NDArray[Any]]:
+    """Columns with what moisture rests on and, if it is known, the last day of the survey (UTC)."""
+    columns: dict[str, NDArray[Any]] = {"CALIBRATED": texts([one.calibration] * count)}
+    if source.survey:
+        columns["DATE"] = np.full(count, source.survey[1].date(), "datetime64[D]")
+    return columns
 
 
 def _dated(stamps_s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from soilmoist_ros.foundation.version import __version__
-from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
+from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.files.geotiff import BANDS
 
 if TYPE_CHECKING:
@@ -45,7 +46,9 @@ def _about(file: netcdf_file, source: RunSource, one: PropertyMap) -> None:
     about = source.run.summary
     simulated = "simulation" if source.simulated else "surface observation"
     file.Conventions = "CF-1.8"
-    file.title = f"{one.quantity.title} of {source.title}" + (f": {one.label}" if one.name else "")
+    guessed = ", illustrative: its level is not real" if one.calibration == ILLUSTRATIVE else ""
+    file.title = f"{one.quantity.title} of {source.title}" + (f": {one.label}" if one.name else "") + guessed
+    file.calibration = one.calibration
     file.institution = str(about.get("site") or "unknown")
     file.source = f"{simulated}: cosmic-ray neutron counts, Poisson kriging by soilmoist_ros {__version__}"
     file.history = f"{about.get('created_utc', '')} soilmoist_ros {about.get('version', '')}: map made".strip()
@@ -97,6 +100,8 @@ def _time(file: netcdf_file, source: RunSource) -> None:
 
 def _band(file: netcdf_file, one: PropertyMap, name: str, values: Any) -> None:
     unit, meaning = BANDS.get(name, ("1", name))
+    if one.calibration == ILLUSTRATIVE and name.startswith(MOISTURE.band):
+        meaning = f"{meaning}, {ILLUSTRATIVE}"
     attributes: dict[str, Any] = {"long_name": meaning, "units": UNITS.get(unit, unit), "grid_mapping": "crs"}
     if name in NAMES:
         attributes["standard_name"] = NAMES[name]

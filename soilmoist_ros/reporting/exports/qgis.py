@@ -12,11 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-import numpy as np
-
-from soilmoist_ros.reporting.exports.classes import shown_range
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.exports.qml import VERSION, map_pipe, map_style, style_elements
-from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource, transformed
+from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource, transformed
 from soilmoist_ros.reporting.exports.vector_files import FILE, run_layers, write_package
 from soilmoist_ros.reporting.exports.vectors import Layer
 
@@ -28,6 +26,7 @@ HIDDEN = ("records", "contours", "zones", "visits")
 """Kinds of layers that are in the project but hidden at first, as samples of further properties are."""
 RUN_LAYERS = (("field", "Polygon"), ("no_go", "Polygon"), ("track", "LineString"))
 """Layers of ``samples.geojson`` other than the samples, those to draw below first, and their geometry."""
+_OF_MOISTURE = ("samples", "zones", "contours")
 GEOMETRY = {"Point": "Point", "LineString": "Line", "Polygon": "Polygon", "MultiPolygon": "Polygon"}
 
 
@@ -67,9 +66,7 @@ def write_run_project(path: Path, title: str, maps: Sequence[PropertyMap]) -> Pa
 
     geographic = pyproj.CRS.from_epsg(4326)
     layers = [Layer(*parts, [], {}) for parts in RUN_LAYERS]
-    for one in maps:
-        columns = {"vwc": np.ones(1)} if one.quantity is MOISTURE else {}
-        layers.append(Layer(f"samples{one.suffix}", "Point", [], columns, shown=shown_range(one.values)))
+    layers += [Layer(f"samples{one.suffix}", "Point", [], {}) for one in maps]
     shown = []
     for layer in layers:
         file, kind = (layer.name, "sample") if layer.name.startswith("samples") else ("samples", layer.name)
@@ -99,15 +96,17 @@ def _project(title: str, properties: Sequence[PropertyMap], layers: Sequence[_Sh
     for one in reversed(layers):
         name = one.layer.name
         shown = name.split("_")[0] not in HIDDEN and not name.startswith("samples_")
-        _entry(tree, name, shown, "ogr", one.source)
-        element = _layer(maps, name, name, one.source, "ogr", one.crs)
+        guessed = name.startswith(_OF_MOISTURE) and properties[0].calibration == ILLUSTRATIVE
+        title = f"{name} ({ILLUSTRATIVE})" if guessed else name
+        _entry(tree, name, shown, "ogr", one.source, title)
+        element = _layer(maps, name, title, one.source, "ogr", one.crs)
         element.set("type", "vector")
         element.set("geometry", GEOMETRY[one.layer.kind])
         element.set("labelsEnabled", "1")
         element.extend(style_elements(one.layer))
     for number, each in enumerate(properties):
         file = f"map{each.suffix}"
-        for key, name, sd in ((file, _map_name(each), False), (f"{file}_sd", f"{_map_name(each)}, SD", True)):
+        for key, name, sd in ((file, each.title, False), (f"{file}_sd", f"{each.title}, SD", True)):
             _entry(tree, key, number == 0 and not sd, "gdal", f"./{file}.tif", name)
             element = _layer(maps, key, name, f"./{file}.tif", "gdal", each.crs)
             element.set("type", "raster")
@@ -120,11 +119,6 @@ def _project(title: str, properties: Sequence[PropertyMap], layers: Sequence[_Sh
                          "DefaultViewExtent", _extent(properties[0]))  # fmt: skip
     view.append(_srs(crs))
     return f"<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n{ET.tostring(root, encoding='unicode')}\n"
-
-
-def _map_name(one: PropertyMap) -> str:
-    label = f"{one.label}: " if one.name else ""
-    return f"{label}{one.quantity.title} [{one.quantity.unit}]"
 
 
 def _entry(tree: ET.Element, key: str, shown: bool, provider: str, source: str, name: str = "") -> None:

@@ -5,19 +5,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import UNCERTAIN, colour_ramp
 from soilmoist_ros.reporting.exports.classes import shown_range
-from soilmoist_ros.reporting.exports.source import MOISTURE, RATE, PropertyMap, Quantity
+from soilmoist_ros.reporting.exports.source import MOISTURE, RATE, PropertyMap
 from soilmoist_ros.reporting.exports.vectors import Layer
 
 VERSION = "3.22.0"
 RAMP_ITEMS = 9
-CLASSES = 5
 _INK = (34, 48, 60)
 _Colour = tuple[int, int, int]
 
@@ -46,20 +45,18 @@ def style_elements(layer: Layer) -> list[ET.Element]:
                            outline_style="no"),
         "quarantined": _symbol("marker", "SimpleMarker", name="cross2", color="213,94,0,255", size="2.4",
                                outline_color="213,94,0,255", outline_width="0.5"),
+        # White with a dark edge, as in the report: coloured ones cannot be told from the map below them.
+        "samples": _symbol("marker", "SimpleMarker", name="circle", color="255,255,255,255", size="2",
+                           outline_color=_rgba(_INK), outline_width="0.3"),
         "visits": _symbol("marker", "SimpleMarker", name="triangle", color="255,255,255,255", size="2.6",
                           outline_color=_rgba(_INK)),
     }  # fmt: skip
     if kind in plain:
         return [_single(plain[kind])]
-    moisture = layer.columns.get("vwc")
-    known = moisture is not None and bool(np.isfinite(moisture).any())
-    quantity = MOISTURE if known or MOISTURE.column in layer.columns else RATE
     if kind == "contours":
         line = _symbol("line", "SimpleLine", line_color=_rgba(_INK), line_width="0.35")
         return [_single(line), _labels("LABEL")]
-    if kind == "zones":
-        return [_zones(layer, quantity)]
-    return [_graduated(layer, quantity)] if kind == "samples" else []
+    return [_zones(layer)] if kind == "zones" else []
 
 
 def map_pipe(one: PropertyMap, sd: bool = False) -> ET.Element:
@@ -77,14 +74,16 @@ def map_pipe(one: PropertyMap, sd: bool = False) -> ET.Element:
     )  # fmt: skip
     colours = colour_ramp(UNCERTAIN if sd else quantity.colours, RAMP_ITEMS).tolist()
     for value, colour in zip(np.linspace(low, high, RAMP_ITEMS).tolist(), colours, strict=True):
-        label = f"{value * quantity.scale:.3g} {quantity.unit}"
+        label = f"{value * quantity.scale:.3g} {one.unit}"
         ET.SubElement(shader, "item", value=repr(value), color=_hex(colour), alpha="255", label=label)
     ET.SubElement(pipe, "rasterresampler", maxOversampling="2")
     return pipe
 
 
-def _zones(layer: Layer, quantity: Quantity) -> ET.Element:
+def _zones(layer: Layer) -> ET.Element:
     """A colour for each class of zones."""
+    quantity = MOISTURE if MOISTURE.column in layer.columns else RATE
+    guessed = f", {ILLUSTRATIVE}" if ILLUSTRATIVE in layer.columns["CALIBRATED"] else ""
     numbers = np.unique(layer.columns["ZONE"]).tolist()
     ramp = colour_ramp(quantity.colours, len(numbers)).tolist()
     symbols = [
@@ -101,40 +100,11 @@ def _zones(layer: Layer, quantity: Quantity) -> ET.Element:
         means = layer.columns[quantity.column][layer.columns["ZONE"] == number]
         areas = layer.columns["AREA_HA"][layer.columns["ZONE"] == number]
         mean = np.average(means, weights=np.maximum(areas, 1e-9))
-        label = f"zone {number}: {mean:.1f} {quantity.unit}, {areas.sum():.2f} ha"
+        name = layer.columns["NAME"][layer.columns["ZONE"] == number][0] if "NAME" in layer.columns else "zone"
+        label = f"{name} {number}: {mean:.1f} {quantity.unit}{guessed}, {areas.sum():.2f} ha"
         ET.SubElement(
             categories, "category", value=str(number), symbol=str(place), label=label, render="true", type="long"
         )
-    _symbols(renderer, symbols)
-    return renderer
-
-
-def _graduated(layer: Layer, quantity: Quantity) -> ET.Element:
-    """Samples in the colours of the map."""
-    column = "vwc" if quantity is MOISTURE else "rate_cps"
-    low, high = (edge / quantity.scale for edge in layer.shown)
-    edges = np.linspace(low, high, CLASSES + 1)
-    edges[0], edges[-1] = -1e9, 1e9
-    ramp = colour_ramp(quantity.colours, CLASSES).tolist()
-    symbols = [
-        _symbol("marker", "SimpleMarker", name="circle", color=_rgba(colour), size="2.6",
-                outline_color=_rgba(_INK), outline_width="0.2")
-        for colour in ramp
-    ]  # fmt: skip
-    renderer = ET.Element(
-        "renderer-v2", type="graduatedSymbol", attr=column, graduatedMethod="GraduatedColor", symbollevels="0"
-    )
-    ranges = ET.SubElement(renderer, "ranges")
-    text = [f"{edge * quantity.scale:.3g}" for edge in np.linspace(low, high, CLASSES + 1)]
-    labels = [f"below {text[1]}", *(f"{a} to {b}" for a, b in pairwise(text[1:-1])),
-              f"above {text[-2]}"]  # fmt: skip
-    for place, (below, above, words) in enumerate(
-        zip(edges[:-1].tolist(), edges[1:].tolist(), labels, strict=True)
-    ):
-        ET.SubElement(
-            ranges, "range", lower=repr(below), upper=repr(above), symbol=str(place), render="true",
-            label=f"{words} {quantity.unit}",
-        )  # fmt: skip
     _symbols(renderer, symbols)
     return renderer
 

@@ -8,6 +8,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from filecmp import cmp
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -110,26 +111,24 @@ def export_run(
     folder: Path | None = None,
     settings: ExportSettings | None = None,
     note: Callable[[str], None] = lambda text: None,
+    replaces: Callable[[str], bool] = lambda held: True,
 ) -> list[Path]:
     """Export a run into files for other programs.
 
     :param run: output folder of ``map``, ``simulate``, ``replay`` or ``demo``
     :param names: names of exports, see :data:`EXPORTS`
-    Files of earlier exports are replaced when all are complete.
-
     :param folder: folder for the files; made if missing; by default ``export`` in the folder of the run
     :param settings: settings; by default those of :class:`ExportSettings`
-    :param note: is called with what the run lacks
+    :param note: is called with what the user should know, such as what the run lacks
+    :param replaces: whether files of earlier exports, named in words, may be replaced; when all are complete
     :returns: the files
     :raises InputError: for an unknown name, a run without a map, a missing library, or a folder that
-        cannot be written or holds another run
+        cannot be written, holds another run, or has files that must not be replaced
     """
     kinds = [export_kind(name) for name in dict.fromkeys(names)]
     if not kinds:
         raise InputError("no export is given", f"use one of: {', '.join(EXPORTS.names())}")
     source = open_source(open_run(run))
-    for text in source.notes:
-        note(text)
     target = folder or source.run.folder / "export"
     if (target / SUMMARY).is_file() and not target.samefile(source.run.folder):
         raise InputError("holds another run", "choose another folder for the exports", target)
@@ -142,10 +141,17 @@ def export_run(
         chosen = settings or ExportSettings()
         paths = dict.fromkeys(path for kind in kinds for path in kind.write(source, workshop, chosen))
         written = [target / path.relative_to(workshop) for path in paths]
+        earlier = zip(paths, written, strict=True)
+        held = [end.name for path, end in earlier if end.exists() and not cmp(path, end, shallow=False)]
+        if held and not replaces(f"{', '.join(held)} of an earlier export"):
+            message = f"has {', '.join(held)} of an earlier export"
+            raise InputError(message, "choose another folder, or give --overwrite to replace them", target)
         for path in paths:
             sync_file(path)
         for path, final in zip(paths, written, strict=True):
             path.replace(final)
     finally:
         shutil.rmtree(workshop, ignore_errors=True)
+    for text in dict.fromkeys(source.notes):
+        note(text)
     return written

@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.lazy import install
-from soilmoist_ros.reporting.earlier.results import shape_of
+from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_state, class_probability
+from soilmoist_ros.reporting.earlier.results import curve_of, shape_of
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
@@ -89,6 +91,7 @@ class PropertyMap:
     :param frame: plane of the field
     :param samples: columns of the samples, see :meth:`OpenedRun.samples`
     :param records: columns of the records, see :meth:`OpenedRun.records`
+    :param curve: calibration of the moisture, ``None`` if it is not known
     """
 
     name: str
@@ -100,6 +103,7 @@ class PropertyMap:
     frame: LocalFrame
     samples: Columns
     records: Columns
+    curve: MoistureCurve | None = None
 
     @property
     def suffix(self) -> str:
@@ -113,6 +117,21 @@ class PropertyMap:
         return MOISTURE if moisture is not None and np.isfinite(moisture).any() else RATE
 
     @property
+    def calibration(self) -> str:
+        """Origin of its calibration, see :func:`calibration_state`."""
+        return self.tags.get(CALIBRATION_TAG, "none") if self.quantity is MOISTURE else "none"
+
+    @property
+    def unit(self) -> str:
+        """Unit for readers, with a word if the level is not real."""
+        return f"{self.quantity.unit}{f', {ILLUSTRATIVE}' if self.calibration == ILLUSTRATIVE else ''}"
+
+    @property
+    def title(self) -> str:
+        """Quantity and unit for readers, with the property where there are several."""
+        return f"{f'{self.label}: ' if self.name else ''}{self.quantity.title} [{self.unit}]"
+
+    @property
     def values(self) -> Array:
         """The quantity in its unit for readers, shape (rows, columns)."""
         return np.asarray(self.bands[self.quantity.band] * self.quantity.scale, float)
@@ -122,14 +141,26 @@ class PropertyMap:
         """Standard deviation of :attr:`values`."""
         return np.asarray(self.bands[f"{self.quantity.band}_sd"] * self.quantity.scale, float)
 
-    def interval(self) -> tuple[Array, Array]:
-        """Quantiles 0.05 and 0.95 of :attr:`values`; of files without these bands from the standard deviation."""
+    def quantile(self, end: str) -> Array:
+        """Quantile ``p05`` or ``p95`` of :attr:`values`; by the standard deviation where there is no such band."""
         from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
 
-        low, high = (self.bands.get(f"{self.quantity.band}_{end}") for end in ("p05", "p95"))
-        if low is None or high is None:
-            return self.values - QUANTILE_SD * self.sd, self.values + QUANTILE_SD * self.sd
-        return low * self.quantity.scale, high * self.quantity.scale
+        band = self.bands.get(f"{self.quantity.band}_{end}")
+        if band is None:
+            return self.values + (QUANTILE_SD if end == "p95" else -QUANTILE_SD) * self.sd
+        return band * self.quantity.scale
+
+    def probability(self, number: int, edges: Array, relative: bool) -> Array:
+        """Probability of a class at each cell, see :func:`class_probability`; 0 outside the field.
+
+        :param number: class, from 0 for the lowest values
+        :param edges: limits between the classes in the unit for readers
+        :param relative: whether the limits are quantiles of this map
+        """
+        if self.quantity is MOISTURE and self.curve is not None and "rate_sd" in self.bands:
+            rate, sd = self.bands["rate"], self.bands["rate_sd"]
+            return class_probability(rate, sd, number, edges / self.quantity.scale, self.curve, relative)
+        return class_probability(self.values, self.sd, number, edges, None, relative)
 
     @cached_property
     def _from_crs(self) -> Transformer:
@@ -172,7 +203,7 @@ class RunSource:
     :param boundary: the field without its no-go areas
     :param no_go: no-go areas
     :param tracks: driven lines
-    :param notes: what the folder lacks, for the user
+    :param notes: what the user should know, such as what the folder lacks; exports add to it
     """
 
     run: OpenedRun
@@ -181,7 +212,7 @@ class RunSource:
     boundary: BaseGeometry
     no_go: Sequence[BaseGeometry]
     tracks: Sequence[BaseGeometry]
-    notes: Sequence[str] = field(default_factory=tuple)
+    notes: list[str] = field(default_factory=list)
 
     @property
     def title(self) -> str:
@@ -227,8 +258,21 @@ def open_source(run: OpenedRun) -> RunSource:
             table = f"records{f'_{name}' if name else ''}.csv"
             notes.append(f"{run.folder} has no {table}: the exports have no layers of records and quarantine")
         label = labels.get(name) or name or next(iter(labels.values()), "")
-        maps.append(PropertyMap(name, label, *run.raster(name), frame, run.samples(name), records))
+        bands, transform, crs, tags = run.raster(name)
+        tags = {CALIBRATION_TAG: _calibration(about, bands), **tags}
+        curve = None if name else curve_of(about, run.folder)
+        maps.append(
+            PropertyMap(name, label, bands, transform, crs, tags, frame, run.samples(name), records, curve)
+        )
     return RunSource(run, maps, frame, boundary, no_go, tracks, notes)
+
+
+def _calibration(about: Mapping[str, Any], bands: Columns) -> str:
+    """Origin of the calibration, for GeoTIFFs that do not say it."""
+    guessed = (about.get("calibration") or {}).get(ILLUSTRATIVE)
+    if guessed is None:
+        guessed = "illustrative_calibration" in (about.get("warning_codes") or ())
+    return calibration_state(MOISTURE.band in bands, not guessed, bool(about.get("simulated")))
 
 
 def _no_map(run: OpenedRun) -> tuple[str, str]:

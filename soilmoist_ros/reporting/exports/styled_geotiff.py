@@ -44,7 +44,7 @@ def _write(source: RunSource, one: PropertyMap, path: Path) -> Path:
         raster.set_band_description(1, one.quantity.band)
         raster.set_band_unit(1, one.quantity.unit)
         raster.scales, raster.offsets = (scale,), (offset,)
-        raster.update_tags(1, long_name=one.quantity.title, units=one.quantity.unit)
+        raster.update_tags(1, long_name=one.quantity.title, units=one.unit)
         raster.update_tags(**map_tags(source, one))
     return path
 

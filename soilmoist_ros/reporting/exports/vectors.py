@@ -36,7 +36,6 @@ class Layer:
     :param columns: name -> one value for each row; times are ``datetime64[ms]`` in UTC, dates ``datetime64[D]``
     :param description: a sentence for readers
     :param style: style of QGIS as QML, empty for none
-    :param shown: range of the colours of samples, as that of their map, in the unit for readers
     """
 
     name: str
@@ -45,7 +44,6 @@ class Layer:
     columns: Mapping[str, NDArray[Any]]
     description: str = ""
     style: str = ""
-    shown: tuple[float, float] = (0.0, 1.0)
 
 
 def times(stamps_s: ArrayLike) -> NDArray[np.datetime64]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.lazy import install
+from soilmoist_ros.reporting.certainty import Certainty, certainty
 from soilmoist_ros.reporting.exports.classes import zone_limits
 from soilmoist_ros.reporting.exports.contours import PAD, continued, level_lines
 from soilmoist_ros.reporting.exports.source import PropertyMap
@@ -40,7 +41,9 @@ class Zone:
     :param high: upper limit, inf for the last
     :param mean: mean of its cells in this unit
     :param sd: mean standard deviation of its cells
-    :param sure: share of its cells whose 90 % interval lies inside the class [0..1]
+    :param certainty: how sure the map is that its cells belong to the class
+    :param other: share of its cells that the map puts into another class [0..1]: small parts that joined it
+    :param missing: mean below a given value, its quantile 0.05 and 0.95, in the unit for readers; NaN without one
     """
 
     shape: BaseGeometry
@@ -49,7 +52,9 @@ class Zone:
     high: float
     mean: float
     sd: float
-    sure: float
+    certainty: Certainty
+    other: float
+    missing: tuple[float, float, float]
 
     @property
     def area_ha(self) -> float:
@@ -67,6 +72,7 @@ def management_zones(
     classes: int = 3,
     min_area_m2: float | None = None,
     limits: Sequence[float] | None = None,
+    full: float | None = None,
 ) -> list[Zone]:
     """Zones of a map, from low to high classes. They do not overlap, and together they are the field.
 
@@ -79,6 +85,7 @@ def management_zones(
     :param classes: number of classes of equal area, where no limits are given
     :param min_area_m2: minimum area of a part that is a zone [m^2]; by default 5 % of the field
     :param limits: limits between the classes in the unit for readers
+    :param full: value that nothing should be missing to, such as field capacity, in the unit for readers
     :raises InputError: for a number of classes, an area or limits out of range, or an old shapely
     """
     if not 1 <= classes <= 20:
@@ -94,7 +101,7 @@ def management_zones(
     number = _classes(the_map, raster, edges, faces)
     shapes, number = _joined(faces, number, smallest_m2)
     shapes, number = _dissolved(shapes, number)
-    return _described(the_map, _simplified(shapes, the_map.cell_m / 2), number, edges)
+    return _described(the_map, _simplified(shapes, the_map.cell_m / 2), number, edges, limits is None, full)
 
 
 def _smoothed(the_map: PropertyMap, smallest_m2: float) -> Array:
@@ -185,13 +192,17 @@ def _simplified(shapes: list[BaseGeometry], tolerance_m: float) -> list[BaseGeom
 
 
 def _described(
-    the_map: PropertyMap, shapes: Sequence[BaseGeometry], number: NDArray[np.intp], edges: Array
-) -> list[Zone]:
+    the_map: PropertyMap, shapes: Sequence[BaseGeometry], number: NDArray[np.intp], edges: Array, relative: bool,
+    full: float | None,
+) -> list[Zone]:  # fmt: skip
     from shapely import contains_xy, get_coordinates, point_on_surface, prepare
 
     inside, xy = the_map.cells
     values, sd = the_map.values[inside], the_map.sd[inside]
-    low, high = (band[inside] for band in the_map.interval())
+    of_map = np.searchsorted(edges, values, side="right") + 1
+    probability = {one: the_map.probability(one - 1, edges, relative)[inside] for one in set(number.tolist())}
+    below = [np.maximum((np.nan if full is None else full) - band[inside], 0.0)
+             for band in (the_map.values, the_map.quantile("p95"), the_map.quantile("p05"))]  # fmt: skip
     bounds = np.concatenate([[-np.inf], edges, [np.inf]])
     zones = []
     for shape, one in zip(shapes, number.tolist(), strict=True):
@@ -200,10 +211,15 @@ def _described(
         if not own.any():
             middle = get_coordinates(point_on_surface(shape))[0]
             own[np.argmin(((xy - middle) ** 2).sum(axis=1))] = True
-        sure = (low[own] >= bounds[one - 1]) & (high[own] <= bounds[one])
         known = own & np.isfinite(values)
-        mean, spread = (float(band[known].mean()) if known.any() else np.nan for band in (values, sd))
-        zones.append(
-            Zone(shape, one, float(bounds[one - 1]), float(bounds[one]), mean, spread, float(sure.mean()))
+        mean, spread, *missing = (
+            float(band[known].mean()) if known.any() else np.nan for band in (values, sd, *below)
         )
+        other = float((of_map[known] != one).mean()) if known.any() else np.nan
+        zones.append(
+            Zone(
+                shape, one, float(bounds[one - 1]), float(bounds[one]), mean, spread,
+                certainty(probability[one][own]), other, (missing[0], missing[1], missing[2]),
+            )
+        )  # fmt: skip
     return sorted(zones, key=lambda zone: (zone.number, -zone.area_ha))

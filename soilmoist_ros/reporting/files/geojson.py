@@ -16,6 +16,7 @@ from soilmoist_ros.mapping.moisture_bands import make_bands
 from soilmoist_ros.reporting.files.sample_times import sample_times
 from soilmoist_ros.reporting.files.strict_json import dumps, jsonable
 from soilmoist_ros.reporting.geometry import field_polygon, right_handed, rings
+from soilmoist_ros.reporting.page.irrigation import calibration_of
 from soilmoist_ros.reporting.run import MapRun
 
 DIGITS = 7
@@ -36,7 +37,7 @@ def samples_collection(run: MapRun) -> dict[str, Any]:
 
     Each feature has a ``kind``: ``field`` (polygon without the no-go areas), ``no_go`` (polygon), ``track`` (one
     line for each robot that moved) or ``sample`` (point). Undefined values, such as the
-    moisture of a rate below the curve, are ``null``.
+    moisture of a rate below the curve, are ``null``. ``calibrated`` says what moisture rests on.
     """
     samples = _sample_features(run)
     shapes = [_field_feature(run), *_no_go_features(run)]
@@ -63,6 +64,7 @@ def _sample_features(run: MapRun) -> list[dict[str, Any]]:
     interval = make_bands(rate, rate_sd**2, curve)
     lon_lat = _lon_lat(run.frame, samples.xy)
     begin, end, n_records = sample_times(run).T
+    calibrated = calibration_of(run)
     return [
         {
             "type": "Feature",
@@ -81,6 +83,7 @@ def _sample_features(run: MapRun) -> list[dict[str, Any]]:
                 "n_records": round(n_records[i]),
                 "first_stamp_s": begin[i],
                 "last_stamp_s": end[i],
+                "calibrated": calibrated,
             },
         }
         for i in range(len(rate))
@@ -95,6 +98,7 @@ def _field_feature(run: MapRun) -> dict[str, Any]:
         "site": run.site,
         "area_m2": round(float(polygon.area), 1),
         "simulated": run.simulated,
+        "calibrated": calibration_of(run),
         "software": f"soilmoist_ros {run.version}".strip(),
         "created_utc": run.created,
     }

@@ -24,7 +24,7 @@ from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
 from soilmoist_ros.reporting.page.covariates import Importance, covariate_importance
 from soilmoist_ros.reporting.page.earlier_section import relations
-from soilmoist_ros.reporting.page.irrigation import absolute_limits, irrigation
+from soilmoist_ros.reporting.page.irrigation import absolute, absolute_limits, irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import (
     TruthScore,
@@ -394,16 +394,23 @@ def _forecast(mission: MissionResult) -> dict[str, Any] | None:
 
 def _irrigation(run: MapRun) -> dict[str, Any]:
     """Zones of the field as in the report; they are relative without ``zone_limits_vwc``."""
-    found = irrigation(run)
+    found, limits = irrigation(run), run.irrigation
     zones = [
         {
-            "name": zone.name, "area_m2": zone.area_m2, "share": zone.share, "certain_share": zone.sure,
-            "water_mm": zone.water_mm, "missing_mm": zone.missing_mm,
+            "name": zone.name, "area_m2": zone.area_m2, "share": zone.share, "certain": zone.certainty.certain,
+            "certain_share": zone.certainty.sure, "expected_share": zone.certainty.expected,
+            "water_mm": zone.water_mm, "missing_mm": zone.missing_mm, "missing_mm_p05": zone.missing_mm_p05,
+            "missing_mm_p95": zone.missing_mm_p95,
         }
         for zone in found.zones
     ]  # fmt: skip
-    limits, depth_mm = absolute_limits(run), run.irrigation.root_depth_mm
-    return {"root_depth_mm": depth_mm, "zone_limits_vwc": limits, "zones": zones, "advice": found.advice}
+    return {
+        "root_depth_mm": limits.root_depth_mm,
+        "field_capacity_vwc": limits.field_capacity if absolute(run) else None,
+        "zone_limits_vwc": absolute_limits(run),
+        "zones": zones,
+        "advice": found.advice,
+    }
 
 
 def _correction(row: Any) -> dict[str, Any]:

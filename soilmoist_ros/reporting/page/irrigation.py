@@ -5,16 +5,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.moisture_bands import common_rate_sd
+from soilmoist_ros.reporting.certainty import CERTAIN, Certainty, calibration_state, certainty, class_probability
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series
-from soilmoist_ros.reporting.page.numbers import area, percent, volume
-from soilmoist_ros.reporting.page.statistics import mean_moisture
+from soilmoist_ros.reporting.page.numbers import part_of_area, percent, volume
+from soilmoist_ros.reporting.page.statistics import calibration_sd, mean_moisture
 from soilmoist_ros.reporting.run import IrrigationLimits, MapRun
 
 Array = NDArray[np.float64]
@@ -23,12 +24,8 @@ COLOURS = ("#d8b365", "#a6d5cf", "#2166ac")
 """Colours of dry, medium and moist; readers with colour-blindness can distinguish them."""
 RELATIVE = ("driest third", "middle third", "wettest third")
 BY_USER = ("dry", "medium", "moist")
-BY_PLANT = ("too dry", "enough water", "wet")
+BY_PLANT = ("too dry", "enough water", "too wet")
 FEW_PLACES = 10
-CERTAIN = 0.8
-"""Probability from which the zone of a place counts as certain."""
-SURE_ENOUGH = 0.5
-"""Share of the area with a certain zone from which the map supports decisions zone by zone."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +37,11 @@ class Zone:
     :param colour: colour on the map
     :param area_m2: its area [m^2]
     :param share: share of the field's area [0..1]
-    :param sure: share of its area that belongs to it with a probability of 80 % or more [0..1], NaN if it is empty
+    :param certainty: how sure the map is of it
     :param water_mm: mean water in the root zone [mm], NaN without a calibration
     :param missing_mm: mean water missing to field capacity [mm], NaN if that is unknown
+    :param missing_mm_p05: quantile 0.05 of what is missing at a place, mean over the zone [mm]
+    :param missing_mm_p95: quantile 0.95 likewise [mm]
     """
 
     name: str
@@ -50,14 +49,31 @@ class Zone:
     colour: str
     area_m2: float
     share: float
-    sure: float
-    water_mm: float
-    missing_mm: float
+    certainty: Certainty
+    water_mm: float = math.nan
+    missing_mm: float = math.nan
+    missing_mm_p05: float = math.nan
+    missing_mm_p95: float = math.nan
 
     @property
     def area(self) -> str:
-        """The area with its unit."""
-        return " ".join(area(self.area_m2)) if self.area_m2 > 0 else "0"
+        """Its area, in the unit of the field."""
+        return part_of_area(self.area_m2, self.area_m2 / self.share if self.share > 0 else 1.0)
+
+    @property
+    def sure_area(self) -> str:
+        """Area of its certain places, in words."""
+        sure = self.certainty.sure
+        if not sure > 0 or sure == 1:
+            return "all of it" if sure == 1 else "none of it"
+        return f"{part_of_area(sure * self.area_m2, self.area_m2 / self.share)} of it"
+
+    @property
+    def missing(self) -> str:
+        """Water missing to field capacity with its interval; empty if that is unknown."""
+        if not math.isfinite(self.missing_mm):
+            return ""
+        return f"{self.missing_mm:.0f} mm ({self.missing_mm_p05:.0f} to {self.missing_mm_p95:.0f} mm)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,17 +82,19 @@ class Irrigation:
 
     :param zones: from dry to moist
     :param number: number of the zone of each cell, NaN outside the field, shape (ny, nx)
-    :param sure: whether a cell belongs to its zone with a probability of 80 % or more, shape (ny, nx)
+    :param sure: whether a cell is certain of its zone, shape (ny, nx)
+    :param not_dry: certainty that the cells of the other zones are not in the first one
     :param relative: whether the zones only compare places of this field
     :param basis: where the limits of the zones come from, as a sentence
     :param water: water in the root zone of the mean of the field, as a sentence; empty without a real calibration
     :param level: what is known of the absolute moisture, as a sentence
-    :param advice: what to do next, as a sentence
+    :param advice: what to do next, in sentences
     """
 
     zones: tuple[Zone, ...]
     number: Array
     sure: NDArray[np.bool_]
+    not_dry: Certainty
     relative: bool
     basis: str
     water: str
@@ -94,10 +112,14 @@ def irrigation(run: MapRun) -> Irrigation:
     """Zones, water and advice of a map; of its count rate if there is no calibration."""
     values = _values(run)
     names, edges, basis = _edges(run, values)
+    relative = names == RELATIVE
     number = np.where(np.isfinite(values), np.searchsorted(edges, np.nan_to_num(values), side="right"), np.nan)
-    sure = _probability(run, number, edges) >= CERTAIN
-    zones = tuple(_zone(run, i, names[i], edges, values, number, sure) for i in range(3))
-    found = Irrigation(zones, number, sure, names == RELATIVE, basis, _water(run), _level(run), "")
+    probability = _probability(run, number, edges, relative)
+    zones = tuple(_zone(run, i, names[i], edges, values, number, probability) for i in range(3))
+    dry = _probability(run, np.where(np.isfinite(number), 0.0, np.nan), edges, relative)
+    not_dry = certainty(1 - dry[number > 0])
+    sure = probability >= CERTAIN
+    found = Irrigation(zones, number, sure, not_dry, relative, basis, _water(run), _level(run), "")
     return Irrigation(**{**vars(found), "advice": _advice(run, found)})
 
 
@@ -123,28 +145,23 @@ def absolute(run: MapRun) -> bool:
     return run.calibrated and not (run.calibration is not None and run.calibration.illustrative)
 
 
+def calibration_of(run: MapRun) -> str:
+    """What the moisture of a map rests on, see :func:`calibration_state`."""
+    return calibration_state(run.calibrated, absolute(run), run.simulated)
+
+
 def _values(run: MapRun) -> Array:
     """Moisture, or minus the rate without a calibration: more is moister. NaN outside the field."""
     soil_map = run.soil_map
     return np.where(soil_map.grid.mask, soil_map.vwc if run.calibrated else -soil_map.rate, np.nan)
 
 
-def _probability(run: MapRun, number: Array, edges: Array) -> Array:
-    """Probability that the true value lies in the zone of the estimate, 0 outside the field; rates are normal."""
-    from scipy.special import ndtr
-
-    soil_map, curve = run.soil_map, run.soil_map.curve
-    sd, limits = soil_map.rate_sd, -edges
-    if curve is not None:
-        common = common_rate_sd(curve, soil_map.rate)
-        sd = sd if common is None else np.hypot(sd, common)
-        limits = np.asarray(curve.rate_cps(np.maximum(edges, 0.0)), float)
-    highest = np.concatenate([[np.inf], limits])
-    lowest = np.concatenate([limits, [-np.inf]])
-    own = np.nan_to_num(number).astype(int)
-    with np.errstate(invalid="ignore"):
-        inside = ndtr((highest[own] - soil_map.rate) / sd) - ndtr((lowest[own] - soil_map.rate) / sd)
-    return np.where(np.isfinite(number), np.nan_to_num(inside), 0.0)
+def _probability(run: MapRun, number: Array, edges: Array, relative: bool) -> Array:
+    """Probability of a zone in each cell; of a rate map the zones count from many to few neutrons."""
+    soil_map = run.soil_map
+    if soil_map.curve is None:
+        return class_probability(soil_map.rate, soil_map.rate_sd, 2 - number, -edges[::-1], None, relative)
+    return class_probability(soil_map.rate, soil_map.rate_sd, number, edges, soil_map.curve, relative)
 
 
 def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
@@ -175,22 +192,37 @@ def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
 
 
 def _zone(
-    run: MapRun, index: int, name: str, edges: Array, values: Array, number: Array, sure: NDArray[np.bool_]
+    run: MapRun, index: int, name: str, edges: Array, values: Array, number: Array, probability: Array
 ) -> Zone:
-    chosen = number == index
-    total = np.count_nonzero(run.soil_map.grid.mask)
-    share = np.count_nonzero(chosen) / total
+    chosen, soil_map = number == index, run.soil_map
+    share = np.count_nonzero(chosen) / np.count_nonzero(soil_map.grid.mask)
     depth, full = run.irrigation.root_depth_mm, run.irrigation.field_capacity
-    water = missing = math.nan
+    known: dict[str, float] = {}
     if absolute(run) and chosen.any():
-        water = float(values[chosen].mean()) * depth
+        known["water_mm"] = float(values[chosen].mean()) * depth
         if full is not None:
-            missing = float(np.maximum(full - values[chosen], 0).mean()) * depth
-    size_m2 = share * float(field_polygon(run.soil_map).area)
+            bands = {"missing_mm": values, "missing_mm_p05": soil_map.vwc_p95, "missing_mm_p95": soil_map.vwc_p05}
+            known |= {key: missing_mm(band[chosen], full, depth) for key, band in bands.items()}
+    size_m2 = share * float(field_polygon(soil_map).area)
     return Zone(
-        name, _range_text(run, index, edges), COLOURS[index], size_m2, share,
-        float(sure[chosen].mean()) if chosen.any() else math.nan, water, missing,
-    )  # fmt: skip
+        name,
+        _range_text(run, index, edges),
+        COLOURS[index],
+        size_m2,
+        share,
+        certainty(probability[chosen]),
+        **known,
+    )
+
+
+def missing_mm(vwc: Array, field_capacity: float, root_depth_mm: float) -> float:
+    """Mean water that is missing to field capacity [mm].
+
+    :param vwc: moisture of places [m^3/m^3]; what one of them has too much does not help the others
+    :param field_capacity: [m^3/m^3]
+    :param root_depth_mm: depth to fill [mm]; moisture is taken as the same at all depths
+    """
+    return float(np.maximum(field_capacity - vwc, 0).mean()) * root_depth_mm
 
 
 def _range_text(run: MapRun, index: int, edges: Array) -> str:
@@ -239,11 +271,16 @@ def _level(run: MapRun) -> str:
     if run.simulated:
         return "Simulated: no real field was measured."
     source = f" ({run.calibration.source})" if run.calibration and run.calibration.source else ""
+    if calibration_sd(run.soil_map) is None:
+        return (
+            f"Calibrated{source}, but the site file has no standard deviation of N0: intervals and certainty "
+            "leave an error of the calibration out."
+        )
     return f"Calibrated{source}: the percentages and millimetres are meant as they stand, with their intervals."
 
 
 def _advice(run: MapRun, found: Irrigation) -> str:
-    """The next step that helps most, as a sentence."""
+    """The next step that helps most, in sentences. It never rests on a zone that is not certain."""
     if not run.calibrated:
         return "Next: take soil cores and calibrate the sensor, so that the map shows water."
     if not absolute(run):
@@ -255,30 +292,69 @@ def _advice(run: MapRun, found: Irrigation) -> str:
     samples = len(run.soil_map.samples)
     if samples < FEW_PLACES:
         return f"Next: measure at more places; {samples} are too few to know how sure the map is."
-    if found.sure_share < SURE_ENOUGH:
+    if not found.relative:
+        return " ".join([*_on_dry(run, found), *_on_wet(run, found)])
+    driest, _, wettest = found.zones
+    if not (driest.certainty.certain and wettest.certainty.certain):
         return (
-            f"Next: count longer or at more places {_least_sure(run)}; now the zone is certain on only "
+            f"Next: count longer or at more places{_where(run, ~found.sure)}; now the zone is certain on only "
             f"{percent(found.sure_share)} of the area."
-        )
-    dry = found.zones[0]
-    if not found.relative and dry.share > 0 and math.isfinite(dry.missing_mm):
-        return (
-            f"Next: look at the {dry.area} that are too dry; about {dry.missing_mm:.0f} mm would fill their root "
-            "zone to field capacity."
         )
     return "Next: compare the zones with what you see in the field, and measure again after rain or irrigation."
 
 
-def _least_sure(run: MapRun) -> str:
-    """Part of the field where the interval is widest, in words."""
+def _on_dry(run: MapRun, found: Irrigation) -> Iterator[str]:
+    """Where to irrigate, and where not to."""
+    dry, rest_m2 = found.zones[0], sum(zone.area_m2 for zone in found.zones[1:])
+    whole_m2 = rest_m2 + dry.area_m2
+    rest, sure = (part_of_area(share * rest_m2, whole_m2) for share in (1.0, found.not_dry.sure))
+    needs_none, first = found.not_dry.certain, _where(run, (found.number == 0) & ~found.sure)
+    if not dry.share:
+        if needs_none:
+            yield f"No irrigation needed now: no part of the field is {dry.name} (certain on {sure} of {rest})."
+        else:
+            yield (
+                f"No part of the field seems {dry.name}, but that is certain on {sure} of {rest} only: count "
+                "longer before you rely on it."
+            )
+        return
+    if dry.certainty.certain:
+        yield f"Irrigate the {dry.area} that are {dry.name} (certain on {dry.sure_area})."
+        yield (
+            f"Field capacity lacks {dry.missing} there, without what the irrigation loses."
+            if dry.missing
+            else "Give field capacity in the site file to see how much water is missing."
+        )
+    else:
+        seems = f"{dry.name.capitalize()} on {dry.area}, certain on {dry.sure_area}"
+        yield f"{seems}: count longer there first{first}."
+    if rest_m2 > 0 and needs_none:
+        yield f"No irrigation needed now on the other {rest} (certain on {sure})."
+    elif rest_m2 > 0:
+        yield f"The other {rest} may be {dry.name} as well; that they are not is certain on {sure} only."
+
+
+def _on_wet(run: MapRun, found: Irrigation) -> Iterator[str]:
+    """Where there is more water than wanted."""
+    wet = found.zones[2]
+    if wet.certainty.certain:
+        why = "more water would drain away unused" if wet.name == BY_PLANT[2] else "it needs no water"
+        yield f"{wet.name.capitalize()} on {wet.area} (certain on {wet.sure_area}): {why}."
+    elif wet.share > 0:
+        yield f"{wet.name.capitalize()} on {wet.area}, certain on {wet.sure_area}."
+
+
+def _where(run: MapRun, chosen: NDArray[np.bool_]) -> str:
+    """Part of the field where cells lie, in words; empty if they are spread over the field."""
     soil_map = run.soil_map
-    width = np.where(soil_map.grid.mask, soil_map.vwc_p95 - soil_map.vwc_p05, np.nan)
-    rows, columns = np.nonzero(width >= np.nanquantile(width, 0.8))
+    rows, columns = np.nonzero(chosen & soil_map.grid.mask)
     every_row, every_column = np.nonzero(soil_map.grid.mask)
+    if not rows.size:
+        return ""
     x, y = soil_map.grid.x_m, soil_map.grid.y_m
     east = float(x[columns].mean() - x[every_column].mean()) / max(float(np.ptp(x[every_column])), 1e-9)
     north = float(y[rows].mean() - y[every_row].mean()) / max(float(np.ptp(y[every_row])), 1e-9)
     if math.hypot(east, north) < 0.12:
-        return "all over the field"
+        return ""
     points = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
-    return f"in the {points[round(math.degrees(math.atan2(north, east)) / 45) % 8]}"
+    return f", most of it in the {points[round(math.degrees(math.atan2(north, east)) / 45) % 8]}"

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import math
 
+HECTARE_M2 = 1e4
+
 
 def number(value: float | None, digits: int = 3) -> str:
     """A number with this many significant digits, without an exponent if possible; a dash if undefined."""
@@ -63,10 +65,30 @@ def tidy(text: str) -> str:
 
 
 def area(area_m2: float) -> tuple[str, str]:
-    """An area and its unit: hectares, square kilometres if large."""
-    if area_m2 >= 5e6:
-        return number(area_m2 / 1e6), "km²"
-    return (number(area_m2 / 1e4, 2 if area_m2 < 1e4 else 3), "ha") if area_m2 >= 500 else (number(area_m2), "m²")
+    """An area and its unit: hectares, square kilometres if very large."""
+    size, unit = _area_unit(area_m2)
+    return number(area_m2 / size, 2 if size == HECTARE_M2 > area_m2 else 3), unit
+
+
+def part_of_area(part_m2: float, whole_m2: float) -> str:
+    """A part of an area in the unit and with the decimals of the whole, so that the parts of a table compare.
+
+    >>> part_of_area(1_200, 80_000), part_of_area(12, 80_000), part_of_area(0, 80_000)
+    ('0.12 ha', '< 0.01 ha', '0 ha')
+    """
+    size, unit = _area_unit(whole_m2)
+    digits = 1 if size == HECTARE_M2 > whole_m2 else 2
+    decimals = max(digits - math.floor(math.log10(max(whole_m2, 1e-9) / size)), 0)
+    if 0 < part_m2 < 0.5 * size * 10**-decimals:
+        return f"< {10**-decimals:.{decimals}f} {unit}"
+    return f"{part_m2 / size:,.{decimals}f}".replace(",", "\u202f") + f" {unit}" if part_m2 > 0 else f"0 {unit}"
+
+
+def _area_unit(area_m2: float) -> tuple[float, str]:
+    """Size [m^2] and name of the unit in which an area is shown."""
+    if area_m2 >= 5e7:
+        return 1e6, "km²"
+    return (HECTARE_M2, "ha") if area_m2 >= 500 else (1.0, "m²")
 
 
 def length(metres: float) -> tuple[str, str]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
+from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD
 from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.simulation.mission.setting import Setting
@@ -81,6 +82,12 @@ def _plain_dwell(text: str) -> str:
 def _share(value: float) -> float:
     if value > 1:
         raise InputError(f"must be at most 1, but it is {value!r}")
+    return value
+
+
+def _not_percent(value: float) -> float:
+    if value > MAX_UNTIL_SD:
+        raise InputError(f"must be at most {MAX_UNTIL_SD:g}, but it is {value:g}", f"write {value / 100:g}")
     return value
 
 
@@ -264,7 +271,7 @@ class MissionSettings:
     )  # fmt: skip
     until_sd: float = _setting(
         0.0, "End when the standard deviation of the map is at most this. With target rate a share of the mean "
-        "rate (0.02: 2 %), with target vwc in m3/m3; 0: never.", low=0,
+        "rate (0.02: 2 %), with target vwc in m3/m3; 0: never.", low=0, check=_not_percent,
     )  # fmt: skip
     until_gain: float = _setting(
         0.0, "End when the standard deviation of the map will fall by less than this in ten minutes. Or when the "

@@ -7,7 +7,6 @@ from __future__ import annotations
 import zipfile
 from xml.etree import ElementTree as ET
 
-import numpy as np
 import pyogrio
 import pytest
 import rasterio
@@ -62,15 +61,14 @@ def test_the_style_of_a_map_shows_its_moisture(written, exported):
         assert len({item.get("color") for item in style.iter("item")}) == len(values)
 
 
-def test_samples_have_the_colours_of_their_map(written, project):
-    style = ET.fromstring(written[2].read_text().partition("\n")[2])
-    map_values = [float(item.get("value")) for item in style.iter("item")]
-    (samples,) = (one for one in project.iter("maplayer") if one.findtext("layername") == "samples")
-    inner = [float(one.get("upper")) for one in samples.iter("range")][:-1]
-    np.testing.assert_allclose(inner, np.linspace(map_values[0], map_values[-1], len(inner) + 2)[1:-1])
+def test_samples_are_white_discs_as_in_the_report(project, beside):
+    in_export = {one.findtext("layername"): one for one in project.iter("maplayer")}
+    for layer in (in_export["samples"], in_export["samples_salt"], beside["samples"]):
+        assert layer.find("renderer-v2").get("type") == "singleSymbol"
+        assert layer.find(".//Option[@name='color']").get("value") == "255,255,255,255"
 
 
-def test_zones_and_samples_have_a_symbol_for_each_class(project):
+def test_zones_have_a_symbol_for_each_class(project):
     for layer in project.iter("maplayer"):
         renderer = layer.find("renderer-v2")
         if renderer is not None:
@@ -115,5 +113,3 @@ def test_the_project_beside_a_run_shows_value_and_standard_deviation(beside, exp
                 assert raster.descriptions[int(renderer.get("band")) - 1] == one.quantity.band + end
             ramp = [item.get("color") for item in renderer.iter("item")]
             assert ramp == hex_ramp(colours, len(ramp))
-        column = {"vwc": "vwc", "rate": "rate_cps"}[one.quantity.band]
-        assert beside[f"samples{one.suffix}"].find("renderer-v2").get("attr") == column

@@ -77,7 +77,7 @@ def test_zones_of_two_halves():
     assert (dry.mean, wet.mean) == pytest.approx((12.0, 30.0))
     assert dry.area_ha == pytest.approx(0.112, rel=0.03)
     assert dry.water_mm(300) == pytest.approx(36.0)
-    assert dry.sure == 1.0
+    assert (dry.certainty.sure, dry.other) == (1.0, 0.0)
     assert dry.shape.centroid.x < 0 < wet.shape.centroid.x
     assert len(dry.shape.exterior.coords) < 12, "a straight border has few corners"
 

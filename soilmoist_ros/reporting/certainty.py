@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""When the map is certain of a class of moisture: one definition for report, page, summary and exports.
+
+A place is certain of a class if its true value lies in it with a probability of :data:`CERTAIN` or more. A zone is
+certain if this share of its area, or more, can be expected to belong to its class: the mean of the probabilities
+of its places. These are probabilities given all counts, not p-values, so the number of places does not matter:
+the expected share of wrong places is one minus the mean, also where errors of neighbours are alike (Newton et al.
+2004, Biostatistics 5:155-176: the false discovery rate of Benjamini & Hochberg from posterior probabilities).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.mapping.moisture_bands import common_rate_sd
+from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+
+Array = NDArray[np.float64]
+
+CERTAIN = 0.8
+"""Probability from which a place is certain, and expected share of its area from which a zone is."""
+CALIBRATION_TAG = "SOILMOIST_CALIBRATION"
+"""Tag of GeoTIFFs with one of the words of :func:`calibration_state`."""
+ILLUSTRATIVE = "illustrative"
+
+
+def calibration_state(calibrated: bool, absolute: bool, simulated: bool) -> str:
+    """Origin of the calibration: ``own``, ``illustrative`` (a guess), ``simulated`` or ``none`` (a rate map).
+
+    :param calibrated: whether the map has moisture
+    :param absolute: whether its level is meant as it stands
+    :param simulated: whether no real field was measured
+    """
+    if not calibrated:
+        return "none"
+    return ILLUSTRATIVE if not absolute else "simulated" if simulated else "own"
+
+
+def class_probability(
+    rate: Array, rate_sd: Array, number: ArrayLike, edges: ArrayLike, curve: MoistureCurve | None, relative: bool
+) -> Array:
+    """Probability that the true value of a place lies in a class; rates are normal.
+
+    :param rate: estimate of each place [counts/s], any shape; without a curve any quantity that is normal
+    :param rate_sd: its standard deviation, same shape
+    :param number: class of each place, from 0 for the lowest values, same shape or one number; NaN for none
+    :param edges: rising limits between the classes: of the moisture [m^3/m^3], without a curve in the unit of
+        the rate
+    :param curve: calibration; moist soil has low rates
+    :param relative: whether the limits are quantiles of this map: an error of the calibration shifts them as well
+    :returns: same shape, 0 for places without a class
+    """
+    from scipy.special import ndtr
+
+    sd, limits = np.asarray(rate_sd, float), np.asarray(edges, float)
+    bounds = np.concatenate([[-np.inf], limits, [np.inf]])
+    if curve is not None:
+        common = None if relative else common_rate_sd(curve, rate)
+        sd = sd if common is None else np.hypot(sd, common)
+        bounds = np.concatenate([[np.inf], np.asarray(curve.rate_cps(np.maximum(limits, 0.0)), float), [-np.inf]])
+    known = np.isfinite(rate) & np.isfinite(np.asarray(number, float))
+    own = np.where(known, number, 0).astype(int)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        inside = np.abs(ndtr((bounds[own + 1] - rate) / sd) - ndtr((bounds[own] - rate) / sd))
+    return np.where(known, np.nan_to_num(inside), 0.0)
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """How sure the map is of a zone.
+
+    :param expected: share of its area that can be expected to belong to its class [0..1], NaN if it is empty
+    :param sure: share of its area that is certain place by place [0..1], NaN if it is empty
+    """
+
+    expected: float
+    sure: float
+
+    @property
+    def certain(self) -> bool:
+        """Whether the zone is certain; an empty one is not."""
+        return self.expected >= CERTAIN
+
+
+def certainty(probability: Array) -> Certainty:
+    """Certainty of a zone.
+
+    :param probability: probability of its class at each of its places, shape (n,)
+    """
+    if not probability.size:
+        return Certainty(np.nan, np.nan)
+    return Certainty(float(probability.mean()), float((probability >= CERTAIN).mean()))
