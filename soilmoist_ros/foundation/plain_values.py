@@ -6,7 +6,20 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import PurePath, PurePosixPath, PureWindowsPath
 from typing import Any
+
+
+def shown_path(path: PurePath | str) -> str:
+    """A path for results that others read: an absolute one without its folders, which are the computer's own.
+
+    >>> shown_path("logs/may.csv"), shown_path("/home/ann/logs/may.csv"), shown_path("C:/logs/may.csv")
+    ('logs/may.csv', 'may.csv', 'may.csv')
+    """
+    for kind in (PurePosixPath, PureWindowsPath):
+        if kind(path).is_absolute():
+            return kind(path).name
+    return str(path)
 
 
 def read_json(text: str | bytes) -> Any:

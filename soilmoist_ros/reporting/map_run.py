@@ -15,6 +15,7 @@ import numpy as np
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.plain_values import shown_path
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping import SoilMap
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED
@@ -94,6 +95,7 @@ def make_run(
         footprint_radius_m=site.footprint_radius_m,
         quarantined=[record for record in records if record.quarantine],
         irrigation=IrrigationLimits(**site.irrigation.model_dump()),
+        time_zone=site.time_zone or "",
         sensed=_sensed_soil(soil_map, track, site),
         earlier=earlier,
         change=run_change(soil_map, stamp_s, earlier),
@@ -104,7 +106,7 @@ def make_run(
 def input_file(path: Path, role: str, n_records: int | None = None) -> InputFile:
     """An input file of a run, with its size and checksum."""
     content = path.read_bytes()
-    return InputFile(str(path), n_records, len(content), hashlib.sha256(content).hexdigest(), role)
+    return InputFile(shown_path(path), n_records, len(content), hashlib.sha256(content).hexdigest(), role)
 
 
 def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[CorrectionRow]:

@@ -216,6 +216,7 @@ class MapRun(SurveyTimes):
     :param change: what has changed since the latest of them
     :param quarantined: records left out of the map, each with its reason, in order of time
     :param irrigation: limits of dry and moist soil
+    :param time_zone: name of the field's time zone, for local times beside UTC; empty for UTC alone
     :param sensed: depth and radius that the counts come from, if known
     :param covariates: covariates behind the map, if any
     :raises ValueError: if ``created_utc`` has no time zone
@@ -247,6 +248,7 @@ class MapRun(SurveyTimes):
     uncertain_rate_share: float = 0.05
     quarantined: Sequence[CountRecord] = ()
     irrigation: IrrigationLimits = field(default_factory=IrrigationLimits)
+    time_zone: str = ""
     sensed: SensedSoil | None = None
     earlier: Sequence[EarlierRun] = ()
     change: RunChange | None = None

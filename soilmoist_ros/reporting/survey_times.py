@@ -15,6 +15,16 @@ EARLIEST_STAMP_S = 946684800.0
 """Stamps before 2000-01-01 UTC come from a clock without a date, such as that of a simulated mission [s]."""
 
 
+def local_time(when: datetime, zone: str) -> datetime:
+    """A time in a zone by its name; as it is where this computer does not know the zone."""
+    from zoneinfo import ZoneInfo
+
+    try:
+        return when.astimezone(ZoneInfo(zone))
+    except (KeyError, ValueError, OSError):
+        return when
+
+
 class SurveyTimes:
     """Begin, end and duration of the records of a run."""
 

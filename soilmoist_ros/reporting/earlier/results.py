@@ -125,6 +125,15 @@ def curve_of(about: Mapping[str, Any], path: Path) -> MoistureCurve | None:
         raise InputError(f"has a damaged calibration: {error}", REMEDY, path / SUMMARY) from None
 
 
+def is_illustrative(about: Mapping[str, Any]) -> bool:
+    """Whether the calibration of a run is a guess; of older runs, whether a warning says so.
+
+    :param about: its summary, see :func:`read_summary`
+    """
+    told = (about.get("calibration") or {}).get("illustrative")
+    return "illustrative_calibration" in (about.get("warning_codes") or ()) if told is None else bool(told)
+
+
 def read_features(path: Path) -> list[dict[str, Any]]:
     """Features of a GeoJSON file of a run; each has a geometry and properties.
 

@@ -17,7 +17,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.lazy import install
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_state, class_probability
-from soilmoist_ros.reporting.earlier.results import curve_of, shape_of
+from soilmoist_ros.reporting.earlier.results import curve_of, is_illustrative, shape_of
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
@@ -269,10 +269,8 @@ def open_source(run: OpenedRun) -> RunSource:
 
 def _calibration(about: Mapping[str, Any], bands: Columns) -> str:
     """Origin of the calibration, for GeoTIFFs that do not say it."""
-    guessed = (about.get("calibration") or {}).get(ILLUSTRATIVE)
-    if guessed is None:
-        guessed = "illustrative_calibration" in (about.get("warning_codes") or ())
-    return calibration_state(MOISTURE.band in bands, not guessed, bool(about.get("simulated")))
+    calibrated = MOISTURE.band in bands
+    return calibration_state(calibrated, not is_illustrative(about), bool(about.get("simulated")))
 
 
 def _no_map(run: OpenedRun) -> tuple[str, str]:

@@ -77,7 +77,7 @@ def write_geotiff(
             raster.set_band_description(band, name)
             raster.set_band_unit(band, unit)
             raster.update_tags(band, long_name=meaning, units=unit)
-        raster.update_tags(**_tags(soil_map, frame), **(tags or {}))
+        raster.update_tags(**{**_tags(soil_map, frame), **(tags or {})})
     return path
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
+from soilmoist_ros.foundation.plain_values import shown_path
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
 from soilmoist_ros.mapping.knowledge.drift import Drift
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
@@ -71,6 +72,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "survey_start_utc": utc_text(run.survey_start_utc),
         "survey_end_utc": utc_text(run.survey_end_utc),
         "survey_duration_s": run.survey_duration_s,
+        "time_zone": run.time_zone or None,
         "created_utc": run.created,
         "simulated": run.simulated,
         "title": run.title,
@@ -255,7 +257,7 @@ def _earlier(one: EarlierRun, related: Mapping[str, float]) -> dict[str, Any]:
     """
     return {
         "name": one.survey.name,
-        "path": str(one.path),
+        "path": shown_path(one.path),
         "end_utc": utc_text(datetime.fromtimestamp(one.survey.stamp_s, UTC)) if one.date else None,
         "end_stamp_s": one.survey.stamp_s,
         "n_records": len(one.records),
@@ -333,7 +335,8 @@ def settings_summary(settings: MissionSettings) -> dict[str, Any]:
     """Settings of a mission; some are repeated under keys of earlier releases."""
     also = settings.properties[0] if len(settings.properties) == 1 else PropertySettings("")
     old = {"variogram": settings.model, "also": also.field, "also_weight": also.weight}
-    return {**settings.as_dict(), **old}
+    named = {**settings.as_dict(), **old}
+    return {key: shown_path(value) if isinstance(value, str) else value for key, value in named.items()}
 
 
 def _property(mapped: MappedProperty) -> dict[str, Any]:

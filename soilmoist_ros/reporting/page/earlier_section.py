@@ -6,7 +6,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
+from soilmoist_ros.mapping.moisture_bands import possible_moisture
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.earlier.run_change import RunChange
 from soilmoist_ros.reporting.page import numbers
@@ -61,7 +64,7 @@ def earlier_part(run: MapRun) -> EarlierPart | None:
             len(one.records),
             len(one.survey.samples),
             f"{related[one.survey.name]:.2f}" if one.survey.name in related else "",
-            "" if found is None or one.survey.name not in found.means else _rate(found.means[one.survey.name]),
+            _since(run, one.survey.name),
             " ".join(one.remarks),
         )
         for one in run.earlier
@@ -141,6 +144,18 @@ def change_since(found: RunChange) -> str:
 def dated(run: EarlierRun) -> str:
     """Name of an earlier survey, with its day if known."""
     return f"{run.survey.name}{f' of {run.date}' if run.date else ''}"
+
+
+def _since(run: MapRun, name: str) -> str:
+    """Change of the mean since a survey: of the rate, or of the moisture that the mean rate means."""
+    change = None if run.change is None else run.change.means.get(name)
+    curve = run.soil_map.curve
+    if change is None or curve is None:
+        return "" if change is None else _rate(change)
+    now = float(np.nanmean(run.soil_map.rate))
+    then = now - np.array([change.value, *change.interval95])
+    value, high, low = (100 * (possible_moisture(curve, now) - possible_moisture(curve, then))).tolist()
+    return f"{value:+.1f} % by volume ({low:+.1f} to {high:+.1f}) [{change.value:+.3f} counts/s]"
 
 
 def _rate(change: Estimate) -> str:

@@ -83,7 +83,7 @@ class Irrigation:
     :param zones: from dry to moist
     :param number: number of the zone of each cell, NaN outside the field, shape (ny, nx)
     :param sure: whether a cell is certain of its zone, shape (ny, nx)
-    :param not_dry: certainty that the cells of the other zones are not in the first one
+    :param not_dry: whether a cell is certain not to be in the first zone, shape (ny, nx)
     :param relative: whether the zones only compare places of this field
     :param basis: where the limits of the zones come from, as a sentence
     :param water: water in the root zone of the mean of the field, as a sentence; empty without a real calibration
@@ -94,7 +94,7 @@ class Irrigation:
     zones: tuple[Zone, ...]
     number: Array
     sure: NDArray[np.bool_]
-    not_dry: Certainty
+    not_dry: NDArray[np.bool_]
     relative: bool
     basis: str
     water: str
@@ -117,7 +117,7 @@ def irrigation(run: MapRun) -> Irrigation:
     probability = _probability(run, number, edges, relative)
     zones = tuple(_zone(run, i, names[i], edges, values, number, probability) for i in range(3))
     dry = _probability(run, np.where(np.isfinite(number), 0.0, np.nan), edges, relative)
-    not_dry = certainty(1 - dry[number > 0])
+    not_dry = (number > 0) & (1 - dry >= CERTAIN)
     sure = probability >= CERTAIN
     found = Irrigation(zones, number, sure, not_dry, relative, basis, _water(run), _level(run), "")
     return Irrigation(**{**vars(found), "advice": _advice(run, found)})
@@ -304,34 +304,37 @@ def _advice(run: MapRun, found: Irrigation) -> str:
 
 
 def _on_dry(run: MapRun, found: Irrigation) -> Iterator[str]:
-    """Where to irrigate, and where not to."""
-    dry, rest_m2 = found.zones[0], sum(zone.area_m2 for zone in found.zones[1:])
-    whole_m2 = rest_m2 + dry.area_m2
-    rest, sure = (part_of_area(share * rest_m2, whole_m2) for share in (1.0, found.not_dry.sure))
-    needs_none, first = found.not_dry.certain, _where(run, (found.number == 0) & ~found.sure)
-    if not dry.share:
-        if needs_none:
-            yield f"No irrigation needed now: no part of the field is {dry.name} (certain on {sure} of {rest})."
-        else:
+    """Where to irrigate, where not to, and where the map cannot tell."""
+    dry, as_well = found.zones[0], ""
+    if dry.share > 0:
+        as_well = " as well"
+        if dry.certainty.certain:
+            yield f"Irrigate the {dry.area} that are {dry.name} (certain on {dry.sure_area})."
             yield (
-                f"No part of the field seems {dry.name}, but that is certain on {sure} of {rest} only: count "
-                "longer before you rely on it."
+                f"To field capacity they lack {dry.missing}, without what the irrigation loses."
+                if dry.missing
+                else "With field capacity in the site file, this page shows how much water they lack."
             )
-        return
-    if dry.certainty.certain:
-        yield f"Irrigate the {dry.area} that are {dry.name} (certain on {dry.sure_area})."
-        yield (
-            f"Field capacity lacks {dry.missing} there, without what the irrigation loses."
-            if dry.missing
-            else "Give field capacity in the site file to see how much water is missing."
-        )
-    else:
-        seems = f"{dry.name.capitalize()} on {dry.area}, certain on {dry.sure_area}"
-        yield f"{seems}: count longer there first{first}."
-    if rest_m2 > 0 and needs_none:
-        yield f"No irrigation needed now on the other {rest} (certain on {sure})."
-    elif rest_m2 > 0:
-        yield f"The other {rest} may be {dry.name} as well; that they are not is certain on {sure} only."
+        else:
+            where = _where(run, found.number == 0)
+            seems = f"{dry.name.capitalize()} on {dry.area}, certain on {dry.sure_area}"
+            yield f"{seems}: count longer there first{where}."
+    open_cells = (found.number > 0) & ~found.not_dry
+    moist, unclear = _area(run, found.not_dry), _area(run, open_cells)
+    if not open_cells.any() and not as_well:
+        yield f"No irrigation needed now: no part of the field is {dry.name}."
+    elif found.not_dry.any():
+        yield f"No irrigation needed now on {'the other ' if as_well and not open_cells.any() else ''}{moist}."
+    if open_cells.any() and not as_well and not found.not_dry.any():
+        yield f"No part of the field seems {dry.name}, but that is certain on none of it: count longer first."
+    elif open_cells.any():
+        yield f"The other {unclear} may be {dry.name}{as_well}: count longer there first{_where(run, open_cells)}."
+
+
+def _area(run: MapRun, chosen: NDArray[np.bool_]) -> str:
+    """Area of cells, in the unit of the field."""
+    whole_m2 = float(field_polygon(run.soil_map).area)
+    return part_of_area(whole_m2 * np.count_nonzero(chosen) / np.count_nonzero(run.soil_map.grid.mask), whole_m2)
 
 
 def _on_wet(run: MapRun, found: Irrigation) -> Iterator[str]:
@@ -357,4 +360,4 @@ def _where(run: MapRun, chosen: NDArray[np.bool_]) -> str:
     if math.hypot(east, north) < 0.12:
         return ""
     points = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
-    return f", most of it in the {points[round(math.degrees(math.atan2(north, east)) / 45) % 8]}"
+    return f" (mostly in the {points[round(math.degrees(math.atan2(north, east)) / 45) % 8]})"

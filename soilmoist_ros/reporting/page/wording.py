@@ -23,6 +23,7 @@ from soilmoist_ros.reporting.page.statistics import (
     undefined_share,
 )
 from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.reporting.survey_times import local_time
 
 MAX_UNUSABLE = 0.25
 """Largest share of impossible or undefined moisture in the area at which the report shows average moisture."""
@@ -51,8 +52,19 @@ def survey_time(run: MapRun | FailedRun) -> str:
         return "Date unknown: there are no records"
     if start is None or end is None:
         return f"Duration {duration(seconds)}, on a simulated clock" if run.simulated else "Date unknown"
-    last = f"{end:%H:%M}" if start.date() == end.date() else f"{_day(end)}, {end:%H:%M}"
-    return f"{_day(start)}, {start:%H:%M} to {last} UTC ({duration(seconds)})"
+    text = f"{_span(start, end)} UTC"
+    zone = run.time_zone if isinstance(run, MapRun) else ""
+    if zone:
+        here = _span(local_time(start, zone), local_time(end, zone), since=start)
+        text += f", local time {here} ({zone})"
+    return f"{text} ({duration(seconds)})"
+
+
+def _span(start: datetime, end: datetime, since: datetime | None = None) -> str:
+    """Begin and end, each with its day unless that is known: from another time, or from the begin."""
+    first = "" if since is not None and since.date() == start.date() else f"{_day(start)}, "
+    last = "" if start.date() == end.date() else f"{_day(end)}, "
+    return f"{first}{start:%H:%M} to {last}{end:%H:%M}"
 
 
 def place(run: MapRun | FailedRun) -> str:

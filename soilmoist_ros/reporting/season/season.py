@@ -37,7 +37,13 @@ from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of, read_parameters
 from soilmoist_ros.reporting.earlier.doubts import doubts, mean_rate
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, date_text, read_earlier_runs
-from soilmoist_ros.reporting.earlier.results import curve_of, read_features, read_summary, shape_of
+from soilmoist_ros.reporting.earlier.results import (
+    curve_of,
+    is_illustrative,
+    read_features,
+    read_summary,
+    shape_of,
+)
 from soilmoist_ros.reporting.earlier.run_records import find_runs, read_run
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import load_site
@@ -106,6 +112,8 @@ class Season:
     :param simulated: whether the counts are simulated
     :param created_utc: when it was made
     :param notes: what the user should know, in sentences
+    :param illustrative: whether the calibration is a guess
+    :param time_zone: name of the time zone of the field; empty if it is not known
     """
 
     title: str
@@ -119,6 +127,8 @@ class Season:
     simulated: bool
     created_utc: datetime
     notes: tuple[str, ...] = ()
+    illustrative: bool = False
+    time_zone: str = ""
 
     @property
     def labels(self) -> list[str]:
@@ -146,6 +156,8 @@ class _Ground:
     curve: MoistureCurve | None
     property_name: str
     simulated: bool
+    illustrative: bool
+    time_zone: str
 
 
 def make_season(
@@ -195,12 +207,16 @@ def make_season(
         ground.curve,
         ground.simulated,
         now,
-        tuple(_notes(runs, now)),
+        tuple(_notes(runs, now, ground.illustrative)),
+        ground.illustrative,
+        ground.time_zone,
     )
 
 
-def _notes(runs: Sequence[EarlierRun], now: datetime) -> Iterator[str]:
+def _notes(runs: Sequence[EarlierRun], now: datetime, illustrative: bool) -> Iterator[str]:
     """What the user should know of the runs."""
+    if illustrative:
+        yield "The calibration is illustrative: patterns and changes are real, the level of the moisture is not."
     typical = float(np.median([mean_rate(run.survey.samples) for run in runs]))
     for run in runs:
         for doubt in doubts(run, typical, now):
@@ -280,10 +296,13 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
     field = load_field(settings.field) if settings.field else None
     recorded = None if folders else read_run(home)
     curve, simulated = curve_of(about, home), bool(about.get("simulated"))
+    illustrative, time_zone = curve is not None and is_illustrative(about), str(about.get("time_zone") or "")
     if recorded is not None:
         curve, simulated, field = recorded.curve, recorded.simulated, field or _field_of_bag(home)
     if settings.site:
-        curve = load_site(settings.site).curve
+        site = load_site(settings.site)
+        curve, time_zone = site.curve, site.time_zone or time_zone
+        illustrative = site.calibration is not None and site.calibration.illustrative
     if field is not None:
         name, frame = field.name, field.frame
         grid = _sized(lambda cell_m: field.grid(cell_m), settings.cell_m, field.grid(settings.cell_m))
@@ -294,7 +313,8 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
         first = FieldGrid.from_polygon(rings, cell_m, holes)
         grid = _sized(lambda size: FieldGrid.from_polygon(rings, size, holes), settings.cell_m, first)
     names = [one.get("name", "") for one in about.get("properties") or ()]
-    return _Ground(name, frame, grid, curve, names[0] if names else "", simulated)
+    first_name = names[0] if names else ""
+    return _Ground(name, frame, grid, curve, first_name, simulated, illustrative, time_zone)
 
 
 def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: FieldGrid) -> FieldGrid:

@@ -19,6 +19,7 @@ from soilmoist_ros.foundation.plain_values import csv_text
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
 from soilmoist_ros.recording.run_folder import SUMMARY
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
 from soilmoist_ros.reporting.files.strict_json import write_json
 from soilmoist_ros.reporting.output_folder import replaced_together
 from soilmoist_ros.reporting.season.season import Season, SeasonSurvey
@@ -95,6 +96,8 @@ def summary(season: Season) -> dict[str, Any]:
         "title": season.title,
         "field": season.field_name,
         "simulated": season.simulated,
+        "calibration": _calibration(season),
+        "time_zone": season.time_zone or None,
         "created_utc": f"{season.created_utc:%Y-%m-%dT%H:%M:%SZ}",
         "datum": asdict(season.frame),
         "cell_m": season.grid.cell_m,
@@ -113,6 +116,10 @@ def summary(season: Season) -> dict[str, Any]:
         "surveys": rows(season),
         "outputs": list(NAMES),
     }
+
+
+def _calibration(season: Season) -> str:
+    return calibration_state(season.curve is not None, not season.illustrative, season.simulated)
 
 
 def rows(season: Season) -> list[dict[str, Any]]:
@@ -167,6 +174,7 @@ def write_stack(path: Path, season: Season) -> Path:
     with netcdf_file(path, "w", version=2) as file:
         file.Conventions = "CF-1.8"
         file.title = season.title
+        file.calibration = _calibration(season)
         kind = "simulation" if season.simulated else "surface observation"
         file.source = f"{kind}: cosmic-ray neutron counts, joint Poisson kriging by soilmoist_ros {__version__}"
         for name, size in (("time", len(season.surveys)), ("y", grid.y_m.size), ("x", grid.x_m.size)):
@@ -194,6 +202,8 @@ def write_stack(path: Path, season: Season) -> Path:
         for name, (unit, meaning) in LAYERS.items():
             if season.curve is None and name in _MOISTURE:
                 continue
+            if season.illustrative and name in _MOISTURE:
+                meaning = f"{meaning}, {ILLUSTRATIVE}"
             stack = np.stack([layer(survey, name) for survey in season.surveys])
             raster = np.where(np.isfinite(stack), stack, FILL).astype(np.float32)
             _put(file, name, raster, ("time", "y", "x"), long_name=meaning, units=unit, grid_mapping="crs",

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,16 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.version import __version__
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
+from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.page import numbers
 from soilmoist_ros.reporting.page.charts.chart import Area, Chart, Dots, Line, limits_of, round_ticks
 from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.viewer.layers import PERCENT, STOPS, colour_limits
 from soilmoist_ros.reporting.page.viewer.packing import pack, pack_bits, rounded, thinning
 from soilmoist_ros.reporting.season.season import Season, SeasonSurvey
+from soilmoist_ros.reporting.survey_times import local_time
 
 Array = NDArray[np.float64]
 
@@ -75,7 +79,8 @@ def _layers(season: Season, step: int) -> Iterator[dict[str, Any]]:
     if season.curve is not None:
         vwc = np.stack([100 * one.bands.vwc for one in surveys])
         sd = np.stack([100 * one.bands.vwc_sd for one in surveys])
-        yield _layer(season, step, "vwc", "Soil moisture", PERCENT, 1, WATER, vwc, colour_limits(vwc, sd), sd=sd)
+        unit = f"{PERCENT}, {ILLUSTRATIVE}" if season.illustrative else PERCENT
+        yield _layer(season, step, "vwc", "Soil moisture", unit, 1, WATER, vwc, colour_limits(vwc, sd), sd=sd)
     rate = np.stack([one.bands.rate for one in surveys])
     rate_sd = np.stack([one.bands.rate_sd for one in surveys])
     limits = colour_limits(rate, rate_sd)
@@ -187,7 +192,9 @@ def _rows(season: Season) -> Iterator[dict[str, str]]:
             "label": label,
             "name": survey.run.survey.name,
             "samples": str(len(survey.run.survey.samples)),
+            "end": _end(season, survey.run),
             "mean": _interval(_mean(survey, moist), moist),
+            "rate": f"{survey.mean_rate.value:.3f}" if moist else "",
             "change": "–"
             if change is None
             else _interval(change.mean_vwc if moist and change.mean_vwc else change.mean_rate, moist, "+"),
@@ -195,6 +202,19 @@ def _rows(season: Season) -> Iterator[dict[str, str]]:
             "drier": numbers.percent(drier),
             "remarks": " ".join(survey.run.remarks),
         }
+
+
+def _end(season: Season, run: EarlierRun) -> str:
+    """End of a survey in UTC and in the time zone of the field, if it is known; empty without a date."""
+    if not run.date:
+        return ""
+    end = datetime.fromtimestamp(run.survey.stamp_s, UTC)
+    if not season.time_zone:
+        return f"{end:%H:%M} UTC"
+    here = local_time(end, season.time_zone)
+    return (
+        f"{end:%H:%M} UTC, {here:{'%H:%M' if here.date() == end.date() else '%Y-%m-%d %H:%M'}} {season.time_zone}"
+    )
 
 
 def _interval(estimate: Estimate, moist: bool, sign: str = "") -> str:

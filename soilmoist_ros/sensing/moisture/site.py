@@ -10,8 +10,9 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.sections import Section, load_model
@@ -25,6 +26,17 @@ _log = logging.getLogger(__name__)
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 WaterFraction = Annotated[float, Field(ge=0, lt=1)]
+
+
+def _known_zone(name: str) -> str:
+    try:
+        ZoneInfo(name)
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        raise ValueError(f"{name!r} is not a time zone: write its name, such as Europe/London") from None
+    return name
+
+
+TimeZone = Annotated[str, AfterValidator(_known_zone)]
 
 
 class Soil(Section):
@@ -118,6 +130,8 @@ class Site(Section):
     """Hemisphere of the site, for loggers that write longitudes without a sign."""
     logger_utc_offset_hours: Annotated[float, Field(ge=-12, le=14)] | None = None
     """Logger's clock minus UTC [h]; that of the logger format if left out."""
+    time_zone: TimeZone | None = None
+    """Time zone of the field by its name, such as Europe/London, for local times beside UTC in reports."""
     location: Location | None = None
     """Position of a probe that does not log positions (a stationary probe)."""
     footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0

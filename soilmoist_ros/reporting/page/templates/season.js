@@ -131,7 +131,7 @@
       text.textContent = "This place is outside the mapped field.";
     } else {
       text.textContent = data.labels[now] + ": " + number(value, first.digits) + " \u00b1 " + number(at(first.sds[now]), first.digits) +
-        " " + first.unit + (layers.change && !isNaN(at(layers.change.maps[now])) ? ", change " +
+        " " + first.unit + (first.key === "vwc" ? " (" + number(at(layers.rate.maps[now]), layers.rate.digits) + " counts/s)" : "") + (layers.change && !isNaN(at(layers.change.maps[now])) ? ", change " +
         number(at(layers.change.maps[now]), layers.change.digits) + " " + layers.change.unit : "");
     }
     to.appendChild(text);
@@ -226,7 +226,7 @@
     width = box.clientWidth;
     ratio = Math.min(window.devicePixelRatio || 1, 3);
     scale = width / ((grid.nx + 1) * grid.cell);
-    var most = Math.max(260, 0.75 * window.innerHeight);
+    var most = Math.max(260, 0.62 * window.innerHeight);
     if ((grid.ny + 1) * grid.cell * scale > most) { scale = most / ((grid.ny + 1) * grid.cell); }
     height = (grid.ny + 1) * grid.cell * scale;
     canvas.width = width * ratio;

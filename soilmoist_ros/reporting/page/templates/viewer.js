@@ -117,7 +117,7 @@
     var v = data.view, was = width, factor = whole ? scale / whole : 1, kept = centre;
     width = box.clientWidth;
     height = Math.round(Math.min(Math.max(width * (v[3] - v[2]) / (v[1] - v[0]), 0.6 * width), 1.15 * width,
-      Math.max(0.8 * window.innerHeight, 300)));
+      Math.max(0.62 * window.innerHeight, 300)));
     ratio = window.devicePixelRatio || 1;
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(height * ratio);

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.knowledge.change import FieldChange
+from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts.chart import round_step, round_ticks
-from soilmoist_ros.reporting.page.irrigation import Irrigation, absolute
-from soilmoist_ros.reporting.page.numbers import plain
+from soilmoist_ros.reporting.page.irrigation import Irrigation, absolute, calibration_of
+from soilmoist_ros.reporting.page.numbers import percent, plain
 from soilmoist_ros.reporting.page.style import robust_range
 from soilmoist_ros.reporting.page.viewer.packing import pack, pack_bits, rounded, thinning
 from soilmoist_ros.reporting.run import MapRun
@@ -128,7 +129,7 @@ def _zones(run: MapRun, found: Irrigation) -> dict[str, Any]:
     return {
         **_raster(run, 0, "zone", found.number), "title": "Irrigation zones", "kind": "zones",
         "hatch": pack_bits(_cells(run, unsure)), "hatchText": "zone not certain",
-        "about": "Zones as in the table above. Hatched: the probability of the zone is below 80 %.",
+        "about": f"Zones as in the table. Hatched: the probability of the zone is below {percent(CERTAIN)}.",
     }  # fmt: skip
 
 
@@ -136,11 +137,12 @@ def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]
     soil_map = run.soil_map
     suffix = f"{index}" if index else ""
     if run.calibrated:
+        unit = f"{PERCENT}, {ILLUSTRATIVE}" if calibration_of(run) == ILLUSTRATIVE else PERCENT
         vwc, low, high = 100 * soil_map.vwc, 100 * soil_map.vwc_p05, 100 * soil_map.vwc_p95
         inside = soil_map.beyond_limits & soil_map.grid.mask
         yield {
             **_raster(run, index, f"vwc{suffix}", vwc),
-            **_shown(f"{name}Soil moisture", PERCENT, 1, WATER, moisture_limits(run)),
+            **_shown(f"{name}Soil moisture", unit, 1, WATER, moisture_limits(run)),
             "low": f"p05{suffix}", "high": f"p95{suffix}", "fixed": FIXED_VWC,
             "hatch": pack_bits(_cells(run, inside)),
             "hatchText": "very unsure: the interval reaches a limit of the soil",

@@ -12,9 +12,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import RATE, UNCERTAIN, WATER, colour_ramp, coloured_png, hex_ramp
 from soilmoist_ros.reporting.geometry import rings
 from soilmoist_ros.reporting.page.charts.chart import round_step, round_ticks
+from soilmoist_ros.reporting.page.irrigation import calibration_of
 from soilmoist_ros.reporting.page.style import FAINT, INK, SOFT, Picture, data_uri
 from soilmoist_ros.reporting.page.viewer.layers import colour_limits, interval_width, moisture_limits, view
 from soilmoist_ros.reporting.page.viewer.packing import thinning
@@ -44,7 +46,8 @@ def pictures(run: MapRun) -> Iterator[Picture]:
         soil_map = one.soil_map
         if one.calibrated:
             vwc = 100 * soil_map.vwc
-            label = "Soil moisture [% by volume]"
+            guessed = f", {ILLUSTRATIVE}" if calibration_of(one) == ILLUSTRATIVE else ""
+            label = f"Soil moisture [% by volume{guessed}]"
             yield _picture(one, vwc, WATER, moisture_limits(one), label, name, soil_map.beyond_limits)
             width = interval_width(one)
             limits = (0.0, colour_limits(width)[1])
