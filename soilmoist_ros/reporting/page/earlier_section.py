@@ -152,6 +152,8 @@ def _since(run: MapRun, name: str) -> str:
     curve = run.soil_map.curve
     if change is None or curve is None:
         return "" if change is None else _rate(change)
+    if run.change is not None and run.change.since.survey.name == name:
+        return f"{change_amount(run.change)} [{change.value:+.3f} counts/s]"
     now = float(np.nanmean(run.soil_map.rate))
     then = now - np.array([change.value, *change.interval95])
     value, high, low = (100 * (possible_moisture(curve, now) - possible_moisture(curve, then))).tolist()

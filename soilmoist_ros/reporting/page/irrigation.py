@@ -84,6 +84,7 @@ class Irrigation:
     :param number: number of the zone of each cell, NaN outside the field, shape (ny, nx)
     :param sure: whether a cell is certain of its zone, shape (ny, nx)
     :param not_dry: whether a cell is certain not to be in the first zone, shape (ny, nx)
+    :param by_calibration: whether only the calibration leaves open if a cell is in it, shape (ny, nx)
     :param relative: whether the zones only compare places of this field
     :param basis: where the limits of the zones come from, as a sentence
     :param water: water in the root zone of the mean of the field, as a sentence; empty without a real calibration
@@ -95,6 +96,7 @@ class Irrigation:
     number: Array
     sure: NDArray[np.bool_]
     not_dry: NDArray[np.bool_]
+    by_calibration: NDArray[np.bool_]
     relative: bool
     basis: str
     water: str
@@ -116,10 +118,12 @@ def irrigation(run: MapRun) -> Irrigation:
     number = np.where(np.isfinite(values), np.searchsorted(edges, np.nan_to_num(values), side="right"), np.nan)
     probability = _probability(run, number, edges, relative)
     zones = tuple(_zone(run, i, names[i], edges, values, number, probability) for i in range(3))
-    dry = _probability(run, np.where(np.isfinite(number), 0.0, np.nan), edges, relative)
+    first = np.where(np.isfinite(number), 0.0, np.nan)
+    dry, by_counts = (_probability(run, first, edges, alone) for alone in (relative, True))
     not_dry = (number > 0) & (1 - dry >= CERTAIN)
-    sure = probability >= CERTAIN
-    found = Irrigation(zones, number, sure, not_dry, relative, basis, _water(run), _level(run), "")
+    by_calibration = (np.abs(dry - 0.5) < CERTAIN - 0.5) & (np.abs(by_counts - 0.5) >= CERTAIN - 0.5)
+    water, level, sure = _water(run), _level(run), probability >= CERTAIN
+    found = Irrigation(zones, number, sure, not_dry, by_calibration, relative, basis, water, level, "")
     return Irrigation(**{**vars(found), "advice": _advice(run, found)})
 
 
@@ -311,14 +315,13 @@ def _on_dry(run: MapRun, found: Irrigation) -> Iterator[str]:
         if dry.certainty.certain:
             yield f"Irrigate the {dry.area} that are {dry.name} (certain on {dry.sure_area})."
             yield (
-                f"To field capacity they lack {dry.missing}, without what the irrigation loses."
+                f"Filling their root zone to field capacity takes {dry.missing}; add what your irrigation loses."
                 if dry.missing
                 else "With field capacity in the site file, this page shows how much water they lack."
             )
         else:
-            where = _where(run, found.number == 0)
             seems = f"{dry.name.capitalize()} on {dry.area}, certain on {dry.sure_area}"
-            yield f"{seems}: count longer there first{where}."
+            yield f"{seems}: {_remedy(run, found, found.number == 0)}."
     open_cells = (found.number > 0) & ~found.not_dry
     moist, unclear = _area(run, found.not_dry), _area(run, open_cells)
     if not open_cells.any() and not as_well:
@@ -326,9 +329,17 @@ def _on_dry(run: MapRun, found: Irrigation) -> Iterator[str]:
     elif found.not_dry.any():
         yield f"No irrigation needed now on {'the other ' if as_well and not open_cells.any() else ''}{moist}."
     if open_cells.any() and not as_well and not found.not_dry.any():
-        yield f"No part of the field seems {dry.name}, but that is certain on none of it: count longer first."
+        todo = _remedy(run, found, open_cells)
+        yield f"No part of the field seems {dry.name}, but that is certain on none of it: {todo}."
     elif open_cells.any():
-        yield f"The other {unclear} may be {dry.name}{as_well}: count longer there first{_where(run, open_cells)}."
+        yield f"The other {unclear} may be {dry.name}{as_well}: {_remedy(run, found, open_cells)}."
+
+
+def _remedy(run: MapRun, found: Irrigation, chosen: NDArray[np.bool_]) -> str:
+    """What makes cells certain: more counts, or a better calibration where the counts alone would do."""
+    if 2 * np.count_nonzero(chosen & found.by_calibration) > np.count_nonzero(chosen):
+        return "take more soil cores first, since the calibration, not the counts, leaves it open"
+    return f"count longer there first{_where(run, chosen)}"
 
 
 def _area(run: MapRun, chosen: NDArray[np.bool_]) -> str:

@@ -51,6 +51,7 @@ def render_season(season: Season) -> str:
         chart=mean_chart(season),
         rows=list(_rows(season)),
         moist=season.curve is not None,
+        dated=any(survey.run.date for survey in season.surveys),
         false_share=numbers.percent(FALSE_SHARE),
     )
 
@@ -212,9 +213,8 @@ def _end(season: Season, run: EarlierRun) -> str:
     if not season.time_zone:
         return f"{end:%H:%M} UTC"
     here = local_time(end, season.time_zone)
-    return (
-        f"{end:%H:%M} UTC, {here:{'%H:%M' if here.date() == end.date() else '%Y-%m-%d %H:%M'}} {season.time_zone}"
-    )
+    day = "" if here.date() == end.date() else f"{here:%Y-%m-%d} "
+    return f"{end:%H:%M} UTC, {day}{here:%H:%M} {season.time_zone}"
 
 
 def _interval(estimate: Estimate, moist: bool, sign: str = "") -> str:

@@ -228,9 +228,11 @@
     scale = width / ((grid.nx + 1) * grid.cell);
     var most = Math.max(260, 0.62 * window.innerHeight);
     if ((grid.ny + 1) * grid.cell * scale > most) { scale = most / ((grid.ny + 1) * grid.cell); }
+    width = (grid.nx + 1) * grid.cell * scale;
     height = (grid.ny + 1) * grid.cell * scale;
     canvas.width = width * ratio;
     canvas.height = height * ratio;
+    canvas.style.width = width + "px";
     canvas.style.height = height + "px";
     show();
   }
