@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +89,7 @@ class Irrigation:
     :param basis: where the limits of the zones come from, as a sentence
     :param water: water in the root zone of the mean of the field, as a sentence; empty without a real calibration
     :param level: what is known of the absolute moisture, as a sentence
-    :param advice: what to do next, in sentences
+    :param steps: what to do, a sentence or two each, the most important first
     """
 
     zones: tuple[Zone, ...]
@@ -101,7 +101,12 @@ class Irrigation:
     basis: str
     water: str
     level: str
-    advice: str
+    steps: tuple[str, ...] = ()
+
+    @property
+    def advice(self) -> str:
+        """What to do, in sentences."""
+        return " ".join(self.steps)
 
     @property
     def sure_share(self) -> float:
@@ -123,8 +128,8 @@ def irrigation(run: MapRun) -> Irrigation:
     not_dry = (number > 0) & (1 - dry >= CERTAIN)
     by_calibration = (np.abs(dry - 0.5) < CERTAIN - 0.5) & (np.abs(by_counts - 0.5) >= CERTAIN - 0.5)
     water, level, sure = _water(run), _level(run), probability >= CERTAIN
-    found = Irrigation(zones, number, sure, not_dry, by_calibration, relative, basis, water, level, "")
-    return Irrigation(**{**vars(found), "advice": _advice(run, found)})
+    found = Irrigation(zones, number, sure, not_dry, by_calibration, relative, basis, water, level)
+    return replace(found, steps=tuple(_steps(run, found)))
 
 
 def absolute_limits(run: MapRun) -> tuple[float, ...] | None:
@@ -283,28 +288,27 @@ def _level(run: MapRun) -> str:
     return f"Calibrated{source}: the percentages and millimetres are meant as they stand, with their intervals."
 
 
-def _advice(run: MapRun, found: Irrigation) -> str:
-    """The next step that helps most, in sentences. It never rests on a zone that is not certain."""
-    if not run.calibrated:
-        return "Next: take soil cores and calibrate the sensor, so that the map shows water."
-    if not absolute(run):
-        return "Next: take soil cores and calibrate the sensor, so that the amounts of water can be used."
-    if at_one_place(run):
-        return (
-            "Next: for a map of the surroundings, drive the sensor over the field or move it from place to place."
-        )
+def _steps(run: MapRun, found: Irrigation) -> Iterator[str]:
+    """The next steps that help most. They never rest on a zone that is not certain."""
     samples = len(run.soil_map.samples)
-    if samples < FEW_PLACES:
-        return f"Next: measure at more places; {samples} are too few to know how sure the map is."
-    if not found.relative:
-        return " ".join([*_on_dry(run, found), *_on_wet(run, found)])
-    driest, _, wettest = found.zones
-    if not (driest.certainty.certain and wettest.certainty.certain):
-        return (
+    if not run.calibrated:
+        yield "Next: take soil cores and calibrate the sensor, so that the map shows water."
+    elif not absolute(run):
+        yield "Next: take soil cores and calibrate the sensor, so that the amounts of water can be used."
+    elif at_one_place(run):
+        yield "Next: for a map of the surroundings, drive the sensor over the field or move it between places."
+    elif samples < FEW_PLACES:
+        yield f"Next: measure at more places; {samples} are too few to know how sure the map is."
+    elif not found.relative:
+        yield from _on_dry(run, found)
+        yield from _on_wet(found)
+    elif not (found.zones[0].certainty.certain and found.zones[2].certainty.certain):
+        yield (
             f"Next: count longer or at more places{_where(run, ~found.sure)}; now the zone is certain on only "
             f"{percent(found.sure_share)} of the area."
         )
-    return "Next: compare the zones with what you see in the field, and measure again after rain or irrigation."
+    else:
+        yield "Next: compare the zones with what you see in the field, and measure again after rain or irrigation."
 
 
 def _on_dry(run: MapRun, found: Irrigation) -> Iterator[str]:
@@ -348,7 +352,7 @@ def _area(run: MapRun, chosen: NDArray[np.bool_]) -> str:
     return part_of_area(whole_m2 * np.count_nonzero(chosen) / np.count_nonzero(run.soil_map.grid.mask), whole_m2)
 
 
-def _on_wet(run: MapRun, found: Irrigation) -> Iterator[str]:
+def _on_wet(found: Irrigation) -> Iterator[str]:
     """Where there is more water than wanted."""
     wet = found.zones[2]
     if wet.certainty.certain:

@@ -4,10 +4,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from soilmoist_ros.reporting.page.irrigation import BY_PLANT, BY_USER, RELATIVE, irrigation, stress_point
 from soilmoist_ros.reporting.run import CalibrationInfo, IrrigationLimits
@@ -98,3 +101,104 @@ def test_a_probe_at_one_place_has_its_water_at_the_end(make_run, map_of):
     found = irrigation(make_run(soil_map=map_of(n=1), track=track))
     assert found.water.startswith("At the end the upper 300 mm of the soil held ")
     assert "drive the sensor over the field" in found.advice
+
+
+LIMITS = IrrigationLimits(wilting_point=0.12, field_capacity=0.30)  # too dry below 0.21
+
+
+@pytest.fixture
+def advised(make_run, the_map):
+    """Advice of a field whose west and east have a moisture each, known with a standard deviation of the rate."""
+
+    def advise(west, east, rate_sd, limits=LIMITS, n0_sd=0.001, **changes):
+        curve = dataclasses.replace(the_map.curve, n0_sd_cps=n0_sd)
+        vwc = np.where(the_map.grid.x_m[None, :] < 0, west, east) + 0 * the_map.rate
+        variance = np.full(vwc.shape, rate_sd**2)
+        soil = dataclasses.replace(the_map, curve=curve, rate=curve.rate_cps(vwc), variance=variance)
+        return irrigation(make_run(soil_map=soil, irrigation=limits, **changes))
+
+    return advise
+
+
+@pytest.mark.parametrize(
+    ("field", "steps"),
+    [
+        ((0.15, 0.15, 0.05), ["Irrigate the 0.11 ha that are too dry (certain on all of it).", "Filling"]),
+        ((0.26, 0.26, 0.05), ["No irrigation needed now: no part of the field is too dry."]),
+        (
+            (0.40, 0.40, 0.02),
+            ["No irrigation needed now: no part of the field is", "Too wet on 0.11 ha (certain on all of it)"],
+        ),
+        (
+            (0.205, 0.26, 0.05),
+            [
+                "Too dry on 0.06 ha, certain on none of it: count longer there first (mostly in the west).",
+                "No irrigation needed now on the other 0.05 ha.",
+            ],
+        ),
+        (
+            (0.15, 0.215, 0.05),
+            [
+                "Irrigate the 0.06 ha that are too dry",
+                "Filling their root zone to field capacity takes 45 mm (",
+                "The other 0.05 ha may be too dry as well: count longer there first (mostly in the east).",
+            ],
+        ),
+        (
+            (0.214, 0.213, 0.05),
+            ["No part of the field seems too dry, but that is certain on none of it: count longer there first."],
+        ),
+        (
+            (0.31, 0.29, 0.05),
+            ["No irrigation needed now: no part of the field is", "Too wet on 0.06 ha, certain on none of it."],
+        ),
+        (
+            (0.19, 0.19, 0.01, LIMITS, 0.5),
+            ["Too dry on 0.11 ha, certain on none of it: take more soil cores first, since the calibration"],
+        ),
+        (
+            (0.10, 0.26, 0.05, IrrigationLimits(dry_below=0.2, moist_above=0.25)),
+            [
+                "Irrigate the 0.06 ha that are dry",
+                "With field capacity in the site file",
+                "No irrigation needed now on the other 0.05 ha.",
+                "Moist on 0.05 ha",
+            ],
+        ),
+    ],
+)  # fmt: skip
+def test_advice_of_a_field(advised, field, steps):
+    found = advised(*field)
+    assert len(found.steps) == len(steps), found.advice
+    for step, begin in zip(found.steps, steps, strict=True):
+        assert step.startswith(begin)
+
+
+@given(
+    west=st.floats(0.05, 0.45), east=st.floats(0.05, 0.45), rate_sd=st.floats(0.005, 0.6), n0_sd=st.floats(0, 0.5)
+)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_advice_never_rests_on_a_zone_that_is_not_certain(advised, west, east, rate_sd, n0_sd):
+    found = advised(west, east, rate_sd, n0_sd=n0_sd)
+    dry, _, wet = found.zones
+    assert ("Irrigate" in found.advice) == dry.certainty.certain
+    assert ("more water would" in found.advice) == wet.certainty.certain
+    assert ("No irrigation needed now" in found.advice) == bool(found.not_dry.any())
+    assert ("first" in found.advice) == bool(
+        (~found.not_dry & np.isfinite(found.number) & ((found.number > 0) | (not dry.certainty.certain))).any()
+    )
+
+
+def test_the_missing_water_has_an_interval(advised):
+    dry = advised(0.15, 0.15, 0.1).zones[0]
+    assert dry.missing_mm == pytest.approx(45.0)
+    assert dry.missing_mm_p05 < 40 < 50 < dry.missing_mm_p95
+    assert dry.missing == f"45 mm ({dry.missing_mm_p05:.0f} to {dry.missing_mm_p95:.0f} mm)"
+    assert math.isnan(
+        advised(0.15, 0.15, 0.1, calibration=CalibrationInfo(7, 1.4, illustrative=True)).zones[0].missing_mm
+    )
+
+
+def test_a_calibration_without_its_error_is_no_ground_for_certainty_unsaid(advised):
+    assert "leave an error of the calibration out" in advised(0.15, 0.2, 0.1, n0_sd=0.0).level
+    assert "leave an error" not in advised(0.15, 0.2, 0.1, n0_sd=0.1).level
