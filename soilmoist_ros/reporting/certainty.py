@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.moisture_bands import common_rate_sd
+from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 
 Array = NDArray[np.float64]
@@ -38,6 +39,16 @@ def calibration_state(calibrated: bool, absolute: bool, simulated: bool) -> str:
     if not calibrated:
         return "none"
     return ILLUSTRATIVE if not absolute else "simulated" if simulated else "own"
+
+
+def absolute(run: MapRun) -> bool:
+    """Whether the map has moistures that limits can be compared with."""
+    return run.calibrated and not (run.calibration is not None and run.calibration.illustrative)
+
+
+def calibration_of(run: MapRun) -> str:
+    """What the moisture of a map rests on, see :func:`calibration_state`."""
+    return calibration_state(run.calibrated, absolute(run), run.simulated)
 
 
 def class_probability(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.moisture_bands import Bands, make_bands
+from soilmoist_ros.reporting.certainty import calibration_of
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.records import CountRecord
@@ -78,14 +79,16 @@ def mean_moisture(track: Sequence[CountRecord], curve: MoistureCurve | None) -> 
 
 def write_moisture(path: Path, run: MapRun) -> Path:
     """Write the series of a run as CSV, one row per step; return ``path``."""
-    series = moisture_series(run.track, run.soil_map.curve)
+    series, state = moisture_series(run.track, run.soil_map.curve), calibration_of(run)
     names = ("rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95")
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["begin_utc", "step_s", "records", "raw_counts", "effective_exposure_s", *names])
+        first = ["begin_utc", "step_s", "records", "raw_counts", "effective_exposure_s"]
+        writer.writerow([*first, *names, "calibrated"])
         for row, begin_s in enumerate(series.begin_s):
             values = [series.exposure_s[row], *(getattr(series.bands, name)[row] for name in names)]
             begin = f"{datetime.fromtimestamp(begin_s, UTC):%Y-%m-%dT%H:%M:%SZ}"
             texts = ["" if np.isnan(value) else f"{value:.6g}" for value in values]
-            writer.writerow([begin, f"{series.step_s:g}", series.records[row], int(series.counts[row]), *texts])
+            about = [begin, f"{series.step_s:g}", series.records[row], int(series.counts[row])]
+            writer.writerow([*about, *texts, state])
     return path

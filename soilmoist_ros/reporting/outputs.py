@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, FieldChange
 from soilmoist_ros.recording.record_table import write_records
 from soilmoist_ros.recording.run_folder import SUMMARY
-from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE
+from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import PropertyMap
 from soilmoist_ros.reporting.files.cell_raster import CellBand, write_cell_raster
@@ -28,7 +28,6 @@ from soilmoist_ros.reporting.output_folder import (
     replaced_together,
     writable,
 )
-from soilmoist_ros.reporting.page.irrigation import calibration_of
 from soilmoist_ros.reporting.page.report import write_report
 from soilmoist_ros.reporting.run import MapRun
 

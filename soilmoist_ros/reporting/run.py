@@ -216,7 +216,7 @@ class MapRun(SurveyTimes):
     :param change: what has changed since the latest of them
     :param quarantined: records left out of the map, each with its reason, in order of time
     :param irrigation: limits of dry and moist soil
-    :param time_zone: name of the field's time zone, for local times beside UTC; empty for UTC alone
+    :param time_zone: name of the field's time zone, for local times next to UTC; empty for UTC alone
     :param sensed: depth and radius that the counts come from, if known
     :param covariates: covariates behind the map, if any
     :raises ValueError: if ``created_utc`` has no time zone

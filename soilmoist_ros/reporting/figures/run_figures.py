@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.colours import RATE, UNCERTAIN, WATER
 from soilmoist_ros.reporting.figures.style import (
     MOISTURE,
@@ -51,7 +52,8 @@ def run_figures(run: MapRun) -> Iterator[tuple[str, Figure]]:
         soil_map = one.soil_map
         vwc = one.calibrated
         values = (soil_map.vwc, soil_map.vwc_sd) if vwc else (soil_map.rate, soil_map.rate_sd)
-        titles = (MOISTURE, MOISTURE_SD) if vwc else (RATE_TITLE, RATE_SD)
+        guessed = f", {ILLUSTRATIVE}]" if calibration_of(one) == ILLUSTRATIVE else "]"
+        titles = (MOISTURE.replace("]", guessed), MOISTURE_SD) if vwc else (RATE_TITLE, RATE_SD)
         yield f"map{end}", _raster_figure(one, values[0], titles[0], WATER if vwc else RATE)
         yield f"sd{end}", _raster_figure(one, values[1], titles[1], UNCERTAIN)
         yield from _variogram_figure(one, end)

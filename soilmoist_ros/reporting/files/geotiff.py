@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.version import __version__
+from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE
 from soilmoist_ros.reporting.geometry import field_polygon, inside_field
 
 if TYPE_CHECKING:
@@ -74,6 +75,8 @@ def write_geotiff(
         raster.write(layers)
         for band, name in enumerate(names, start=1):
             unit, meaning = BANDS[name]
+            if (tags or {}).get(CALIBRATION_TAG) == ILLUSTRATIVE and name.startswith("vwc"):
+                meaning = f"{meaning}, {ILLUSTRATIVE}"
             raster.set_band_description(band, name)
             raster.set_band_unit(band, unit)
             raster.update_tags(band, long_name=meaning, units=unit)

@@ -19,13 +19,14 @@ from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.foundation.plain_values import shown_path
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
 from soilmoist_ros.mapping.knowledge.drift import Drift
+from soilmoist_ros.reporting.certainty import absolute
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
 from soilmoist_ros.reporting.page.covariates import Importance, covariate_importance
 from soilmoist_ros.reporting.page.earlier_section import relations
-from soilmoist_ros.reporting.page.irrigation import absolute, absolute_limits, irrigation
+from soilmoist_ros.reporting.page.irrigation import absolute_limits, irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import (
     TruthScore,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.reporting.certainty import CERTAIN, Certainty, calibration_state, certainty, class_probability
+from soilmoist_ros.reporting.certainty import CERTAIN, Certainty, absolute, certainty, class_probability
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.numbers import part_of_area, percent, volume
@@ -58,7 +58,7 @@ class Zone:
     @property
     def area(self) -> str:
         """Its area, in the unit of the field."""
-        return part_of_area(self.area_m2, self.area_m2 / self.share if self.share > 0 else 1.0)
+        return part_of_area(self.area_m2, self.area_m2 / self.share) if self.share > 0 else "0"
 
     @property
     def sure_area(self) -> str:
@@ -147,16 +147,6 @@ def stress_point(limits: IrrigationLimits) -> float | None:
     if limits.wilting_point is None or limits.field_capacity is None:
         return None
     return limits.field_capacity - limits.depletion * (limits.field_capacity - limits.wilting_point)
-
-
-def absolute(run: MapRun) -> bool:
-    """Whether the map has moistures that limits can be compared with."""
-    return run.calibrated and not (run.calibration is not None and run.calibration.illustrative)
-
-
-def calibration_of(run: MapRun) -> str:
-    """What the moisture of a map rests on, see :func:`calibration_state`."""
-    return calibration_state(run.calibrated, absolute(run), run.simulated)
 
 
 def _values(run: MapRun) -> Array:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series
 from soilmoist_ros.reporting.page import numbers, wording
 from soilmoist_ros.reporting.page.charts import survey_charts
@@ -18,7 +18,7 @@ from soilmoist_ros.reporting.page.charts.variogram_chart import variogram_charts
 from soilmoist_ros.reporting.page.covariates import covariate_importance
 from soilmoist_ros.reporting.page.earlier_section import earlier_part
 from soilmoist_ros.reporting.page.frame import render_page
-from soilmoist_ros.reporting.page.irrigation import calibration_of, irrigation
+from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.mission_section import mission_part
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import TruthScore, leave_one_out, truth_score

@@ -124,7 +124,8 @@ def _calibration(season: Season) -> str:
 
 def rows(season: Season) -> list[dict[str, Any]]:
     """One row per survey; undefined values are ``None``."""
-    return [_row(label, survey) for label, survey in zip(season.labels, season.surveys, strict=True)]
+    about = {"calibration": _calibration(season)}
+    return [{**_row(*one), **about} for one in zip(season.labels, season.surveys, strict=True)]
 
 
 def _row(label: str, survey: SeasonSurvey) -> dict[str, Any]:

@@ -131,7 +131,7 @@ class Site(Section):
     logger_utc_offset_hours: Annotated[float, Field(ge=-12, le=14)] | None = None
     """Logger's clock minus UTC [h]; that of the logger format if left out."""
     time_zone: TimeZone | None = None
-    """Time zone of the field by its name, such as Europe/London, for local times beside UTC in reports."""
+    """Time zone of the field by its name, such as Europe/London, for local times next to UTC in reports."""
     location: Location | None = None
     """Position of a probe that does not log positions (a stationary probe)."""
     footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0

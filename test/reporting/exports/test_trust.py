@@ -51,6 +51,7 @@ def test_geotiffs_say_that_the_calibration_is_a_guess(guessed, name):
     with rasterio.open(guessed / name) as raster:
         assert raster.tags()["SOILMOIST_CALIBRATION"] == "illustrative"
         assert "illustrative calibration" in raster.tags()["TIFFTAG_IMAGEDESCRIPTION"]
+        assert "illustrative" in raster.tags(1)["long_name"] + raster.tags(1)["units"]
 
 
 def test_features_and_layers_say_that_the_calibration_is_a_guess(guessed):

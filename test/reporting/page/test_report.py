@@ -11,6 +11,7 @@ import json
 import re
 from datetime import datetime
 from html.parser import HTMLParser
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,11 +19,15 @@ import pytest
 
 from soilmoist_ros.mapping import Variogram, make_soil_map
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.reporting.files.summary import summary
+from soilmoist_ros.reporting.map_run import input_file
 from soilmoist_ros.reporting.page import report
 from soilmoist_ros.reporting.page.frame import _text
+from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.viewer.packing import unpack
-from soilmoist_ros.reporting.run import InputFile, LossRow, Note, NoteCode
+from soilmoist_ros.reporting.page.wording import survey_time
+from soilmoist_ros.reporting.run import InputFile, IrrigationLimits, LossRow, Note, NoteCode
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 
@@ -283,3 +288,31 @@ def test_quarantined_records_are_shown_and_listed(make_run):
 def test_time_of_creation_needs_a_zone(make_run):
     with pytest.raises(ValueError, match="time zone"):
         make_run(created_utc=datetime(2026, 5, 3))
+
+
+def test_advice_and_map_come_first(page):
+    named = [about.get("id") or about.get("class") for _, about in page.tags]
+    order = [named.index(name) for name in ("advice", "the-map", "lead", "zones")]
+    assert order == sorted(order)
+
+
+def test_local_time_stands_next_to_utc_where_the_site_names_its_zone(make_run):
+    run = make_run(track=make_run().track[:2], time_zone="Asia/Kolkata")  # half an hour off, and the next day
+    assert survey_time(run) == (
+        "14 November 2023, 22:07 to 22:18 UTC, local time 15 November 2023, 03:37 to 03:48 (Asia/Kolkata) (11 min)"
+    )
+    assert "local time" not in survey_time(make_run())
+
+
+def test_areas_of_a_table_have_one_unit(make_run, the_map):
+    driest = float(np.nanquantile(the_map.vwc, 0.03))
+    found = irrigation(make_run(irrigation=IrrigationLimits(dry_below=driest, moist_above=0.9)))
+    assert [zone.area for zone in found.zones] == ["< 0.01 ha", "0.11 ha", "0"]
+
+
+def test_no_folder_of_this_computer_is_in_report_and_summary(make_run, tmp_path):
+    log = tmp_path / "run.csv"
+    log.write_text("1")
+    run = make_run(inputs=[input_file(log, "neutron log"), input_file(Path("setup.cfg"), "site")])
+    assert [one.name for one in run.inputs] == ["run.csv", "setup.cfg"]
+    assert str(tmp_path) not in json.dumps(summary(run)) + render_report(run)

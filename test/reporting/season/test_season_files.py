@@ -45,6 +45,16 @@ def test_the_stack_has_every_map(season, tmp_path):
         assert abs(lat.mean() - season.frame.latitude_deg) < 1e-3
 
 
+def test_every_file_says_that_a_calibration_is_a_guess(season, tmp_path):
+    write_season(tmp_path, replace(season, illustrative=True))
+    assert json.loads((tmp_path / "summary.json").read_text())["calibration"] == "illustrative"
+    with (tmp_path / "season.csv").open() as file:
+        assert {row["calibration"] for row in csv.DictReader(file)} == {"illustrative"}
+    with netcdf_file(tmp_path / "season.nc", mmap=False) as file:
+        assert file.calibration == b"illustrative"
+        assert b"illustrative" in file.variables["vwc"].long_name
+
+
 def test_without_a_calibration_there_is_no_moisture(season, tmp_path):
     surveys = [replace(one, mean_vwc=None) for one in season.surveys]
     bare = replace(season, curve=None, surveys=surveys)

@@ -50,3 +50,35 @@ def test_the_chart_shows_every_mean_with_its_interval(season):
     assert len(dots.x) == 3
     assert (np.asarray(area.low) < np.asarray(line.y)).all()
     assert line.y[0] == pytest.approx(100 * season.surveys[0].mean_vwc.value)
+
+
+def test_colours_of_the_change_are_as_the_page_says(season):
+    """Drier is the first colour of a change of the moisture: brown; the help must say so."""
+    change = season_data(season)["layers"][2]
+    red, green, blue = (int(change["colours"][0][at : at + 2], 16) for at in (1, 3, 5))
+    assert red > green > blue, "brown"
+    assert "In the change, brown is drier and green wetter." in render_season(season)
+
+
+def test_moisture_has_its_rate_in_brackets_and_the_map_comes_first(season):
+    page = render_season(season)
+    assert f"[{season.surveys[0].mean_rate.value:.3f} counts/s]" in page
+    assert page.index('id="season-map"') < page.index('class="lead"') < page.index('id="surveys"')
+    assert str(season.surveys[0].run.path.parent) not in page
+
+
+def test_surveys_have_their_end_in_utc_and_in_the_time_of_the_field(season):
+    def dated(one):
+        survey = replace(one.run.survey, stamp_s=one.run.survey.stamp_s + 1.75e9)  # 15:06:40 UTC and the mission
+        return replace(one, run=replace(one.run, survey=survey))
+
+    there = replace(season, surveys=[dated(one) for one in season.surveys], time_zone="Australia/Sydney")
+    page = render_season(there)
+    assert re.search(r"<td>15:\d\d UTC, 2025-06-1\d 01:\d\d Australia/Sydney</td>", page)
+    assert re.search(r"<td>15:\d\d UTC</td>", render_season(replace(there, time_zone="")))
+    assert "UTC</td>" not in render_season(season)
+
+
+def test_a_guessed_calibration_is_named(season):
+    guessed = replace(season, illustrative=True)
+    assert season_data(guessed)["layers"][0]["unit"] == "% by volume, illustrative"

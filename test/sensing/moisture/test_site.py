@@ -95,6 +95,15 @@ def test_limits_for_irrigation_come_in_pairs(tmp_path, text, mistake):
         load_site(path)
 
 
+def test_the_time_zone_of_the_field_has_a_known_name(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("time_zone: Europe/London\n")
+    assert load_site(path).time_zone == "Europe/London"
+    path.write_text("time_zone: Lincoln\n")
+    with pytest.raises(InputError, match="'Lincoln' is not a time zone: write its name, such as Europe/London"):
+        load_site(path)
+
+
 def test_bound_water_follows_from_clay_and_carbon_unless_it_was_measured():
     soil = Soil(bulk_density_gcm3=1.4, clay=0.3, organic_carbon=0.02)
     assert soil.lattice_water == pytest.approx(float(crnpy.lattice_water(30.0)) / 100)

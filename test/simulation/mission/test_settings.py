@@ -153,3 +153,10 @@ def test_rows_of_node_tables_are_made_from_the_declaration():
     assert (row.default, row.unit, row.low) == (12.0, "s", 0)
     assert of_setting("strategy").default == "gcb"
     assert of_setting("hours", low=0.01).low == 0.01
+
+
+@pytest.mark.parametrize(("given", "write"), [(5.0, "0.05"), (2, "0.02"), (0.6, "0.006")])
+def test_an_end_in_percent_is_refused_with_the_share_to_write(given, write):
+    with pytest.raises(InputError, match=f"until_sd: must be at most 0.5, but it is .* -> write {write}$"):
+        MissionSettings(until_sd=given).check()
+    MissionSettings(until_sd=0.05).check()

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.knowledge.change import FieldChange
-from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE
+from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE, absolute, calibration_of
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts.chart import round_step, round_ticks
-from soilmoist_ros.reporting.page.irrigation import Irrigation, absolute, calibration_of
+from soilmoist_ros.reporting.page.irrigation import Irrigation
 from soilmoist_ros.reporting.page.numbers import percent, plain
 from soilmoist_ros.reporting.page.style import robust_range
 from soilmoist_ros.reporting.page.viewer.packing import pack, pack_bits, rounded, thinning

@@ -12,11 +12,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.colours import RATE, UNCERTAIN, WATER, colour_ramp, coloured_png, hex_ramp
 from soilmoist_ros.reporting.geometry import rings
 from soilmoist_ros.reporting.page.charts.chart import round_step, round_ticks
-from soilmoist_ros.reporting.page.irrigation import calibration_of
 from soilmoist_ros.reporting.page.style import FAINT, INK, SOFT, Picture, data_uri
 from soilmoist_ros.reporting.page.viewer.layers import colour_limits, interval_width, moisture_limits, view
 from soilmoist_ros.reporting.page.viewer.packing import thinning
