@@ -13,7 +13,7 @@ from typing import Any
 def shown_path(path: PurePath | str) -> str:
     """A path for results that others read: an absolute one without its folders, which are the computer's own.
 
-    >>> shown_path("logs/may.csv"), shown_path("/home/ann/logs/may.csv"), shown_path("C:/logs/may.csv")
+    >>> shown_path("logs/may.csv"), shown_path("/data/logs/may.csv"), shown_path("C:/logs/may.csv")
     ('logs/may.csv', 'may.csv', 'may.csv')
     """
     for kind in (PurePosixPath, PureWindowsPath):
