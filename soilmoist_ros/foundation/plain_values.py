@@ -6,8 +6,12 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import PurePath, PurePosixPath, PureWindowsPath
+import re
+from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 from typing import Any
+
+_FOLDERS = re.compile(r"(?<![^\s(\"'=])(?:[A-Za-z]:[\\/]|/)(?:[^\\/\s]+[\\/])*")
+"""Folders at the begin of an absolute path."""
 
 
 def shown_path(path: PurePath | str) -> str:
@@ -20,6 +24,15 @@ def shown_path(path: PurePath | str) -> str:
         if kind(path).is_absolute():
             return kind(path).name
     return str(path)
+
+
+def shown_text(text: str) -> str:
+    """A message for results that others read, without folders of this computer.
+
+    >>> shown_text("/usr/bin/may.csv:21: no fix on /robot/fix")
+    'may.csv:21: no fix on /robot/fix'
+    """
+    return _FOLDERS.sub(lambda found: "" if Path(found[0]).is_dir() else found[0], text)
 
 
 def read_json(text: str | bytes) -> Any:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.plain_values import shown_text
 from soilmoist_ros.reporting.geometry import distance_m, inside_boundary, track_xy
 from soilmoist_ros.reporting.survey_times import SurveyTimes
 from soilmoist_ros.sensing.moisture.footprint import SensedSoil
@@ -89,6 +90,9 @@ class LossRow:
     example: str = ""
     consequence: Consequence = "lost"
     remedy: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "example", shown_text(self.example))
 
 
 @dataclass(frozen=True)
@@ -178,6 +182,9 @@ class Note:
 
     code: NoteCode
     message: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "message", shown_text(self.message))
 
     def __str__(self) -> str:
         return self.message

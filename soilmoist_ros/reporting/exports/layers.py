@@ -128,7 +128,7 @@ def contours_layer(source: RunSource, one: PropertyMap, settings: ExportSettings
     :raises InputError: if the step is far too small
     """
     lines, values = contour_lines(one, source.boundary, settings.step)
-    unit = one.unit.replace(one.quantity.unit, "%") if one.quantity is MOISTURE else one.unit
+    unit = "%" if one.quantity is MOISTURE else one.quantity.unit
     columns = {
         one.quantity.column: values,
         "LABEL": texts([f"{value:g} {unit}" for value in values]),

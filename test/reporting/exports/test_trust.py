@@ -65,7 +65,6 @@ def test_features_and_layers_say_that_the_calibration_is_a_guess(guessed):
             assert not {"WATER_MM", "MISS_MM", "ROOT_MM"} & set(found)
     for layer in ("samples", "field"):
         assert set(columns(export / "soilmoist.gpkg", layer)["calibrated"]) == {"illustrative"}
-    assert all("illustrative" in label for label in columns(export / "contours.zip")["LABEL"])
 
 
 def test_titles_and_legends_say_that_the_calibration_is_a_guess(guessed):

@@ -313,6 +313,14 @@ def test_areas_of_a_table_have_one_unit(make_run, the_map):
 def test_no_folder_of_this_computer_is_in_report_and_summary(make_run, tmp_path):
     log = tmp_path / "run.csv"
     log.write_text("1")
-    run = make_run(inputs=[input_file(log, "neutron log"), input_file(Path("setup.cfg"), "site")])
+    example = f"{log}:17: no fix"
+    run = make_run(
+        inputs=[input_file(log, "neutron log"), input_file(Path("setup.cfg"), "site")],
+        losses=[LossRow("no position", 3, example)],
+        notes=[Note(NoteCode.NOT_MAPPED, f"see {log}")],
+    )
     assert [one.name for one in run.inputs] == ["run.csv", "setup.cfg"]
-    assert str(tmp_path) not in json.dumps(summary(run)) + render_report(run)
+    page = render_report(run)
+    assert str(tmp_path) not in json.dumps(summary(run)) + page
+    assert "run.csv:17: no fix" in page
+    assert "see run.csv" in page
