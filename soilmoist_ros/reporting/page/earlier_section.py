@@ -132,8 +132,8 @@ def change_amount(found: RunChange) -> str:
     mean = found.change.mean_vwc
     if mean is None:
         return _rate(found.change.mean_rate)
-    low, high = (100 * value for value in mean.interval95)
-    return f"{100 * mean.value:+.1f} % by volume ({low:+.1f} to {high:+.1f})"
+    value, low, high = (round(100 * value, 1) + 0.0 for value in (mean.value, *mean.interval95))
+    return f"{value:+.1f} % by volume ({low:+.1f} to {high:+.1f})"
 
 
 def change_since(found: RunChange) -> str:

@@ -286,6 +286,7 @@ def _steps(run: MapRun, found: Irrigation) -> Iterator[str]:
     elif not absolute(run):
         yield "Next: take soil cores and calibrate the sensor, so that the amounts of water can be used."
     elif at_one_place(run):
+        yield from [] if found.relative else _on_place(run, found)
         yield "Next: for a map of the surroundings, drive the sensor over the field or move it between places."
     elif samples < FEW_PLACES:
         yield f"Next: measure at more places; {samples} are too few to know how sure the map is."
@@ -299,6 +300,20 @@ def _steps(run: MapRun, found: Irrigation) -> Iterator[str]:
         )
     else:
         yield "Next: compare the zones with what you see in the field, and measure again after rain or irrigation."
+
+
+def _on_place(run: MapRun, found: Irrigation) -> Iterator[str]:
+    """Whether a probe that stays at one place asks for water, by the last step of its series."""
+    bands, edges = moisture_series(run.track, run.soil_map.curve).bands, np.array(absolute_limits(run))
+    dry = float(class_probability(bands.rate[-1:], bands.rate_sd[-1:], 0, edges, run.soil_map.curve, False)[0])
+    name, is_dry = found.zones[0].name, float(bands.vwc[-1]) < edges[0]
+    if max(dry, 1 - dry) < CERTAIN:
+        seems = name if is_dry else f"not {name}"
+        yield f"At the end it was {seems} here, but that is not certain: count longer first."
+    elif is_dry:
+        yield f"Irrigate: at the end it was {name} here."
+    else:
+        yield f"No irrigation needed now: at the end it was not {name} here."
 
 
 def _on_dry(run: MapRun, found: Irrigation) -> Iterator[str]:

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from soilmoist_ros.reporting.moisture_series import moisture_series
 from soilmoist_ros.reporting.page.irrigation import BY_PLANT, BY_USER, RELATIVE, irrigation, stress_point
 from soilmoist_ros.reporting.run import CalibrationInfo, IrrigationLimits
 from soilmoist_ros.sensing.records import CountRecord
@@ -101,6 +102,14 @@ def test_a_probe_at_one_place_has_its_water_at_the_end(make_run, map_of):
     found = irrigation(make_run(soil_map=map_of(n=1), track=track))
     assert found.water.startswith("At the end the upper 300 mm of the soil held ")
     assert "drive the sensor over the field" in found.advice
+    for dry_below, first in ((0.6, "Irrigate: at the end it was dry here."), (0.01, "No irrigation needed now:")):
+        limits = IrrigationLimits(dry_below=dry_below, moist_above=0.9)
+        steps = irrigation(make_run(soil_map=map_of(n=1), track=track, irrigation=limits)).steps
+        assert steps[0].startswith(first)
+    end = float(moisture_series(track, map_of(n=1).curve).bands.vwc[-1])
+    limits = IrrigationLimits(dry_below=end + 1e-4, moist_above=0.9)
+    unsure = irrigation(make_run(soil_map=map_of(n=1), track=track, irrigation=limits)).steps[0]
+    assert unsure == "At the end it was dry here, but that is not certain: count longer first."
 
 
 LIMITS = IrrigationLimits(wilting_point=0.12, field_capacity=0.30)  # too dry below 0.21
