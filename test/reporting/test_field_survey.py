@@ -3,6 +3,7 @@
 """A map that grows, from files to an output folder: field_survey.py, map_run.py and run.py."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -115,8 +116,9 @@ def test_covariates_from_texts_inform_the_map_and_are_inputs(tmp_path):
     about = {"driver": "GTiff", "width": 80, "height": 70, "count": 1, "dtype": "float64"}
     place = Affine(1, 0, -10, 0, -1, 60)
     with rasterio.open(tmp_path / "image.tif", "w", crs=frame.crs.to_wkt(), transform=place, **about) as file:
-        file.write(np.random.default_rng(1).normal(size=(70, 80)), 1)
-    survey = filled(records(), covariates=[f"{tmp_path / 'image.tif'}:1"], cell_m=4.0)
+        file.write(np.random.default_rng(1).normal(size=(70, 80)) + np.arange(80.0), 1)
+    related = [replace(one, raw_counts=round(300 + 8 * one.x_m)) for one in records(40)]
+    survey = filled(related, covariates=[f"{tmp_path / 'image.tif'}:1"], cell_m=4.0)
     run = survey.run(survey.map.snapshot())
     assert [effect.name for effect in run.soil_map.fit.prior.effects] == ["image 1"]
     assert run.covariates.names == ("image 1",)

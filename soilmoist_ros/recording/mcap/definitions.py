@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rosbags.interfaces import Nodetype
-
 from soilmoist_ros.foundation.errors import InputError
 
 _SEPARATOR: Final = "=" * 80
@@ -107,6 +105,8 @@ def _type_hash(path: Path, type_name: str) -> str:
 
 def require_small(types: Mapping[str, Any], names: Iterable[str]) -> None:
     """Refuse types with very many fields: rosbags writes code for each element of a fixed array, and runs it."""
+    from rosbags.interfaces import Nodetype  # light: the recorder imports this module
+
     sizes: dict[str, int] = {}
 
     def fields_of(name: str) -> int:
