@@ -52,7 +52,7 @@ _Where = tuple[int, Array]
 
 _Some = TypeVar("_Some", Samples, TimedSamples, None)
 
-OBJECTION = 1.0
+OBJECTION = 2.0
 """Loss of log-likelihood from which on the counts object to a footprint."""
 _WEIGHED_PLACES = 200
 """Number of samples by which a footprint is weighed; of more, every k-th is used."""
@@ -657,7 +657,7 @@ def fits_footprint(samples: Samples, model: ModelName, extent_m: float) -> bool:
     """Whether the counts do not object to the footprint of their samples.
 
     They object if neighbours differ more than means over the footprint can: the restricted likelihood is then
-    higher without it, by the factor e at least. Few counts never object.
+    higher without it, by the factor 7 at least. Few counts never object.
 
     :param extent_m: extent of the field [m]
     """

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.geodesy import squared_distances
-from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD, moisture_terms
+from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD, moisture_terms, possible_moisture
 from soilmoist_ros.mapping.samples.spread import footprint_spread
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping import PoissonKriging, SoilMap
+    from soilmoist_ros.mapping import PoissonKriging, SoilMap, TiledKriging
+    from soilmoist_ros.mapping.variogram.fit import VariogramFit
 
 MAX_SAMPLES = 1000
 MAX_CELLS, MAX_PAIRED_CELLS = 1500, 500
@@ -68,6 +69,32 @@ def beyond_limits_share(soil_map: SoilMap) -> float:
     """Share of the field's cells whose interval of moisture reaches a limit of the soil [0..1]."""
     mask = np.asarray(soil_map.grid.mask, bool)
     return float(np.mean(soil_map.beyond_limits[mask])) if mask.any() else float("nan")
+
+
+def explained_share(soil_map: SoilMap) -> float:
+    """Share of the variance of the rate within the field that the map explains, as far as its model knows [0..1].
+
+    The rest is the mean squared error to be expected, as a share of the variance of the field.
+    """
+    mask = np.asarray(soil_map.grid.mask, bool)
+    between, error = float(np.var(soil_map.rate[mask])), float(np.mean(soil_map.variance[mask]))
+    return between / (between + error) if between + error > 0 else math.nan
+
+
+def resolution_m(soil_map: SoilMap, footprint_radius_m: float) -> float:
+    """Size of the smallest structures that a map can show [m].
+
+    It is the largest of: the cell, the distance between samples, the side of the area in which the counting noise
+    is as small as the differences within the field, and the radius of a footprint that is not de-convolved.
+
+    :param footprint_radius_m: radius of the sensor's footprint, 0 if unknown [m]
+    """
+    samples, area_m2 = soil_map.samples, np.count_nonzero(soil_map.grid.mask) * soil_map.grid.cell_m**2
+    sill = max(soil_map.variogram.structured_sill, 1e-300)
+    noise = soil_map.mean_rate / float(samples.exposure_s.sum()) / sill
+    seen_m = 0.0 if soil_map.deconvolved_m else footprint_radius_m
+    least_m = math.sqrt(area_m2 * max(1 / len(samples), noise))
+    return max(soil_map.grid.cell_m, min(least_m, soil_map.grid.extent_m), seen_m)
 
 
 def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> float:
@@ -259,18 +286,22 @@ def _mean_rate_sd(soil_map: SoilMap) -> float | None:
 
 
 def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
-    """Expected mean moisture and its standard deviation, by the covariances of the moistures of pairs of cells."""
+    """Expected mean moisture and its standard deviation, by the covariances of the moistures of pairs of cells.
+
+    What the expected moisture is above the curve at the rate is proportional to the variance of the rate, so it is
+    as uncertain as the fitted sill.
+    """
     from soilmoist_ros.mapping import PoissonKriging
 
     if soil_map.curve is None:
         return math.nan, None
-    of_places = _of_places(soil_map)
-    kriging = soil_map.kriging if of_places is None else of_places
-    cells, rate, variance = _some_cells(soil_map, sys.maxsize if of_places is None else MAX_CELLS)
-    if of_places is not None:
-        rate, variance = of_places.predict(cells)
+    fit, kriging = _of_places(soil_map)
+    cells, rate, variance = _some_cells(soil_map, sys.maxsize if fit is soil_map.fit else MAX_CELLS)
+    if fit is not soil_map.fit:
+        rate, variance = kriging.predict(cells)
     value = float(np.mean(moisture_terms(soil_map.curve, rate, np.sqrt(variance))[0]))
-    if not isinstance(kriging, PoissonKriging):
+    above = value - float(np.mean(possible_moisture(soil_map.curve, rate)))
+    if not isinstance(kriging, PoissonKriging) or len(soil_map.samples) > MAX_SAMPLES:
         return value, None
     some = _evenly(len(cells), MAX_PAIRED_CELLS)
     cells, rate, variance = cells[some], rate[some], variance[some]
@@ -283,26 +314,28 @@ def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
     for terms in moisture_terms(soil_map.curve, rate, sd)[1:]:
         power *= correlation
         total += float(terms @ power @ terms)
-    return value, math.sqrt(max(total, 0.0)) / len(cells)
+    of_sill = 0.0 if fit is None or fit.log_sd is None else fit.log_sd[0] * above
+    return value, math.hypot(math.sqrt(max(total, 0.0)) / len(cells), of_sill)
 
 
-def _of_places(soil_map: SoilMap) -> PoissonKriging | None:
-    """Kriging of the rate at each place, for a map of means over a known footprint; ``None`` for any other map.
+def _of_places(soil_map: SoilMap) -> tuple[VariogramFit | None, PoissonKriging | TiledKriging]:
+    """Fit and kriging of the rate at each place; those of the map unless it is of means over a known footprint.
 
     The curve of a mean is not the mean of the curve: within the footprint it is wetter than the mean rate says.
     """
     from soilmoist_ros.mapping import PoissonKriging
     from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
-    fit, samples = soil_map.fit, soil_map.samples
-    if fit is None or fit.method != "reml" or soil_map.deconvolved_m or not soil_map.footprint_radius_m:
-        return None
+    fit, samples, radius_m = soil_map.fit, soil_map.samples, soil_map.footprint_radius_m
+    means = radius_m > 0 and not soil_map.deconvolved_m and len(samples) <= MAX_SAMPLES
+    if fit is None or fit.method != "reml" or not means:
+        return fit, soil_map.kriging
     columns = samples.xy, samples.counts, samples.exposure_s
-    spread = samples.spread + footprint_spread(soil_map.footprint_radius_m)
+    spread = samples.spread + footprint_spread(radius_m)
     model, extent_m, local = soil_map.variogram.model, soil_map.grid.extent_m, fit.local_rate is not None
     found = estimate_variogram(*columns, model, extent_m=extent_m, spread=spread, local_noise=local)
     kriging = PoissonKriging(found.variogram, soil_map.keep_nugget, found.noise_rate, fit.prior)
-    return kriging.fit(*columns, spread)
+    return found, kriging.fit(*columns, spread)
 
 
 def calibration_sd(soil_map: SoilMap) -> float | None:
