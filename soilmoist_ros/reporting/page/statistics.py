@@ -18,8 +18,7 @@ from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD, moisture_terms, po
 from soilmoist_ros.mapping.samples.spread import footprint_spread
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping import PoissonKriging, SoilMap, TiledKriging
-    from soilmoist_ros.mapping.variogram.fit import VariogramFit
+    from soilmoist_ros.mapping import PoissonKriging, SoilMap
 
 MAX_SAMPLES = 1000
 MAX_CELLS, MAX_PAIRED_CELLS = 1500, 500
@@ -288,17 +287,19 @@ def _mean_rate_sd(soil_map: SoilMap) -> float | None:
 def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
     """Expected mean moisture and its standard deviation, by the covariances of the moistures of pairs of cells.
 
-    What the expected moisture is above the curve at the rate is proportional to the variance of the rate, so it is
-    as uncertain as the fitted sill.
+    The expected moisture differs from the curve at the rate in proportion to the variance of the rate. With a
+    footprint most of it lies within the footprint, where no count shows it: the difference is then as uncertain as
+    it is large. In simulated surveys of other people's surfaces the interval was too narrow without this.
     """
     from soilmoist_ros.mapping import PoissonKriging
 
     if soil_map.curve is None:
         return math.nan, None
-    fit, kriging = _of_places(soil_map)
-    cells, rate, variance = _some_cells(soil_map, sys.maxsize if fit is soil_map.fit else MAX_CELLS)
-    if fit is not soil_map.fit:
-        rate, variance = kriging.predict(cells)
+    of_places = _of_places(soil_map)
+    kriging = of_places or soil_map.kriging
+    cells, rate, variance = _some_cells(soil_map, MAX_CELLS if of_places else sys.maxsize)
+    if of_places:
+        rate, variance = of_places.predict(cells)
     value = float(np.mean(moisture_terms(soil_map.curve, rate, np.sqrt(variance))[0]))
     above = value - float(np.mean(possible_moisture(soil_map.curve, rate)))
     if not isinstance(kriging, PoissonKriging) or len(soil_map.samples) > MAX_SAMPLES:
@@ -314,12 +315,12 @@ def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
     for terms in moisture_terms(soil_map.curve, rate, sd)[1:]:
         power *= correlation
         total += float(terms @ power @ terms)
-    of_sill = 0.0 if fit is None or fit.log_sd is None else fit.log_sd[0] * above
-    return value, math.hypot(math.sqrt(max(total, 0.0)) / len(cells), of_sill)
+    within = above if of_places or soil_map.deconvolved_m else 0.0
+    return value, math.hypot(math.sqrt(max(total, 0.0)) / len(cells), within)
 
 
-def _of_places(soil_map: SoilMap) -> tuple[VariogramFit | None, PoissonKriging | TiledKriging]:
-    """Fit and kriging of the rate at each place; those of the map unless it is of means over a known footprint.
+def _of_places(soil_map: SoilMap) -> PoissonKriging | None:
+    """Kriging of the rate at each place, for a map of means over a known footprint; ``None`` for any other map.
 
     The curve of a mean is not the mean of the curve: within the footprint it is wetter than the mean rate says.
     """
@@ -329,13 +330,13 @@ def _of_places(soil_map: SoilMap) -> tuple[VariogramFit | None, PoissonKriging |
     fit, samples, radius_m = soil_map.fit, soil_map.samples, soil_map.footprint_radius_m
     means = radius_m > 0 and not soil_map.deconvolved_m and len(samples) <= MAX_SAMPLES
     if fit is None or fit.method != "reml" or not means:
-        return fit, soil_map.kriging
+        return None
     columns = samples.xy, samples.counts, samples.exposure_s
     spread = samples.spread + footprint_spread(radius_m)
     model, extent_m, local = soil_map.variogram.model, soil_map.grid.extent_m, fit.local_rate is not None
     found = estimate_variogram(*columns, model, extent_m=extent_m, spread=spread, local_noise=local)
     kriging = PoissonKriging(found.variogram, soil_map.keep_nugget, found.noise_rate, fit.prior)
-    return found, kriging.fit(*columns, spread)
+    return kriging.fit(*columns, spread)
 
 
 def calibration_sd(soil_map: SoilMap) -> float | None:
