@@ -294,7 +294,9 @@ class MapRun(SurveyTimes):
     @property
     def support_text(self) -> str:
         """The area that each value of the map is of."""
-        known_m = self.soil_map.footprint_radius_m or self.footprint_radius_m
+        known_m: float | None = self.soil_map.footprint_radius_m
+        if not known_m and not self.simulated:
+            known_m = self.footprint_radius_m
         if self.soil_map.deconvolved_m:
             return f"each place: the footprint of {self.soil_map.deconvolved_m:g} m is de-convolved"
         if known_m is None:

@@ -175,7 +175,15 @@ def test_samples_are_points_unless_told():
 
 
 @pytest.mark.parametrize(
-    "spread", [[[-1, 0, 1], [0, 0, 0]], [[1, 2, 1], [0, 0, 0]], [[0, 0, np.nan], [0, 0, 0]], np.zeros((3, 3)), 0.0, [0, 0, 0, -1]]
+    "spread",
+    [
+        [[-1, 0, 1], [0, 0, 0]],
+        [[1, 2, 1], [0, 0, 0]],
+        [[0, 0, np.nan], [0, 0, 0]],
+        np.zeros((3, 3)),
+        0.0,
+        [0, 0, 0, -1],
+    ],
 )
 def test_impossible_spreads_are_refused(spread):
     with pytest.raises(ValueError, match="spread must"):
