@@ -239,7 +239,7 @@ class MissionSettings:
         None, "Cell size of the map. Default: the field's.", float, unit="m", low=0, above=True
     )
     footprint_m: float = _setting(
-        0.0, "Radius of the sensor's Gaussian footprint; 0: a point sensor.", unit="m", low=0
+        0.0, "Radius of the sensor's footprint; 0: a point sensor.", unit="m", low=0
     )
     position_sd_m: float = _setting(0.02, "Noise of each coordinate of the GNSS receiver.", unit="m", low=0)
     weather: bool = _setting(True, "Let the weather change, and correct the counts for it.")
