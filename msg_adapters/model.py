@@ -25,6 +25,7 @@ from soilmoist_ros.mapping.variogram.model import Variogram
 
 _ARRAYS: Final = ("lag_m", "gamma", "weight", "edges_m")
 _SAMPLES: Final = ("x", "y", "raw_counts", "effective_exposure_s", "spread_xx", "spread_xy", "spread_yy", "time_s")
+_RADIUS: Final = "footprint_radius_m"
 
 
 @dataclass(frozen=True)
@@ -103,8 +104,9 @@ def _plain_drift(changing: Changing | None) -> dict[str, Any]:
     if changing is None or changing.change.drift is None:
         return {}
     samples = changing.timed.samples
-    columns = (*samples.xy.T, samples.counts, samples.exposure_s, *samples.spread.T, changing.timed.time_s)
-    table = {name: column.tolist() for name, column in zip(_SAMPLES, columns, strict=True)}
+    *path, radius_m = samples.spread.T
+    columns = (*samples.xy.T, samples.counts, samples.exposure_s, *path, changing.timed.time_s, radius_m)
+    table = {name: column.tolist() for name, column in zip((*_SAMPLES, _RADIUS), columns, strict=True)}
     return {"drift": {**asdict(changing.change.drift), "samples": table}}
 
 
@@ -181,12 +183,13 @@ def _changing(content: Mapping[str, Any] | None, stamp_s: float) -> Changing | N
         tuple(map(_numbers, components)),
     )
     x, y, counts, exposure_s, xx, xy, yy, time_s = (_array(content["samples"][name]) for name in _SAMPLES)
-    whole = len({len(column) for column in (x, y, counts, exposure_s, xx, xy, yy, time_s)}) == 1
+    radius_m = _array(content["samples"].get(_RADIUS, [0.0] * len(x)))  # models of earlier versions have none
+    whole = len({len(column) for column in (x, y, counts, exposure_s, xx, xy, yy, time_s, radius_m)}) == 1
     whole &= len({len(column) for column in (times_s, shares, *components)}) == 1
     sound = np.isfinite([*time_s, *times_s, *shares, *np.ravel(components if whole else ())]).all()
     if not (whole and sound and len(x) and len(times_s) and (np.diff(times_s) > 0).all()):
         raise ValueError("drift must have finite numbers, rising times_s, and columns of equal length")
-    samples = Samples(np.column_stack([x, y]), counts, exposure_s, np.column_stack([xx, xy, yy]))
+    samples = Samples(np.column_stack([x, y]), counts, exposure_s, np.column_stack([xx, xy, yy, radius_m]))
     return Changing(TimedSamples(samples, time_s), Change(drift), stamp_s)
 
 

@@ -16,7 +16,7 @@ from soilmoist_ros.mapping.samples.samples import Samples
 _POINT: Final = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
 )
-_SPREAD: Final = ("spread_xx", "spread_xy", "spread_yy")
+_SPREAD: Final = ("spread_xx", "spread_xy", "spread_yy", "footprint_radius_m")
 _AREA: Final = np.dtype([*_POINT.descr, *((name, "<f4") for name in _SPREAD)])
 
 
@@ -40,8 +40,10 @@ def samples_from_message(message: PointCloud2) -> Samples:
 
     :raises ValueError: if a field is missing, or a value is impossible
     """
-    wide = any(field.name == _SPREAD[0] for field in message.fields)
-    points = points_from_message(message, _AREA if wide else _POINT).ravel()
+    given = [field.name for field in message.fields]
+    known = [name for name in _SPREAD if name in given]  # messages of earlier versions have no footprint
+    kind = np.dtype([*_POINT.descr, *((name, "<f4") for name in known)])
+    points = points_from_message(message, kind).ravel()
     xy = np.column_stack([points["x"], points["y"]])
-    spread = np.column_stack([points[name] for name in _SPREAD]) if wide else np.zeros(3)
+    spread = np.column_stack([points[name] for name in known]) if known else np.zeros(4)
     return Samples(xy, points["raw_counts"], points["effective_exposure_s"], spread)

@@ -163,9 +163,11 @@ def _print_summary(run: MapRun) -> None:
         say("moisture   not mapped: the site file has no soil properties or calibration")
     else:
         low, high = np.nanquantile(soil_map.vwc, [0.05, 0.95])
-        mean, known = np.nanmean(soil_map.vwc), mean_moisture(soil_map)
+        known = mean_moisture(soil_map)
+        mean = np.nanmean(soil_map.vwc) if known is None else known.value
         interval = "" if known is None else f" ({known.p05:.3f} to {known.p95:.3f})"
         say(f"moisture   mean {mean:.3f}{interval} m3/m3, 5 to 95 % of the area {low:.3f} to {high:.3f}")
+    say(f"area       of each value: {run.support_text}")
     if soil_map.accuracy is not None:
         say(f"kriging    {soil_map.accuracy}")
     print_knowledge(run)

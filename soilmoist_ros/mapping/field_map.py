@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,12 @@ Array = NDArray[np.float64]
 _Where = tuple[int, Array]
 """Index of a record in the track, and spread of its counts."""
 
+_Some = TypeVar("_Some", Samples, TimedSamples, None)
+
+OBJECTION = 2.0
+"""Loss of log-likelihood from which on the counts object to a footprint."""
+_WEIGHED_PLACES = 200
+"""Number of samples by which a footprint is weighed; of more, every k-th is used."""
 REFIT_GROWTH = 0.1
 """The variogram is fitted anew when samples or exposure have grown by this share: always while they are few."""
 LATER_REFIT_GROWTH, MANY_SAMPLES = 0.2, 40
@@ -75,8 +81,8 @@ class FieldMapSettings:
         of :func:`default_merge_radius_m`
     :param margin_m: records up to this far outside the field count [m], >= 0; they inform its edge
     :param curve: calibration that turns the rate into soil moisture
-    :param footprint_radius_m: radius of the footprint to be de-convolved [m], >= 0: the map is of the rate at each
-        place, the counts are means over the footprint around theirs. 0 to map the counts as they are
+    :param footprint_radius_m: radius of the footprint over which the records were counted [m], >= 0; 0 if it is
+        not known, and for a sensor that sees its own place only
     :param max_exact_samples: number of samples beyond which a map is made by :class:`TiledKriging`
     :param for_planning: keep every map exact, however many samples it has: planning needs their kriging
     :param noise: rate in the Poisson noise of each sample: ``local`` to its place, or ``mean``, as published
@@ -84,6 +90,9 @@ class FieldMapSettings:
         (:mod:`.local_fit`), or ``off``; with soft_l1 it never does
     :param drift_model: whether the mean rate may change during the survey: ``auto`` if the counts ask for it
         (:mod:`.drift`), or ``off``; with soft_l1 it never does
+    :param deconvolve: whether the map is of the rate at each place (true), or of its mean over the footprint
+        around the place (false); ``None`` for each place unless the counts object (:func:`fits_footprint`). With
+        soft_l1 it is always the mean
     """
 
     model: ModelName = "matern32"
@@ -98,6 +107,12 @@ class FieldMapSettings:
     noise: NoiseModel = "local"
     local: LocalModel = "auto"
     drift_model: DriftModel = "auto"
+    deconvolve: bool | None = None
+
+    @property
+    def sample_radius_m(self) -> float:
+        """Radius of the footprint that samples have in the map [m]; 0 if the map is of its mean."""
+        return self.footprint_radius_m if self.fit == "reml" and self.deconvolve is not False else 0.0
 
 
 _DEFAULTS = FieldMapSettings()
@@ -134,6 +149,19 @@ class MapState:
     model_samples: Samples | None = None
     began_s: float = 0.0
     given_change: Change | None = None
+
+    @cached_property
+    def without_footprint(self) -> MapState:
+        """The state as if the sensor saw its own place only."""
+
+        def without(one: _Some) -> _Some:
+            return one if one is None else one.without_footprint
+
+        fit_timed = self.fit_timed
+        if fit_timed is not None:
+            fit_timed = without(fit_timed[0]), without(fit_timed[1]), fit_timed[2]
+        names = ("samples", "fit_samples", "search_samples", "timed", "model_samples")
+        return replace(self, fit_timed=fit_timed, **{name: without(getattr(self, name)) for name in names})
 
     @cached_property
     def mapped_timed(self) -> TimedSamples | None:
@@ -213,6 +241,7 @@ class FieldMap:
         self.knowledge = knowledge
         chosen_m = settings.merge_radius_m
         self.merge_radius_m = default_merge_radius_m(grid, settings.margin_m) if chosen_m is None else chosen_m
+        self._weighed: tuple[Samples, bool] | None = None
         self._last_fit: tuple[Samples, VariogramFit] | None = None
         self._last_search: tuple[Samples, VariogramFit] | None = None
         self._joint = None if knowledge.is_empty else JointModel(knowledge, self._estimate, settings.noise)
@@ -230,8 +259,8 @@ class FieldMap:
 
     def reset(self) -> None:
         """Forget all records, samples and the last map."""
-        self._merger = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m)
-        self._timed = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m, WINDOW_S)
+        self._merger = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m)
+        self._timed = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m, WINDOW_S)
         self._paths = DrivenPaths()
         self._expected: ExpectedCounts[_Where] = ExpectedCounts(self.merge_radius_m)
         self._recent_fit: tuple[int, Variogram] | None = None
@@ -347,9 +376,9 @@ class FieldMap:
         self.track = [unexpected.get(index, record) for index, record in enumerate(records)]
         records = [record for record in self.track if not record.quarantine]
         spreads = driven_spreads(records)
-        samples = survey_samples(records, self.merge_radius_m, self.settings.footprint_radius_m, spreads)
+        samples = survey_samples(records, self.merge_radius_m, self.settings.sample_radius_m, spreads)
         began_s, end_s = (records[0].stamp_s, records[-1].stamp_s) if records else (0.0, 0.0)
-        self._timed = SampleMerger(self.merge_radius_m, self.settings.footprint_radius_m, WINDOW_S)
+        self._timed = SampleMerger(self.merge_radius_m, self.settings.sample_radius_m, WINDOW_S)
         timed = None
         if self._takes_times and len(samples) <= self.settings.max_exact_samples:
             for record, spread in zip(records, spreads, strict=True):
@@ -483,6 +512,7 @@ class FieldMap:
         :param grid: another grid of the same field
         :raises IllConditionedError: if the samples and the variogram contradict each other numerically
         """
+        state = self._as_seen(state)
         fit, settings = self.fit(state), self.settings
         if fit is None:
             return None
@@ -501,12 +531,14 @@ class FieldMap:
                 compute,
                 self._raster if grid is None else None,
                 changing,
+                settings.footprint_radius_m,
             )
 
     def fit(self, state: MapState) -> VariogramFit | None:
         """The variogram of a state, ``None`` while its samples are too few."""
         if not len(state.samples):
             return None
+        state = self._as_seen(state)
         if state.given_fit is not None:
             return self._with_prior(state, state.given_fit)
         samples, known = state.fit_samples, self._last_fit
@@ -522,6 +554,16 @@ class FieldMap:
             fit = self._joint.fit(samples, samples, state.began_s, alone=self._fit_alone(state))
         self._last_fit = samples, fit
         return fit
+
+    def _as_seen(self, state: MapState) -> MapState:
+        """The state without the footprint, if the counts object to it."""
+        weighed = state.search_samples or state.fit_samples
+        known = self.settings.deconvolve is not None or state.given_fit is not None or self.knowledge.earlier
+        if known or not weighed.spread[:, 3].any():
+            return state
+        if self._weighed is None or self._weighed[0] is not weighed:
+            self._weighed = weighed, fits_footprint(weighed, self.settings.model, self.grid.extent_m)
+        return state if self._weighed[1] else state.without_footprint
 
     @cached_property
     def expected_fit(self) -> VariogramFit | None:
@@ -604,9 +646,29 @@ class FieldMap:
 
 def drifting(state: MapState, soil_map: SoilMap) -> Changing | None:
     """The drift that the map of a state allows for, and its samples; ``None`` without a drift."""
+    if not soil_map.deconvolved_m:
+        state = state.without_footprint
     if soil_map.change.drift is None or state.mapped_timed is None:
         return None
     return Changing(state.mapped_timed, soil_map.change, state.stamp_s)
+
+
+def fits_footprint(samples: Samples, model: ModelName, extent_m: float) -> bool:
+    """Whether the counts do not object to the footprint of their samples.
+
+    They object if neighbours differ more than means over the footprint can: the restricted likelihood is then
+    higher without it, by the factor 7 at least. Few counts never object.
+
+    :param extent_m: extent of the field [m]
+    """
+    some = slice(None, None, max(1, -(-len(samples) // _WEIGHED_PLACES)))
+    columns = samples.xy[some], samples.counts[some], samples.exposure_s[some], model
+
+    def likelihood(spread: Array) -> float:
+        return estimate_variogram(*columns, extent_m=extent_m, spread=spread, anisotropy=False).objective
+
+    without = likelihood(samples.without_footprint.spread[some])
+    return likelihood(samples.spread[some]) > without - OBJECTION
 
 
 def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:

@@ -10,6 +10,7 @@ also with five counts a stop (``scripts/tail_coverage.py``).
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 
 QUANTILE_SD = 1.6448536269514722
 """Quantile 0.95 of the standard normal distribution."""
+ORDERS, _NODES = 5, 24
+"""Orders of the expansion of the moisture; nodes of the quadrature over the rate."""
 UNITS = {
     "rate": "counts/s", "rate_sd": "counts/s",
     "vwc": "m3/m3", "vwc_sd": "m3/m3", "vwc_p05": "m3/m3", "vwc_p95": "m3/m3",
@@ -89,6 +92,26 @@ def possible_moisture(curve: MoistureCurve, rate_cps: ArrayLike) -> Array:
     limits = soil_limits(curve.bulk_density_gcm3)
     vwc = np.fmin(curve.vwc(rate), limits.saturation)  # fmin takes the limit where the curve has no value
     return np.where(np.isnan(rate), np.nan, np.maximum(vwc, limits.dryness))
+
+
+def moisture_terms(curve: MoistureCurve, rate_cps: ArrayLike, rate_sd_cps: ArrayLike) -> Array:
+    """Hermite coefficients of the moisture of normal rates; the first one is the expected moisture [m^3/m^3].
+
+    With the coefficients c and d of two rates of correlation r, the covariance of their moistures is the sum over
+    k >= 1 of ``c[k] d[k] r^k`` (Mehler's formula): exact for any curve but for the orders left out.
+
+    :param rate_cps: means, shape (n,) [counts/s]; NaN stays NaN
+    :param rate_sd_cps: standard deviations, shape (n,) [counts/s]
+    :returns: shape (:data:`ORDERS`, n)
+    """
+    nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
+    polynomials = np.polynomial.hermite_e.hermevander(nodes, ORDERS - 1) * (weights / weights.sum())[:, None]
+    polynomials /= np.sqrt([math.factorial(order) for order in range(ORDERS)])
+    rate, sd = np.asarray(rate_cps, float), np.asarray(rate_sd_cps, float)
+    terms = np.zeros((ORDERS, len(rate)))
+    for node, factors in zip(nodes.tolist(), polynomials, strict=True):
+        terms += np.outer(factors, possible_moisture(curve, rate + node * sd))
+    return terms
 
 
 def common_rate_sd(curve: MoistureCurve, rate: Array) -> Array | None:

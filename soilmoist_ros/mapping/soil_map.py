@@ -58,6 +58,7 @@ class SoilMap:
         :meth:`RasterKriging.update` did
     :param change: how the mean rate changed during the survey; the map is of its end
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
+    :param footprint_radius_m: radius of the footprint over which the counts were made [m], 0 if it is not known
     :param known: covariances of the samples, and with the cells inside, where they are known already
     """
 
@@ -73,12 +74,18 @@ class SoilMap:
     made_by: PoissonKriging | TiledKriging | None
     clipped_variances: int
     change: Change = NO_CHANGE
+    footprint_radius_m: float = 0.0
     known: KnownCovariances | None = None
 
     def __repr__(self) -> str:
         rows, columns = self.grid.shape
         size = f"{rows} x {columns} cells of {self.grid.cell_m:g} m"
         return f"SoilMap({size}, {len(self.samples)} samples, {self.variogram.model})"
+
+    @property
+    def deconvolved_m(self) -> float:
+        """Radius of the footprint that was de-convolved, for a map of each place [m]; 0 for one of means."""
+        return round(float(self.samples.spread[:, 3].max(initial=0.0)), 6)
 
     @cached_property
     def bands(self) -> Bands:
@@ -202,6 +209,7 @@ def make_soil_map(
     compute: Compute = map,
     raster: RasterKriging | None = None,
     changing: Changing | None = None,
+    footprint_radius_m: float = 0.0,
 ) -> SoilMap:
     """Krige the samples onto the cells of a field: exactly, or tile by tile if there are very many.
 
@@ -220,6 +228,7 @@ def make_soil_map(
     :param raster: of the same grid and nugget; makes the map if it can, from what it has kept
     :param changing: the samples by place and time, how their mean changed, and the time of the map [s]; a drift
         needs at most ``max_exact_samples``, and the samples by time at the places of the samples
+    :param footprint_radius_m: as :class:`SoilMap`
     :raises ValueError: without samples
     """
     fit = variogram if isinstance(variogram, VariogramFit) else None
@@ -264,6 +273,7 @@ def make_soil_map(
         made_by=kriging,
         clipped_variances=clipped,
         change=NO_CHANGE if changing is None else changing.change,
+        footprint_radius_m=footprint_radius_m,
         known=None if rasters is None or raster is None else raster.known,
     )
 

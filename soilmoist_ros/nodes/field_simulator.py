@@ -96,7 +96,7 @@ class FieldSimulator(Node):
         if given.text("field_file"):
             write_field_file(field, Path(given.text("field_file")))
         if given.text("site_file"):
-            write_site_file(field, Path(given.text("site_file")))
+            write_site_file(field, Path(given.text("site_file")), given.number("footprint_m"))
         if given.text("truth_file"):
             write_truth_file(field, self._system.grid, Path(given.text("truth_file")))
 

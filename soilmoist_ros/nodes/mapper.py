@@ -211,7 +211,8 @@ class Mapper(Node):
     def _publish(self, state: MapState, soil_map: SoilMap | None) -> None:
         grid, stamp_s, frame = self._online.grid, state.stamp_s, self._frame
         fit, changing = (None, None) if soil_map is None else (soil_map.fit, drifting(state, soil_map))
-        self._samples.publish(samples_to_message(state.samples, stamp_s, frame))
+        samples = state.samples if soil_map is None or soil_map.deconvolved_m else state.samples.without_footprint
+        self._samples.publish(samples_to_message(samples, stamp_s, frame))
         self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing)))
         self._soil_map.publish(soil_map_to_message(grid, soil_map, stamp_s, frame))
         self._uncertainty.publish(uncertainty_to_message(grid, soil_map, stamp_s, frame))

@@ -76,7 +76,7 @@ class FieldSurvey:
                 "nugget": "kept" if settings.keep_nugget else "filtered",
                 "merge_radius_m": self.map.merge_radius_m,
                 "cell_m": self.map.grid.cell_m,
-                "deconvolved_footprint_m": settings.footprint_radius_m,
+                "deconvolved_footprint_m": soil_map.deconvolved_m,
             },
             inputs=[input_file(path, role) for role, path in self.files],
             losses=loss_rows_of(snapshot),
@@ -147,10 +147,11 @@ def open_survey(
         merge_radius_m or None,
         the_site.footprint_radius_m,
         the_site.curve,
-        the_site.support_radius_m,
+        the_site.known_footprint_m,
         noise=noise,
         local=local,
         drift_model=drift_model,
+        deconvolve=the_site.deconvolve_footprint,
     )
     runs: tuple[EarlierRun, ...] = ()
     if earlier:

@@ -98,6 +98,7 @@ def _write_series(
         noise=settings.noise,
         local=settings.local,
         drift_model=settings.drift_model,
+        footprint_radius_m=settings.footprint_m,
     )
     for back, survey in enumerate(mapped.series, 1):
         field_map = FieldMap(grid, choices)

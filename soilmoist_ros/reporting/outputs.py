@@ -29,6 +29,7 @@ from soilmoist_ros.reporting.output_folder import (
     writable,
 )
 from soilmoist_ros.reporting.page.report import write_report
+from soilmoist_ros.reporting.page.statistics import resolution_m
 from soilmoist_ros.reporting.run import MapRun
 
 if TYPE_CHECKING:
@@ -138,6 +139,8 @@ def _tags(run: MapRun) -> dict[str, str]:
         CALIBRATION_TAG: calibration_of(run),
         "SOILMOIST_CREATED_UTC": run.created,
         "SOILMOIST_FIELD": run.field_name,
+        "SOILMOIST_SUPPORT": run.support_text,
+        "SOILMOIST_RESOLUTION_M": f"{resolution_m(run.soil_map, run.footprint_radius_m or 0.0):.1f}",
         **({"SOILMOIST_PROPERTY": run.name} if run.name else {}),
         **_survey_tags(run),
         **({"TIFFTAG_IMAGEDESCRIPTION": GUESSED} if calibration_of(run) == ILLUSTRATIVE else {}),

@@ -164,6 +164,7 @@ class NoteCode(StrEnum):
     UNKNOWN_CALIBRATION = "unknown_calibration"
     ONE_PLACE = "one_place"
     FEW_SAMPLES = "few_samples"
+    NO_BETTER_THAN_MEAN = "no_better_than_mean"
     PRIOR_MATTERED = "prior_mattered"
     NOT_CONVERGED = "not_converged"
     COVARIATE_GAPS = "covariate_gaps"
@@ -298,6 +299,18 @@ class MapRun(SurveyTimes):
     def all_records(self) -> list[CountRecord]:
         """Records of the map and quarantined ones in order of time."""
         return sorted([*self.track, *self.quarantined], key=lambda record: record.stamp_s)
+
+    @property
+    def support_text(self) -> str:
+        """The area that each value of the map is of."""
+        known_m: float | None = self.soil_map.footprint_radius_m
+        if not known_m and not self.simulated:
+            known_m = self.footprint_radius_m
+        if self.soil_map.deconvolved_m:
+            return f"each place: the footprint of {self.soil_map.deconvolved_m:g} m is de-convolved"
+        if known_m is None:
+            return "mean over the footprint of the sensor around each place"
+        return f"mean over {known_m:g} m around each place" if known_m > 0 else "each place"
 
     @property
     def calibrated(self) -> bool:

@@ -18,6 +18,7 @@ from soilmoist_ros.mapping.field_map import (
     SEARCH_GROWTH,
     FieldMap,
     FieldMapSettings,
+    fits_footprint,
 )
 from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.mapping.samples.merging import DrivenPaths
@@ -26,6 +27,7 @@ from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 CURVE = CalibrationCurve(6.0, 1.4)
 GRID = FieldGrid.from_polygon(
@@ -404,3 +406,22 @@ def test_a_quarantined_record_is_kept_in_the_track_and_out_of_the_map():
     for one in (the_map, whole):
         assert one.track == [good, bad]
         assert one.samples.counts.tolist() == [40]
+
+
+@pytest.mark.parametrize("name", ["strips", "smooth"])
+def test_a_footprint_to_which_the_counts_object_is_not_deconvolved(name):
+    """Strips of 5 m, counted by a sensor that sees its own place, are too sharp for a footprint of 20 m."""
+    rng = np.random.default_rng(1)
+    field = surrogate_field(name, rng)
+    x, y = np.meshgrid(np.arange(2.5, 60, 5.0), np.arange(2.5, 50, 5.0))
+    places = np.column_stack([x.ravel(), y.ravel()])
+    counts, exposure_s = rng.poisson(600 * field.rate_at(places)), np.full(len(places), 600.0)
+    samples = Samples(places, counts, exposure_s, footprint_spread(20.0))
+    fits = name == "smooth"
+    assert fits_footprint(samples, "matern32", 60.0) == fits
+    for deconvolve, radius_m in ((None, 20.0 if fits else 0.0), (True, 20.0), (False, 0.0)):
+        choices = FieldMapSettings(footprint_radius_m=20.0, deconvolve=deconvolve)
+        the_map = FieldMap(field.field.grid(4.0), choices)
+        the_map.set_samples(samples if choices.sample_radius_m else samples.without_footprint)
+        assert the_map.update().deconvolved_m == radius_m
+        assert the_map.soil_map.footprint_radius_m == 20

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.mapping.moisture_bands import common_rate_sd, make_bands, possible_moisture
+from soilmoist_ros.mapping.moisture_bands import common_rate_sd, make_bands, moisture_terms, possible_moisture
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
 
@@ -81,3 +81,18 @@ def test_possible_moisture_is_possible_and_falls_with_the_rate(rates, density):
     moisture = possible_moisture(curve, np.array(sorted(rates)))
     assert ((moisture >= 0) & (moisture <= soil_limits(density).saturation)).all()
     assert (np.diff(moisture) <= 1e-12).all()
+
+
+@given(st.floats(2.3, 6.0), st.floats(2.3, 6.0), st.floats(0.01, 0.3), st.floats(-0.9, 0.95))
+@settings(max_examples=25)
+def test_terms_of_the_moisture_are_its_mean_and_covariances(one, other, sd, correlation):
+    draws = np.random.default_rng(3).standard_normal((2, 100_000))
+    draws -= draws.mean(axis=1, keepdims=True)
+    draws[1] = correlation * draws[0] + np.sqrt(1 - correlation**2) * draws[1]
+    moisture = possible_moisture(CURVE, np.array([[one], [other]]) + sd * draws)
+    terms = moisture_terms(CURVE, [one, other, np.nan], [sd, sd, sd])
+    assert np.isnan(terms[:, 2]).all()
+    np.testing.assert_allclose(terms[0, :2], moisture.mean(axis=1), atol=1e-3)
+    covariance = (terms[1:, 0] * terms[1:, 1]) @ correlation ** np.arange(1, len(terms))
+    largest = np.sqrt(np.prod(moisture.var(axis=1)))
+    assert covariance == pytest.approx(np.cov(moisture)[0, 1], abs=0.06 * largest + 2e-5)

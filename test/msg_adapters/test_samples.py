@@ -49,7 +49,8 @@ def test_the_time_comes_back_exactly():
 
 def test_places_are_rounded_to_what_viewers_take():
     message = samples_to_message(columns([[5000.123456789, -0.1, 3, 10.0]]), 0.0)
-    names = ["x", "y", "z", "raw_counts", "effective_exposure_s", "spread_xx", "spread_xy", "spread_yy"]
+    spread = ["spread_xx", "spread_xy", "spread_yy", "footprint_radius_m"]
+    names = ["x", "y", "z", "raw_counts", "effective_exposure_s", *spread]
     assert [field.name for field in message.fields] == names
     np.testing.assert_allclose(samples_from_message(message).xy, [[5000.123456789, -0.1]], atol=3e-4, rtol=0)
 
@@ -81,4 +82,4 @@ def test_samples_without_spreads_are_points():
     found = samples_from_message(points_to_message(points, 0.0))
     np.testing.assert_array_equal(found.xy, samples.xy)
     np.testing.assert_array_equal(found.counts, samples.counts)
-    np.testing.assert_array_equal(found.spread, np.zeros((2, 3)))
+    np.testing.assert_array_equal(found.spread, np.zeros((2, 4)))

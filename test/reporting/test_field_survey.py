@@ -93,18 +93,22 @@ def test_mistakes_are_told_with_a_remedy():
         open_survey("example", cell_m=500.0)
 
 
-def test_only_a_site_that_says_so_deconvolves_the_footprint(tmp_path):
+def test_a_known_footprint_is_deconvolved_unless_the_site_says_no(tmp_path):
     site = tmp_path / "site.yaml"
-    for text, radius_m in (
-        ("footprint_radius_m: 8\n", 0.0),
-        ("footprint_radius_m: 8\ndeconvolve_footprint: true\n", 8.0),
-        ("deconvolve_footprint: true\n", 10.0),
+    for text, known_m, radius_m in (
+        ("name: any\n", 0.0, 0.0),
+        ("footprint_radius_m: 8\n", 8.0, 8.0),
+        ("footprint_radius_m: 8\ndeconvolve_footprint: true\n", 8.0, 8.0),
+        ("footprint_radius_m: 8\ndeconvolve_footprint: false\n", 8.0, 0.0),
+        ("deconvolve_footprint: true\n", 10.0, 10.0),
     ):
         site.write_text(text)
         online = open_survey("example", str(site)).map
-        assert online.settings.footprint_radius_m == radius_m
+        assert online.settings.footprint_radius_m == known_m
         online.add(CountRecord(1.78e9, *online.grid.cells[0].tolist(), 30.0, 400, 100.0, 95.0))
-        np.testing.assert_array_equal(online.state.samples.spread, [[radius_m**2 / 4, 0, radius_m**2 / 4]])
+        np.testing.assert_array_equal(online.state.samples.spread, [[0, 0, 0, radius_m]])
+        soil_map = online.update()
+        assert (soil_map.footprint_radius_m, soil_map.deconvolved_m) == (known_m, radius_m)
     assert open_survey("example").map.settings.footprint_radius_m == 0
 
 

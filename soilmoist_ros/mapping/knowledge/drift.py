@@ -20,6 +20,7 @@ multiplied by ``1 + mean(u)``, and the covariance of u adds to that of the map.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -84,6 +85,11 @@ class TimedSamples:
 
     samples: Samples
     time_s: Array
+
+    @cached_property
+    def without_footprint(self) -> TimedSamples:
+        """These samples as if the sensor saw its own place only."""
+        return TimedSamples(self.samples.without_footprint, self.time_s)
 
     def thinned(self, most: int) -> TimedSamples:
         """Every k-th sample, at most ``most`` in all."""

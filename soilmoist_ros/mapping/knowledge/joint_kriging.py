@@ -188,7 +188,7 @@ class _Stack:
 
     :param variogram: variogram of the rate
     :param xy: places, shape (n, 2) [m]
-    :param spread: their supports, shape (n, 3) [m^2]
+    :param spread: their supports, shape (n, 4)
     :param rate: rates, shape (n,) [counts/s]
     :param noise: their Poisson variances, shape (n,) [(counts/s)^2]
     :param survey: index of the survey of each, shape (n,)

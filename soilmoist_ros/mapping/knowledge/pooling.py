@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.samples.spread import without_noise
+from soilmoist_ros.mapping.samples.spread import full_spread, without_noise
 from soilmoist_ros.mapping.variogram.reml import spatial_blocks
 
 Array = NDArray[np.float64]
@@ -33,5 +33,5 @@ def pooled(samples: Samples, most: int) -> Samples:
     weight = samples.exposure_s / exposure_s[pool]
     centre = summed(samples.xy * weight[:, None])
     x, y = (samples.xy - centre[pool]).T
-    spread = summed((samples.spread + np.column_stack([x * x, x * y, y * y])) * weight[:, None])
+    spread = summed((samples.spread + full_spread(np.column_stack([x * x, x * y, y * y]))) * weight[:, None])
     return Samples(centre, counts, exposure_s, without_noise(spread))

@@ -48,7 +48,7 @@ class Covariances(Protocol):
     def keep(self, samples: Array, changed: NDArray[np.intp], most: int) -> bool:
         """Compute the covariances of samples that are new or have changed.
 
-        :param samples: x, y and the spread, shape (n, 5)
+        :param samples: x, y and the spread, shape (n, 6)
         :param changed: numbers of these, ascending
         :param most: maximum number of stored values
         :returns: ``False`` if there are too many values; then none are stored
@@ -234,7 +234,7 @@ class SamplePoints:
     """Samples that know their covariance with places.
 
     :param variogram: variogram of the latent rate
-    :param samples: x, y and the spread in the first columns, shape (m, 5 or more)
+    :param samples: x, y and the spread in the first columns, shape (m, 6 or more)
 
     Attributes
     ----------
@@ -246,7 +246,7 @@ class SamplePoints:
     def __init__(self, variogram: Variogram, samples: Array) -> None:
         self._correlation = variogram.correlation_model.correlation
         self.layers: list[tuple[slice | NDArray[np.intp], Array, Array, Array]] = []
-        for which, points, weight in Supports(samples[:, :2], samples[:, 2:5]).layers:
+        for which, points, weight in Supports(samples[:, :2], samples[:, 2:6]).layers:
             factor = np.full(len(points), variogram.structured_sill)
             factor *= 1.0 if weight is None else weight
             self.layers.append((which, *scaled(variogram, *points.T), factor))

@@ -59,7 +59,7 @@ class FewTargets:
         self._variogram: Variogram | None = None
         self._scaled = xy[:, 0], xy[:, 1]
         self._amplitude: Array | None = None  # of the targets
-        self._kept = np.empty((0, 5))  # places and spreads of the samples whose covariances are
+        self._kept = np.empty((0, 6))  # places and spreads of the samples whose covariances are
         self._between = np.zeros((_MIN_ROOM, _MIN_ROOM))  # used below the diagonal only, but numbers above it too
         self._with_targets = np.empty((_MIN_ROOM, len(xy)))
         self.known: KnownCovariances | None = None

@@ -142,7 +142,7 @@ class PoissonKriging:
         :param xy: places, shape (n, 2), n >= 1 [m]
         :param counts: raw counts, shape (n,)
         :param exposure_s: effective exposures, shape (n,) [s]
-        :param spread: second moments of the areas over which the samples were counted, shape (n, 3) [m^2], see
+        :param spread: second moments of the areas over which the samples were counted, shape (n, 4), see
             :mod:`support`; all points by default
         :param uncertain: independent errors that the rates share and the targets have not, one standard deviation
             of each, shape (n, k) [counts/s], such as those of a drift; none by default. They add to the variance,
@@ -172,7 +172,7 @@ class PoissonKriging:
         :param xy: places, shape (k, 2), or one place (x, y) [m]
         :param counts: raw counts, shape (k,), or a number
         :param exposure_s: effective exposures, shape (k,), or a number [s]
-        :param spread: as :meth:`fit`, shape (k, 3), or (3,)
+        :param spread: as :meth:`fit`, shape (k, 4), or (3,)
         :returns: itself; errors that earlier samples share are not in these
         :raises ValueError: as :meth:`fit`; earlier samples stay as they were
         """

@@ -63,9 +63,9 @@ class KrigingRows:
     def __init__(self, covariances: Covariances) -> None:
         self._covariances = covariances
         self._variogram: Variogram | None = None
-        self._samples = np.empty((0, 8))  # x, y, spread, noise, rate, 1 of those whose rows are known
+        self._samples = np.empty((0, 9))  # x, y, spread, noise, rate, 1 of those whose rows are known
         self._amplitude: Array | None = None  # of the targets
-        self._kept = self._samples[:, :5]  # those whose covariances are
+        self._kept = self._samples[:, :6]  # those whose covariances are
         self._unit = np.zeros((_MIN_ROOM, _MIN_ROOM))  # L^-1, its rows times the diagonal of L
         self._between = np.empty((_MIN_ROOM, _MIN_ROOM))  # covariances of the samples, below the diagonal
         self._diagonal = np.empty(MAX_ROWS)  # of L
@@ -101,12 +101,12 @@ class KrigingRows:
         first = first_changed(differences(self._samples, samples), len(samples))
         self._forget(first, samples)
         room = MAX_ELEMENTS - n // BLOCK * 3 * self._covariances.size
-        changed = differences(self._kept, samples[:, :5])
-        if n > MAX_ROWS or not self._covariances.keep(samples[:, :5], changed, room):
+        changed = differences(self._kept, samples[:, :6])
+        if n > MAX_ROWS or not self._covariances.keep(samples[:, :6], changed, room):
             self._kept = self._kept[:0]
             self._forget(0, samples)
             return None
-        self._kept = samples[:, :5]
+        self._kept = samples[:, :6]
         self._keep_between(variogram, samples, changed)
         if not self._factorise(first, samples):
             return None
@@ -121,7 +121,7 @@ class KrigingRows:
         """Forget the rows from ``first`` on, where samples differ from the known ones."""
         known = self._samples
         # If a sample has only grown, its row stays valid and only the diagonal of L changes.
-        same_place = first < min(len(known), len(samples)) and (known[first, :5] == samples[first, :5]).all()
+        same_place = first < min(len(known), len(samples)) and (known[first, :6] == samples[first, :6]).all()
         self._numbers[self._numbers >= first + same_place] = -1
         self._samples = known[:first]
         del self._blocks[first // BLOCK :]
@@ -145,7 +145,7 @@ class KrigingRows:
         :returns: whether the matrix is well-conditioned enough
         """
         unit, diagonal = self._unit, self._diagonal
-        data = np.ascontiguousarray(samples[:, 6:8])
+        data = np.ascontiguousarray(samples[:, 7:9])
         for i in range(first, len(samples)):
             right = self._between[i]
             row = np.empty(i)  # of L
@@ -154,7 +154,7 @@ class KrigingRows:
                 row[start:stop] = unit[start:stop, :stop] @ right[:stop]
                 row[start:stop] /= diagonal[start:stop]
                 weights[:stop] -= (row[start:stop] / diagonal[start:stop]) @ unit[start:stop, :stop]
-            total = right[i] + samples[i, 5]
+            total = right[i] + samples[i, 6]
             pivot = total - row @ row
             if not pivot >= MIN_PIVOT * total:
                 return False
@@ -258,7 +258,7 @@ def keep_between(table: Array, variogram: Variogram, samples: Array, changed: ND
     """Compute the covariances of changed samples with all; those of a later with an earlier one are used.
 
     :param table: takes the covariances below the diagonal
-    :param samples: x, y and the spread in the first columns, shape (n, 5 or more)
+    :param samples: x, y and the spread in the first columns, shape (n, 6 or more)
     :param changed: numbers of the changed samples, at least one
     """
     table[changed, : len(samples)] = _between(variogram, samples[changed], samples)
@@ -269,7 +269,7 @@ def keep_between(table: Array, variogram: Variogram, samples: Array, changed: ND
 
 def _between(variogram: Variogram, later: Array, samples: Array) -> Array:
     """Structured covariance of some samples with others, shape (m, n)."""
-    points, supports = SamplePoints(variogram, samples), Supports(later[:, :2], later[:, 2:5])
+    points, supports = SamplePoints(variogram, samples), Supports(later[:, :2], later[:, 2:6])
 
     def with_points(xy: Array) -> Array:
         covariance = np.empty((len(samples), len(xy)))

@@ -27,7 +27,7 @@ class Neighbourhood(NamedTuple):
     :param xy: places, shape (m, 2) [m]
     :param rate: corrected rates, shape (m,) [counts/s]
     :param exposure_s: effective exposures, shape (m,) [s]
-    :param spread: second moments of the areas of those that are not merged, shape (m, 3) [m^2]
+    :param spread: second moments of the areas of those that are not merged, shape (m, 4)
     """
 
     xy: Array

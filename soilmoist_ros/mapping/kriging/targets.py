@@ -39,7 +39,7 @@ class Points:
     :param variogram: its range and model
     :param places_xy: places of the samples, shape (p, 2) [m]
     :param xy: targets, shape (g, 2) [m]
-    :param spread: spreads of the samples, shape (p, 3) [m^2]; all points if ``None``
+    :param spread: spreads of the samples, shape (p, 4); all points if ``None``
     """
 
     def __init__(self, variogram: Variogram, places_xy: Array, xy: Array, spread: Array | None = None) -> None:
@@ -65,7 +65,7 @@ class RasterCells:
     :param x_m: centres of the columns, shape (nx,) [m]
     :param y_m: centres of the rows, shape (ny,) [m]
     :param mask: the cells wanted, shape (ny, nx)
-    :param spread: spreads of the samples, shape (p, 3) [m^2]; all points if ``None``
+    :param spread: spreads of the samples, shape (p, 4); all points if ``None``
     """
 
     def __init__(
@@ -116,7 +116,7 @@ def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = N
     """Structured correlation of samples with those of them from ``first`` on, shape (n, n - first), new memory.
 
     :param xy: places of the samples, shape (n, 2) [m]
-    :param spread: their spreads, shape (n, 3) [m^2]; all points if ``None``
+    :param spread: their spreads, shape (n, 4); all points if ``None``
     """
     every = Supports(xy, spread)
 

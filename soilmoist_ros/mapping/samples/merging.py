@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.samples.samples import Samples, good_samples, merge_records
-from soilmoist_ros.mapping.samples.spread import footprint_spread, without_noise
+from soilmoist_ros.mapping.samples.spread import footprint_spread, full_spread, without_noise
 from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ class DrivenPaths:
         self._last: list[CountRecord] = []
 
     def spread(self, record: CountRecord) -> Array:
-        """Spread of a record's counts along its path, shape (3,) [m^2]; 0 without a predecessor.
+        """Spread of a record's counts along its path, shape (4,) [m^2]; 0 without a predecessor.
 
         :param record: with a place, and an exposure > 0
         """
@@ -42,18 +42,18 @@ class DrivenPaths:
         before = [one for one in self._last if record.stamp_s - one.stamp_s >= _MIN_GAP * exposure_s]
         self._last.append(record)
         if not before:
-            return np.zeros(3)
+            return np.zeros(4)
         nearest = min(before, key=lambda one: math.hypot(record.x_m - one.x_m, record.y_m - one.y_m))
         self._last.remove(nearest)
         share = min(exposure_s / (record.stamp_s - nearest.stamp_s), 1.0)
         x_m, y_m = share * (record.x_m - nearest.x_m), share * (record.y_m - nearest.y_m)
-        return np.array([x_m * x_m, x_m * y_m, y_m * y_m]) / 12  # as path_spread()
+        return np.array([x_m * x_m, x_m * y_m, y_m * y_m, 0.0]) / 12  # as path_spread()
 
 
 def driven_spreads(records: Sequence[CountRecord]) -> Array:
-    """Spread of each record along its path, shape (n, 3) [m^2]; ``records`` as in :func:`survey_samples`."""
+    """Spread of each record along its path, shape (n, 4) [m^2]; ``records`` as in :func:`survey_samples`."""
     paths = DrivenPaths()
-    return np.array([paths.spread(record) for record in records]).reshape(-1, 3)
+    return np.array([paths.spread(record) for record in records]).reshape(-1, 4)
 
 
 def survey_samples(
@@ -85,7 +85,7 @@ class SampleMerger:
     What comes out depends on the order of the records, unlike with
     :func:`merge_records`, which needs them all.
 
-    A sample's spread is that of its records together (parallel-axis theorem), and its footprint's.
+    A sample's spread is the path of its records together (parallel-axis theorem), and the sensor's footprint.
 
     :param radius_m: radius of a stop [m], >= 0; keep it well below the sensor's footprint
     :param footprint_radius_m: radius of the footprint over which every record was counted [m], 0 for a point
@@ -99,7 +99,7 @@ class SampleMerger:
         self.radius_m = radius_m
         self.window_s = window_s
         self._count = 0
-        self._footprint = footprint_spread(footprint_radius_m)
+        self._footprint_m = float(footprint_spread(footprint_radius_m)[3])
         # x, y, counts, exposure, spread, mean time, begin; doubled when full
         self._columns = np.empty((9, 64))
 
@@ -118,7 +118,7 @@ class SampleMerger:
         :param y_m: north [m], finite
         :param raw_counts: raw counts, >= 0
         :param exposure_s: effective exposure [s], > 0 and finite
-        :param spread: of the path along which it was counted, shape (3,) [m^2]
+        :param spread: of the path along which it was counted, shape (3,) or (4,) [m^2]
         :param time_s: when it was counted [s]
         """
         nearest = self._within_reach(x_m, y_m, time_s)
@@ -132,13 +132,13 @@ class SampleMerger:
         sample[0] += share * east
         sample[1] += share * north
         apart = np.array([east * east, east * north, north * north])
-        sample[4:7] += share * (np.asarray(spread) + (1 - share) * apart - sample[4:7])
+        sample[4:7] += share * (np.asarray(spread)[:3] + (1 - share) * apart - sample[4:7])
         sample[7] += share * (time_s - sample[7])
 
     def add_record(self, record: CountRecord, spread: ArrayLike) -> None:
         """Add a record, counted in the middle of its interval.
 
-        :param spread: of the path along which it was counted, shape (3,) [m^2]
+        :param spread: of the path along which it was counted, shape (3,) or (4,) [m^2]
         """
         middle_s = record.stamp_s - record.exposure_s / 2
         self.add(record.x_m, record.y_m, record.raw_counts, record.effective_exposure_s, spread, middle_s)
@@ -151,7 +151,8 @@ class SampleMerger:
         """
         columns = self._columns[:, : self._count].copy()
         xy = np.ascontiguousarray(columns[:2].T) + 0.0  # -0.0 and 0.0 are the same place
-        return good_samples(xy, columns[2], columns[3], without_noise(columns[4:7].T) + self._footprint)
+        spread = without_noise(full_spread(columns[4:7].T, self._footprint_m))
+        return good_samples(xy, columns[2], columns[3], spread)
 
     @property
     def time_s(self) -> Array:

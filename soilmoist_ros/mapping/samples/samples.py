@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.geodesy import LocalFrame, squared_distances
 from soilmoist_ros.foundation.lazy import optional_module
-from soilmoist_ros.mapping.samples.spread import without_noise
+from soilmoist_ros.mapping.samples.spread import full_spread, without_noise
 
 if TYPE_CHECKING:
     import geopandas
@@ -37,8 +38,9 @@ class Samples:
     :param counts: raw counts, whole numbers >= 0, shape (n,)
     :param exposure_s: *effective* exposure, which makes ``counts / exposure_s`` the corrected rate, > 0,
         shape (n,) [s]
-    :param spread: second moments (sxx, sxy, syy) of the area over which each was counted, shape (n, 3) or (3,)
-        for all, zero for a point [m^2]; see :mod:`support`
+    :param spread: second moments (sxx, sxy, syy) [m^2] of the path along which each was counted and the radius
+        [m] of the footprint, shape (n, 4) or (4,) for all, zero for a point; without a footprint (n, 3) or (3,)
+        will do. See :mod:`spread`
     :raises ValueError: if the shapes do not agree, or a value is masked or out of range; names the first offender
 
     >>> Samples([(0, 0), (10, 0)], counts=[310, 295], exposure_s=[100.0, 100.0])
@@ -48,7 +50,7 @@ class Samples:
     xy: Array
     counts: Array
     exposure_s: Array
-    spread: Array = field(default_factory=lambda: np.zeros(3))
+    spread: Array = field(default_factory=lambda: np.zeros(4))
 
     def __post_init__(self) -> None:
         xy = check_xy(self.xy)
@@ -72,6 +74,11 @@ class Samples:
 
     def __repr__(self) -> str:
         return f"Samples({len(self)} of {self.exposure_s.sum():g} s and {self.counts.sum():g} counts in all)"
+
+    @cached_property
+    def without_footprint(self) -> Samples:
+        """These samples as if the sensor saw its own place only."""
+        return replace(self, spread=self.spread * [1, 1, 1, 0]) if self.spread[:, 3].any() else self
 
     def joined(self, more: Samples) -> Samples:
         """These samples and, behind them, more."""
@@ -134,7 +141,7 @@ def as_samples(
     xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
 ) -> Samples:
     """:class:`Samples` of anything that numpy takes for arrays; points without a spread."""
-    moments = np.zeros(3) if spread is None else np.asanyarray(spread, float)
+    moments = np.zeros(4) if spread is None else np.asanyarray(spread, float)
     places, numbers, times_s = (np.asanyarray(values, float) for values in (xy, counts, exposure_s))
     return Samples(places, numbers, times_s, moments)
 
@@ -165,19 +172,21 @@ def check_xy(xy: ArrayLike) -> Array:
 
 
 def _check_spread(spread: ArrayLike, n: int) -> Array:
-    """Spreads as a new array of shape (n, 3); covariance matrices but for the rounding of 32 bits."""
+    """Spreads as a new array of shape (n, 4); covariance matrices but for the rounding of 32 bits."""
     moments = np.array(spread, float)
-    if not moments.any() and moments.shape in ((3,), (n, 3)):
-        return np.zeros((n, 3))
-    if moments.shape == (3,):
+    if moments.shape not in ((3,), (4,), (n, 3), (n, 4)):
+        raise ValueError(f"spread must have shape ({n}, 4) or (4,), got {moments.shape}")
+    if moments.shape[-1] == 3:
+        moments = full_spread(moments)
+    if not moments.any():
+        return np.zeros((n, 4))
+    if moments.shape == (4,):
         moments = np.tile(moments, (n, 1))
-    if moments.shape != (n, 3):
-        raise ValueError(f"spread must have shape ({n}, 3) or (3,), got {moments.shape}")
-    xx, xy, yy = moments.T
-    finite = np.isfinite(moments).all(axis=1)
+    xx, xy, yy, radius_m = moments.T
+    finite = np.isfinite(moments).all(axis=1) & (radius_m >= 0)
     rounding = 1e-6 * (xx + yy) + _TINY_M2
     possible = finite & (xx >= 0) & (yy >= 0) & (np.abs(xy) <= np.sqrt(np.abs(xx * yy)) + rounding)
-    _refuse(~possible, moments, "spread must be the second moments (sxx, sxy, syy) of an area")
+    _refuse(~possible, moments, "spread must be the second moments (sxx, sxy, syy) of a path, and a radius")
     return moments
 
 
@@ -211,9 +220,9 @@ def merge_exactly(samples: Samples) -> tuple[Samples, NDArray[np.intp]]:
 
 
 def _mean_spread(samples: Samples, group: NDArray[np.intp]) -> Array:
-    """Exposure-weighted mean of the spreads of each group, shape (groups, 3)."""
+    """Exposure-weighted mean of the spreads of each group, shape (groups, 4)."""
     share = samples.exposure_s / np.bincount(group, samples.exposure_s)[group]
-    return np.column_stack([np.bincount(group, share * samples.spread[:, k]) for k in range(3)])
+    return np.column_stack([np.bincount(group, share * samples.spread[:, k]) for k in range(4)])
 
 
 def merge_records(
@@ -241,7 +250,7 @@ def merge_records(
     :param counts: raw counts, shape (n,)
     :param exposure_s: effective exposure, shape (n,) [s]
     :param radius_m: radius of a stop [m], >= 0; keep it well below the sensor's footprint
-    :param spread: that of each record, shape (n, 3) [m^2]; all points by default
+    :param spread: that of each record, as :class:`Samples`; all points by default
     :returns: samples in the order of their first record
     :raises ValueError: as :class:`Samples`, or if the radius is negative or not finite
     """
@@ -319,7 +328,7 @@ def _join(places: Samples, group: NDArray[np.intp]) -> Samples:
     share = places.exposure_s / exposure_s[group]
     xy = np.column_stack([np.bincount(group, share * places.xy[:, axis]) for axis in (0, 1)])
     away = places.xy - xy[group]
-    apart = np.column_stack([away[:, 0] ** 2, away[:, 0] * away[:, 1], away[:, 1] ** 2])
+    apart = full_spread(np.column_stack([away[:, 0] ** 2, away[:, 0] * away[:, 1], away[:, 1] ** 2]))
     wide = Samples(places.xy, places.counts, places.exposure_s, places.spread + apart)
     spread = without_noise(_mean_spread(wide, group))
     order = np.argsort(first)

@@ -82,7 +82,7 @@ class FieldPrior:
         """Scaled features at places or averaged over supports, shape (n, p).
 
         :param xy: shape (n, 2) [m]
-        :param spread: shape (n, 3) [m^2]; all points if ``None``
+        :param spread: shape (n, 4); all points if ``None``
         """
         if spread is None or not spread.any():
             return self.features(xy) * self.scale

@@ -172,7 +172,7 @@ def estimate_variogram(
     :param extent_m: extent (longest side) of the field, for the prior of the range [m]. By default that of
         the samples, which understates it early in a mission
     :param edges: edges of distance classes [m], by default :func:`default_edges`
-    :param spread: second moments of the areas over which the samples were counted, shape (n, 3) [m^2], see
+    :param spread: second moments of the areas over which the samples were counted, shape (n, 4), see
         :mod:`support`; by default all points. REML estimates the variogram of the rate at points; the
             semivariogram
         and soft_l1 ignore the spread

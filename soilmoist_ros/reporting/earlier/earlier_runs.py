@@ -169,7 +169,7 @@ def _earlier(run: RunRecords, target: Target) -> EarlierRun:
     radius_m = target.settings.merge_radius_m
     if radius_m is None:
         radius_m = default_merge_radius_m(target.grid, target.settings.margin_m)
-    sizes = radius_m, target.settings.footprint_radius_m
+    sizes = radius_m, target.settings.sample_radius_m
     if target.settings.drift_model == "off":
         samples = survey_samples(records, *sizes)
     else:

@@ -29,11 +29,10 @@ def mission_earlier(settings: MissionSettings, paths: Sequence[Path]) -> Mapping
         return {}
     fields = mission_fields(settings)
     grid = fields[0].field.grid(settings.cell_m)
-    radius_m = settings.footprint_m if settings.fit == "reml" else 0.0
     found = {}
     for number, (one, wanted) in enumerate(zip(fields, mission_properties(settings), strict=True)):
         curve = None if number else one.curve
-        choices = FieldMapSettings(curve=curve, footprint_radius_m=radius_m)
+        choices = FieldMapSettings(fit=settings.fit, curve=curve, footprint_radius_m=settings.footprint_m)
         found[wanted.name] = read_earlier_runs(
             paths, Target(one.frame, grid, choices, wanted.name, number == 0, True)
         )

@@ -79,9 +79,15 @@ def write_geotiff(
                 meaning = f"{meaning}, {ILLUSTRATIVE}"
             raster.set_band_description(band, name)
             raster.set_band_unit(band, unit)
-            raster.update_tags(band, long_name=meaning, units=unit)
+            raster.update_tags(band, long_name=meaning, units=unit, **_support(tags))
         raster.update_tags(**{**_tags(soil_map, frame), **(tags or {})})
     return path
+
+
+def _support(tags: Mapping[str, str] | None) -> dict[str, str]:
+    """The area that each value of a band is of, if the tags of the file say it."""
+    known = (tags or {}).get("SOILMOIST_SUPPORT")
+    return {"support": known} if known else {}
 
 
 def export_crs(frame: LocalFrame, crs: CRS | str | int | None = None) -> CRS:

@@ -16,7 +16,12 @@ from soilmoist_ros.reporting.earlier.doubts import MAX_AHEAD_S, doubts, mean_rat
 from soilmoist_ros.reporting.geometry import distances_m, track_xy
 from soilmoist_ros.reporting.moisture_series import at_one_place
 from soilmoist_ros.reporting.page.numbers import percent, volume
-from soilmoist_ros.reporting.page.statistics import beyond_limits_share, implausible_shares, undefined_share
+from soilmoist_ros.reporting.page.statistics import (
+    beyond_limits_share,
+    explained_share,
+    implausible_shares,
+    undefined_share,
+)
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 from soilmoist_ros.sensing.moisture.calibration import n0_in_other_time
@@ -27,6 +32,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
 
 FEW_SAMPLES = 10
+MIN_EXPLAINED = 0.1
+"""Share of the variance that a map explains below which its squared errors are mostly as large as the variance."""
 MAX_RATE_ERROR = 0.05
 """Largest error of a tiled map that needs no note, as a share of the standard deviation."""
 MAX_FROM_REFERENCE_HPA = 40.0
@@ -257,6 +264,13 @@ def _on_model(soil_map: SoilMap) -> Iterator[Note]:
             NoteCode.PRIOR_MATTERED,
             "The counts say little about how similar the soil moisture of neighbouring places is: the variogram "
             "rests mostly on prior assumptions. More places, near and far from each other, would help.",
+        )
+    explained = explained_share(soil_map)
+    if explained < MIN_EXPLAINED:
+        yield Note(
+            NoteCode.NO_BETTER_THAN_MEAN,
+            f"The map is no better than its mean yet: it explains {percent(explained)} of the differences within "
+            "the field. Use the mean of the field, and count longer for a map.",
         )
     if fit is not None and not fit.converged:
         yield Note(NoteCode.NOT_CONVERGED, f"The fit of the variogram did not converge: {fit.message}.")

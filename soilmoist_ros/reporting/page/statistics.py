@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 from weakref import WeakKeyDictionary
@@ -13,17 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation.geodesy import squared_distances
-from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
+from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD, moisture_terms, possible_moisture
+from soilmoist_ros.mapping.samples.spread import footprint_spread
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping import SoilMap
+    from soilmoist_ros.mapping import PoissonKriging, SoilMap
 
 MAX_SAMPLES = 1000
-MAX_CELLS = 1500
+MAX_CELLS, MAX_PAIRED_CELLS = 1500, 500
 INTERVAL_SD = 1.96
 """Half width of a 95 % interval, in standard deviations."""
-_MEAN_SD: Final[WeakKeyDictionary[SoilMap, tuple[float | None, float | None]]] = WeakKeyDictionary()
-"""Results of :func:`mean_sd`, of the rate and of VWC."""
+_MEANS: Final[WeakKeyDictionary[SoilMap, tuple[float | None, tuple[float, float | None]]]] = WeakKeyDictionary()
+"""Results of :func:`_means`."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,32 @@ def beyond_limits_share(soil_map: SoilMap) -> float:
     """Share of the field's cells whose interval of moisture reaches a limit of the soil [0..1]."""
     mask = np.asarray(soil_map.grid.mask, bool)
     return float(np.mean(soil_map.beyond_limits[mask])) if mask.any() else float("nan")
+
+
+def explained_share(soil_map: SoilMap) -> float:
+    """Share of the variance of the rate within the field that the map explains, as far as its model knows [0..1].
+
+    The rest is the mean squared error to be expected, as a share of the variance of the field.
+    """
+    mask = np.asarray(soil_map.grid.mask, bool)
+    between, error = float(np.var(soil_map.rate[mask])), float(np.mean(soil_map.variance[mask]))
+    return between / (between + error) if between + error > 0 else math.nan
+
+
+def resolution_m(soil_map: SoilMap, footprint_radius_m: float) -> float:
+    """Size of the smallest structures that a map can show [m].
+
+    It is the largest of: the cell, the distance between samples, the side of the area in which the counting noise
+    is as small as the differences within the field, and the radius of a footprint that is not de-convolved.
+
+    :param footprint_radius_m: radius of the sensor's footprint, 0 if unknown [m]
+    """
+    samples, area_m2 = soil_map.samples, np.count_nonzero(soil_map.grid.mask) * soil_map.grid.cell_m**2
+    sill = max(soil_map.variogram.structured_sill, 1e-300)
+    noise = soil_map.mean_rate / float(samples.exposure_s.sum()) / sill
+    seen_m = 0.0 if soil_map.deconvolved_m else footprint_radius_m
+    least_m = math.sqrt(area_m2 * max(1 / len(samples), noise))
+    return max(soil_map.grid.cell_m, min(least_m, soil_map.grid.extent_m), seen_m)
 
 
 def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> float:
@@ -220,44 +248,95 @@ def leave_one_out(soil_map: SoilMap) -> LeaveOneOut | None:
 def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
     """Standard deviation of the *field mean* of the rate [counts/s] or of VWC [m^3/m^3].
 
-    Block kriging over at most ``MAX_CELLS`` cells, since errors of neighbouring cells are correlated; for VWC
-    with the curve's slope as weight. What is not known of a drift is included, the error of N0 is not.
+    Block kriging over at most ``MAX_CELLS`` cells, since errors of neighbouring cells are correlated; for VWC over
+    at most ``MAX_PAIRED_CELLS``, with the whole curve (:func:`moisture_terms`). What is not known of a drift is
+    included, the error of N0 is not.
 
     :returns: ``None`` if there are too many samples, or nothing to average
     """
+    rate_sd, (_, vwc_sd) = _means(soil_map)
+    return vwc_sd if moisture else rate_sd
+
+
+def _means(soil_map: SoilMap) -> tuple[float | None, tuple[float, float | None]]:
+    """Standard deviation of the mean rate, and expected mean moisture with its own."""
     # Page and summary ask several times.
-    if soil_map not in _MEAN_SD:
-        _MEAN_SD[soil_map] = _mean_sds(soil_map)
-    return _MEAN_SD[soil_map][moisture]
+    if soil_map not in _MEANS:
+        _MEANS[soil_map] = _mean_rate_sd(soil_map), _expected_moisture(soil_map)
+    return _MEANS[soil_map]
 
 
-def _mean_sds(soil_map: SoilMap) -> tuple[float | None, float | None]:
-    """:func:`mean_sd` of the rate and of VWC."""
+def _mean_rate_sd(soil_map: SoilMap) -> float | None:
+    """:func:`mean_sd` of the rate."""
     from soilmoist_ros.mapping import PoissonKriging
 
-    kriging, curve = _kriging(soil_map), soil_map.curve
-    cells, rate = _some_cells(soil_map)
+    kriging = _kriging(soil_map)
+    cells = _some_cells(soil_map, MAX_CELLS)[0]
     if kriging is None or not len(cells):
-        return None, None
-    towards_cells, between_cells = kriging.towards(cells), kriging.covariance(cells, cells)
+        return None
+    weight = np.full(len(cells), 1 / len(cells))
+    covariance = kriging.towards(cells) @ weight
+    gap = 1 - kriging.ones @ covariance
+    variance = weight @ kriging.covariance(cells, cells) @ weight - covariance @ kriging.solve(covariance)
+    variance += gap**2 / kriging.ones.sum()
+    if isinstance(soil_map.made_by, PoissonKriging):
+        variance += ((weight @ soil_map.made_by.shared(cells)) ** 2).sum()
+    return math.sqrt(max(float(variance), 0.0))
 
-    def weighted_sd(weight: NDArray[np.float64]) -> float | None:
-        good = np.isfinite(weight)
-        if not good.any():
-            return None
-        towards, between = towards_cells, between_cells
-        if not good.all():
-            towards, between = np.compress(good, towards, axis=1), between[np.ix_(good, good)]
-        weight = weight[good] / np.count_nonzero(good)
-        covariance = towards @ weight
-        gap = weight.sum() - kriging.ones @ covariance
-        variance = weight @ between @ weight - covariance @ kriging.solve(covariance)
-        variance += gap**2 / kriging.ones.sum()
-        if isinstance(soil_map.made_by, PoissonKriging):
-            variance += ((weight @ soil_map.made_by.shared(cells[good])) ** 2).sum()
-        return float(np.sqrt(max(float(variance), 0.0)))
 
-    return weighted_sd(np.ones(len(rate))), None if curve is None else weighted_sd(curve.slope(rate))
+def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
+    """Expected mean moisture and its standard deviation, by the covariances of the moistures of pairs of cells.
+
+    The expected moisture differs from the curve at the rate in proportion to the variance of the rate. With a
+    footprint most of it lies within the footprint, where no count shows it: the difference is then as uncertain as
+    it is large. In simulated surveys of other people's surfaces the interval was too narrow without this.
+    """
+    from soilmoist_ros.mapping import PoissonKriging
+
+    if soil_map.curve is None:
+        return math.nan, None
+    of_places = _of_places(soil_map)
+    kriging = of_places or soil_map.kriging
+    cells, rate, variance = _some_cells(soil_map, MAX_CELLS if of_places else sys.maxsize)
+    if of_places:
+        rate, variance = of_places.predict(cells)
+    value = float(np.mean(moisture_terms(soil_map.curve, rate, np.sqrt(variance))[0]))
+    above = value - float(np.mean(possible_moisture(soil_map.curve, rate)))
+    if not isinstance(kriging, PoissonKriging) or len(soil_map.samples) > MAX_SAMPLES:
+        return value, None
+    some = _evenly(len(cells), MAX_PAIRED_CELLS)
+    cells, rate, variance = cells[some], rate[some], variance[some]
+    covariance, errors = kriging.covariance(cells), kriging.shared(cells)
+    covariance += errors @ errors.T
+    np.fill_diagonal(covariance, variance)
+    sd = np.sqrt(np.maximum(variance, 1e-300))
+    correlation = covariance / np.outer(sd, sd)
+    total, power = 0.0, np.ones_like(correlation)
+    for terms in moisture_terms(soil_map.curve, rate, sd)[1:]:
+        power *= correlation
+        total += float(terms @ power @ terms)
+    within = above if of_places or soil_map.deconvolved_m else 0.0
+    return value, math.hypot(math.sqrt(max(total, 0.0)) / len(cells), within)
+
+
+def _of_places(soil_map: SoilMap) -> PoissonKriging | None:
+    """Kriging of the rate at each place, for a map of means over a known footprint; ``None`` for any other map.
+
+    The curve of a mean is not the mean of the curve: within the footprint it is wetter than the mean rate says.
+    """
+    from soilmoist_ros.mapping import PoissonKriging
+    from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+
+    fit, samples, radius_m = soil_map.fit, soil_map.samples, soil_map.footprint_radius_m
+    means = radius_m > 0 and not soil_map.deconvolved_m and len(samples) <= MAX_SAMPLES
+    if fit is None or fit.method != "reml" or not means:
+        return None
+    columns = samples.xy, samples.counts, samples.exposure_s
+    spread = samples.spread + footprint_spread(radius_m)
+    model, extent_m, local = soil_map.variogram.model, soil_map.grid.extent_m, fit.local_rate is not None
+    found = estimate_variogram(*columns, model, extent_m=extent_m, spread=spread, local_noise=local)
+    kriging = PoissonKriging(found.variogram, soil_map.keep_nugget, found.noise_rate, fit.prior)
+    return kriging.fit(*columns, spread)
 
 
 def calibration_sd(soil_map: SoilMap) -> float | None:
@@ -283,8 +362,8 @@ def calibration_sd(soil_map: SoilMap) -> float | None:
 class MeanMoisture:
     """Mean moisture of the field with its uncertainty [m^3/m^3].
 
-    :param value: mean of the band ``vwc``. In simulated surveys it was nearer to the truth than the mean of the
-        expected moisture of each cell, which the curve makes larger
+    :param value: mean of the expected moisture of each cell, above the mean of the band ``vwc``: the curve is
+        steep in wet soil, so what is uncertain may be much wetter, but not much drier
     :param between_sd: standard deviation by counting and kriging (block kriging)
     :param common_sd: standard deviation by the calibration, 0 if unknown
     :param p05: quantile 0.05, both included
@@ -300,10 +379,9 @@ class MeanMoisture:
 
 def mean_moisture(soil_map: SoilMap) -> MeanMoisture | None:
     """Mean moisture of the field; ``None`` without a calibration, or where :func:`mean_sd` is ``None``."""
-    limits, between = soil_map.limits, mean_sd(soil_map, moisture=True)
+    limits, (value, between) = soil_map.limits, _means(soil_map)[1]
     if soil_map.curve is None or limits is None or between is None:
         return None
-    value = float(np.mean(soil_map.vwc[soil_map.grid.mask]))
     common = calibration_sd(soil_map) or 0.0
     away = QUANTILE_SD * math.hypot(between, common)
     return MeanMoisture(
@@ -311,13 +389,18 @@ def mean_moisture(soil_map: SoilMap) -> MeanMoisture | None:
     )
 
 
-def _some_cells(soil_map: SoilMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres (n, 2) and rates of an even subset of the field's cells."""
+def _some_cells(soil_map: SoilMap, most: int) -> tuple[NDArray[np.float64], ...]:
+    """Centres (n, 2), rates and their variances of an even subset of the field's cells."""
     mask = np.asarray(soil_map.grid.mask, bool)
     x, y = np.meshgrid(soil_map.grid.x_m, soil_map.grid.y_m)
-    cells, rate = np.column_stack([x[mask], y[mask]]), np.asarray(soil_map.rate, float)[mask]
-    pick = np.unique(np.linspace(0, len(cells) - 1, min(len(cells), MAX_CELLS)).astype(int))
-    return cells[pick], rate[pick]
+    cells = np.column_stack([x[mask], y[mask]])
+    pick = _evenly(len(cells), most)
+    return cells[pick], soil_map.rate[mask][pick], soil_map.variance[mask][pick]
+
+
+def _evenly(count: int, most: int) -> NDArray[np.intp]:
+    """Numbers below ``count``, evenly apart and at most ``most``."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
 
 
 @dataclass(frozen=True)

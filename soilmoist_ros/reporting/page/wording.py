@@ -19,9 +19,11 @@ from soilmoist_ros.reporting.page.statistics import (
     calibration_sd,
     implausible_shares,
     mean_sd,
+    resolution_m,
     uncertain_share,
     undefined_share,
 )
+from soilmoist_ros.reporting.page.statistics import mean_moisture as field_moisture
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.survey_times import local_time
 
@@ -92,7 +94,7 @@ def facts(run: MapRun) -> list[Fact]:
         mid, spread, unit = band_statistics(soil_map.rate), band_statistics(soil_map.rate_sd), "counts/s"
         sd, text, names = mean_sd(soil_map, moisture=False), _rate, ("corrected count rate", "wettest to driest")
         limit = f"± {percent(run.uncertain_rate_share)}"
-    mean, low, high = text(mid.mean), text(mid.p05), text(mid.p95)
+    mean, low, high = text(_mean(run)), text(mid.p05), text(mid.p95)
     if sd is not None and not mean.startswith(">"):
         mean += f" ± {text(sd)}"
     return [
@@ -103,6 +105,14 @@ def facts(run: MapRun) -> list[Fact]:
         _area_fact(run),
         *_effort_facts(run),
     ]
+
+
+def _mean(run: MapRun) -> float:
+    """Mean moisture of the field [m^3/m^3], the mean rate without a calibration [counts/s]."""
+    known = field_moisture(run.soil_map)
+    if known is not None:
+        return known.value
+    return band_statistics(run.soil_map.vwc if run.calibrated else run.soil_map.rate).mean
 
 
 def _facts_of_place(run: MapRun) -> list[Fact]:
@@ -150,7 +160,8 @@ def headline(run: MapRun) -> list[str]:
     if not run.calibrated:
         return [
             f"{value} {unit} were mapped as a neutron count rate. More neutrons mean drier soil, but without a "
-            "calibration the rate cannot be turned into water content."
+            "calibration the rate cannot be turned into water content.",
+            _support(run),
         ]
     wet = band_statistics(soil_map.vwc)
     if undefined_share(soil_map) == 1:
@@ -166,9 +177,10 @@ def headline(run: MapRun) -> list[str]:
             f"{_UNCERTAIN if run.simulated else _UNFIT}"
         ]
     sentences = [
-        f"On average, 100 litres of soil hold {volume(wet.mean)} litres of water in the {value} {unit} mapped.",
+        f"On average, 100 litres of soil hold {volume(_mean(run))} litres of water in the {value} {unit} mapped.",
         f"The driest twentieth of the area is below {volume(wet.p05)} %, the wettest above {volume(wet.p95)} %.",
         _certainty(run),
+        _support(run),
     ]
     undefined = undefined_share(soil_map)
     if undefined > 0:
@@ -177,6 +189,12 @@ def headline(run: MapRun) -> list[str]:
             "saturated soil there."
         )
     return sentences
+
+
+def _support(run: MapRun) -> str:
+    """What each value is of, and how fine the map is."""
+    size_m = resolution_m(run.soil_map, run.footprint_radius_m or 0.0)
+    return f"Each value is of this area: {run.support_text}. Structures below {size_m:.0f} m are not resolved."
 
 
 def _headline_of_place(run: MapRun) -> list[str]:

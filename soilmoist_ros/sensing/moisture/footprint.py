@@ -27,6 +27,7 @@ SHARE = 0.86
 """Share of the counts from within the footprint radius, ``1 - exp(-2)`` rounded, as in the publications."""
 _STANDARD_HPA = 1013.25
 _NEAR_M, _FAR_M = 1.0, 50.0
+_TYPICAL_WATER = 0.2
 _SCREEN = 3.7
 """Decay of the dip below the probe, within 1 m [1/m]."""
 
@@ -98,6 +99,26 @@ class Footprint:
     vegetation_m: float = 0.0
     shield_radius_m: float = math.inf
 
+    @classmethod
+    def shielded(cls, radius_m: float) -> Footprint:
+        """The footprint of a radius for a map, whose moisture and air vary: the shape hardly depends on them.
+
+        :param radius_m: radius from within which 86 % of the counts come [m], > 0
+        """
+        return cls(_TYPICAL_WATER, shield_radius_m=radius_m)
+
+    def share(self, distance_m: float) -> float:
+        """Share of the counts from within a distance [0..1]."""
+        return self._share(distance_m / self._scale, self._taper) / self._share(math.inf, self._taper)
+
+    def rings(self, count: int) -> Array:
+        """Distances of rings that represent equal shares of the counts each [m].
+
+        :param count: number of rings, >= 1
+        """
+        shares = (np.arange(count) + 0.5) / count * self._share(math.inf, self._taper)
+        return np.array([self._within(goal, self._taper) for goal in shares.tolist()]) * self._scale
+
     def weight(self, distance_m: ArrayLike) -> Array:
         """Weight of a ring around the probe, any unit: count per metre of its radius.
 
@@ -153,8 +174,11 @@ class Footprint:
         return _root(lambda decay: self._radius(decay) - self.shield_radius_m)
 
     def _radius(self, taper: float) -> float:
-        goal = SHARE * self._share(math.inf, taper)
-        return _root(lambda scaled_m: self._share(scaled_m, taper) - goal) * self._scale
+        return self._within(SHARE * self._share(math.inf, taper), taper) * self._scale
+
+    def _within(self, goal: float, taper: float) -> float:
+        """Rescaled distance from within which some counts come, of the unit of :meth:`_share` [m]."""
+        return _root(lambda scaled_m: self._share(scaled_m, taper) - goal)
 
     def _share(self, scaled_m: float, taper: float) -> float:
         """Counts from within a rescaled distance, any unit."""

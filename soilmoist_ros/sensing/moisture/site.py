@@ -136,8 +136,9 @@ class Site(Section):
     """Position of a probe that does not log positions (a stationary probe)."""
     footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0
     """Radius around the sensor that dominates its counts [m]; about 10 with the robot's shield."""
-    deconvolve_footprint: bool = False
-    """Whether the map shows the rate at each place, or its mean over the footprint around the place."""
+    deconvolve_footprint: bool | None = None
+    """Whether the map shows the rate at each place, or its mean over the footprint around the place. Each place if
+    left out, where the radius is given and the counts do not object."""
     vegetation_height_m: NotNegative = 0.0
     """Height of the vegetation during the calibration [m]; it shortens the footprint."""
     corrections: CorrectionSettings = CorrectionSettings()
@@ -191,9 +192,10 @@ class Site(Section):
         return (self.corrections.humidity or HumidityCorrection()).reference_gm3
 
     @property
-    def support_radius_m(self) -> float:
-        """Radius of the footprint for deconvolution [m]; 0 without deconvolution."""
-        return self.footprint_radius_m if self.deconvolve_footprint else 0.0
+    def known_footprint_m(self) -> float:
+        """Radius of the footprint if the file gives it or asks for its deconvolution [m]; 0 otherwise."""
+        known = self.deconvolve_footprint or "footprint_radius_m" in self.model_fields_set
+        return self.footprint_radius_m if known else 0.0
 
     @property
     def curve(self) -> MoistureCurve | None:

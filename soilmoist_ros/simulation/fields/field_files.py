@@ -29,14 +29,17 @@ def write_field_file(field: SurrogateField, path: Path) -> None:
     _write(path, _yaml(_outline(field)))
 
 
-def write_site_file(field: SurrogateField, path: Path) -> None:
+def write_site_file(field: SurrogateField, path: Path, footprint_m: float = 0.0) -> None:
     """Write a site file with the soil and the calibration of a surrogate field, if it has any.
 
     :param field: the field
     :param path: file to write
+    :param footprint_m: radius of the sensor's footprint [m]; 0 for a sensor that sees its own place only
     :raises InputError: if it cannot be written
     """
-    about: dict[str, Any] = {"name": "simulated sensor", "footprint_radius_m": 10.0}
+    about: dict[str, Any] = {"name": "simulated sensor"}
+    if footprint_m > 0:
+        about["footprint_radius_m"] = footprint_m
     about["corrections"] = {"humidity": {"method": "linear"}}  # as the simulated weather acts on the counts
     _write(path, _yaml({**about, **_calibration(field, note="the calibration that the simulation uses")}))
 

@@ -74,13 +74,11 @@ class Channel:
         self.wanted = wanted
         self.curve = curve
         self._of_stops = settings.map_from == "stops"
-        # The truth is the rate at a point; REML separates it from the rate over the footprint.
-        radius_m = settings.footprint_m if settings.fit == "reml" else 0.0
         choices = FieldMapSettings(
             settings.model,
             settings.fit,
             curve=curve,
-            footprint_radius_m=radius_m,
+            footprint_radius_m=settings.footprint_m,
             for_planning=True,
             noise=settings.noise,
             local=settings.local,
@@ -88,7 +86,7 @@ class Channel:
         )
         self.series = earlier_series(field, grid, settings, number)
         merge_m = default_merge_radius_m(grid, choices.margin_m)
-        surveys = (one.survey(merge_m, radius_m) for one in self.series)
+        surveys = (one.survey(merge_m, choices.sample_radius_m) for one in self.series)
         covariates = joined(covariates, simulated_covariates(field, grid, settings, number))
         mapped = grid if whole else planning_grid(grid)
         self.field_map = FieldMap(mapped, choices, Knowledge((*earlier, *surveys), covariates))

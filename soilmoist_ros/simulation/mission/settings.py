@@ -245,9 +245,7 @@ class MissionSettings:
     cell_m: float | None = _setting(
         None, "Cell size of the map. Default: the field's.", float, unit="m", low=0, above=True
     )
-    footprint_m: float = _setting(
-        0.0, "Radius of the sensor's Gaussian footprint; 0: a point sensor.", unit="m", low=0
-    )
+    footprint_m: float = _setting(0.0, "Radius of the sensor's footprint; 0: a point sensor.", unit="m", low=0)
     position_sd_m: float = _setting(0.02, "Noise of each coordinate of the GNSS receiver.", unit="m", low=0)
     weather: bool = _setting(True, "Let the weather change, and correct the counts for it.")
     drift: float = _setting(

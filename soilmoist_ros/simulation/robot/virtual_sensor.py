@@ -5,16 +5,20 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.sensing.moisture.footprint import Footprint
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.robot.drift import STEADY, Drift
 from soilmoist_ros.simulation.robot.weather import morning_factors
 
 Array = NDArray[np.float64]
+
+RINGS, PLACES_PER_RING = 12, 8
 
 
 class VirtualSensor:
@@ -26,8 +30,7 @@ class VirtualSensor:
     :param field: field to measure
     :param rng: source of all randomness
     :param cadence_s: duration of a record [s], > 0
-    :param footprint_m: radius of a Gaussian footprint [m], which contains 86 % of the counts (two standard
-        deviations); 0 for a point sensor
+    :param footprint_m: radius from within which 86 % of the counts come [m]; 0 for a point sensor
     :param weather: whether the weather changes
     :param drift: how the true rate changes with time
     """
@@ -51,14 +54,14 @@ class VirtualSensor:
         self.weather = weather
         self.drift = drift
         self._stood: tuple[list[float], float] = [], math.nan  # last position and rate at rest
-        self._offsets, self._weights = _gaussian_footprint(footprint_m)
+        self._offsets = _footprint_points(footprint_m)
 
     def rate_at(self, xy: Array) -> Array:
         """True rate before any drift, averaged over the footprint, at positions of shape (n, 2) [counts/s]."""
-        if len(self._weights) == 1:
+        if len(self._offsets) == 1:
             return self.field.rate_at(xy)
         seen = (xy[:, None, :] + self._offsets).reshape(-1, 2)
-        return self.field.rate_at(seen).reshape(len(xy), -1) @ self._weights
+        return np.asarray(self.field.rate_at(seen).reshape(len(xy), -1).mean(axis=1))
 
     def record(self, end_s: float, path_xy: Array, reported_xy: tuple[float, float]) -> CountRecord:
         """The record of the counting interval that ends at ``end_s``.
@@ -93,11 +96,15 @@ class VirtualSensor:
         )
 
 
-def _gaussian_footprint(radius_m: float) -> tuple[Array, Array]:
-    """Offsets (q, 2) [m] and weights (q,) of a Gauss-Hermite rule of 5 x 5 points, exact to degree 9."""
+@lru_cache
+def _footprint_points(radius_m: float) -> Array:
+    """Offsets of places that send equal shares of the counts, shape (q, 2) [m].
+
+    They lie on rings, each turned by half a step, that follow the published weights of distance.
+    """
     if radius_m == 0:
-        return np.zeros((1, 2)), np.ones(1)
-    nodes, weights = np.polynomial.hermite_e.hermegauss(5)
-    x, y = np.meshgrid(nodes, nodes)
-    product = np.outer(weights, weights).ravel()
-    return radius_m / 2 * np.column_stack([x.ravel(), y.ravel()]), product / product.sum()
+        return np.zeros((1, 2))
+    ring_m = np.repeat(Footprint.shielded(radius_m).rings(RINGS), PLACES_PER_RING)
+    number = np.arange(len(ring_m))
+    angle = 2 * np.pi / PLACES_PER_RING * (number + 0.5 * (number // PLACES_PER_RING))
+    return np.asarray(ring_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))

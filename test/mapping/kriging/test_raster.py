@@ -40,7 +40,7 @@ class Mission:
         self.choices = variograms(model)
         self.variogram = self.choices[0]
         self.mean_rate = MEAN_RATE
-        self.columns = np.empty((0, 7))  # x, y, counts, exposure, spread
+        self.columns = np.empty((0, 8))  # x, y, counts, exposure, spread
 
     @property
     def samples(self):
@@ -53,7 +53,7 @@ class Mission:
         xy[rng.random(count) < 0.2] = SMALL.cells[rng.integers(len(SMALL.cells))]  # where cells have their centre
         exposure_s = rng.uniform(50, 600, count)
         spread = path_spread(rng.uniform(-8, 8, (count, 2))) * (rng.random((count, 1)) < 0.5)
-        spread += np.where(rng.random((count, 1)) < 0.2, [[9.0, 0.0, 9.0]], 0.0)
+        spread += np.where(rng.random((count, 1)) < 0.2, [[9.0, 0.0, 9.0, 8.0]], 0.0)
         counts = rng.poisson(MEAN_RATE * exposure_s)
         self.columns = np.concatenate([self.columns, np.column_stack([xy, counts, exposure_s, spread])])
 

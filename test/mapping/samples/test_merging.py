@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping.samples.merging import DrivenPaths, SampleMerger
-from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, footprint_spread, path_spread
+from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, path_spread
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 records = st.builds(
@@ -142,8 +142,9 @@ def test_merging_conserves_the_second_moments(many, radius_m, footprint_m):
         way = path_spread([east, north])
         merger.add(one.x_m, one.y_m, one.raw_counts, one.effective_exposure_s, way)
         at = np.array([one.x_m**2, one.x_m * one.y_m, one.y_m**2])
-        total += one.effective_exposure_s * (at + way + footprint_spread(footprint_m))
+        total += one.effective_exposure_s * (at + way[:3])
     samples = merger.samples
     x, y = samples.xy.T
-    found = samples.exposure_s @ (np.column_stack([x * x, x * y, y * y]) + samples.spread)
+    found = samples.exposure_s @ (np.column_stack([x * x, x * y, y * y]) + samples.spread[:, :3])
     np.testing.assert_allclose(found, total, rtol=1e-9, atol=MIN_SPREAD_M2 * samples.exposure_s.sum())
+    np.testing.assert_array_equal(samples.spread[:, 3], footprint_m)

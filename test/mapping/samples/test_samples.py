@@ -159,7 +159,7 @@ def test_merge_records_refuses_a_bad_radius(radius_m):
 def moments(samples):
     """Exposure, and exposure times first and second moments about the origin, of all samples together."""
     x, y = samples.xy.T
-    second = np.column_stack([x * x, x * y, y * y]) + samples.spread
+    second = np.column_stack([x * x, x * y, y * y]) + samples.spread[:, :3]
     return np.concatenate(
         [[samples.exposure_s.sum()], samples.exposure_s @ samples.xy, samples.exposure_s @ second]
     )
@@ -167,15 +167,23 @@ def moments(samples):
 
 def test_samples_are_points_unless_told():
     samples = Samples([[0, 0], [1, 0]], [1, 2], [10, 10])
-    np.testing.assert_array_equal(samples.spread, np.zeros((2, 3)))
+    np.testing.assert_array_equal(samples.spread, np.zeros((2, 4)))
     one_for_all = Samples([[0, 0], [1, 0]], [1, 2], [10, 10], [4, 1, 2])
-    np.testing.assert_array_equal(one_for_all.spread, [[4, 1, 2], [4, 1, 2]])
+    np.testing.assert_array_equal(one_for_all.spread, [[4, 1, 2, 0], [4, 1, 2, 0]])
     with pytest.raises(ValueError, match="read-only"):
         one_for_all.spread[0, 0] = 1
 
 
 @pytest.mark.parametrize(
-    "spread", [[[-1, 0, 1], [0, 0, 0]], [[1, 2, 1], [0, 0, 0]], [[0, 0, np.nan], [0, 0, 0]], np.zeros((3, 3)), 0.0]
+    "spread",
+    [
+        [[-1, 0, 1], [0, 0, 0]],
+        [[1, 2, 1], [0, 0, 0]],
+        [[0, 0, np.nan], [0, 0, 0]],
+        np.zeros((3, 3)),
+        0.0,
+        [0, 0, 0, -1],
+    ],
 )
 def test_impossible_spreads_are_refused(spread):
     with pytest.raises(ValueError, match="spread must"):

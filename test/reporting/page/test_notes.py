@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from soilmoist_ros.mapping.knowledge.drift import Change, Drift, Jump
@@ -116,3 +117,27 @@ def test_impossible_dates_are_noted(make_run, stamp_s, said):
     assert NoteCode.IMPOSSIBLE_DATE not in codes(replace(dated, simulated=True)), (
         "a simulated clock may start at 0"
     )
+
+
+def test_a_map_that_is_no_better_than_its_mean_says_so(make_run, the_map):
+    """As after five minutes: the differences that it shows are small beside their uncertainty."""
+    flat = replace(the_map, variance=the_map.variance + 20 * np.nanvar(the_map.rate))
+    (note,) = (one for one in notes(make_run(soil_map=flat)) if one.code is NoteCode.NO_BETTER_THAN_MEAN)
+    assert note.message.startswith("The map is no better than its mean yet: it explains ")
+    assert NoteCode.NO_BETTER_THAN_MEAN not in codes(make_run())
+
+
+@pytest.mark.parametrize(
+    ("known_m", "deconvolved_m", "simulated", "text"),
+    [
+        (10.0, 10.0, False, "each place: the footprint of 10 m is de-convolved"),
+        (8.0, 0.0, False, "mean over 8 m around each place"),
+        (0.0, 0.0, False, "mean over 10 m around each place"),
+        (0.0, 0.0, True, "each place"),
+    ],
+)
+def test_every_value_is_of_a_named_area(make_run, the_map, known_m, deconvolved_m, simulated, text):
+    samples = replace(the_map.samples, spread=[0, 0, 0, deconvolved_m])
+    soil_map = replace(the_map, samples=samples, footprint_radius_m=known_m)
+    run = make_run(soil_map=soil_map, simulated=simulated, footprint_radius_m=10.0)
+    assert run.support_text == text

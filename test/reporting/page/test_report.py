@@ -25,6 +25,7 @@ from soilmoist_ros.reporting.page import report
 from soilmoist_ros.reporting.page.frame import _text
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.report import render_report
+from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.reporting.page.viewer.packing import unpack
 from soilmoist_ros.reporting.page.wording import survey_time
 from soilmoist_ros.reporting.run import InputFile, IrrigationLimits, LossRow, Note, NoteCode
@@ -154,7 +155,9 @@ def test_the_farmers_part_comes_before_the_scientists(page):
 
 
 def test_key_numbers_are_there(page, the_map):
-    assert f"{100 * np.nanmean(the_map.vwc):.1f}" in page.text
+    assert f"{100 * mean_moisture(the_map).value:.1f}" in page.text
+    assert "Each value is of this area: mean over the footprint of the sensor around each place. " in page.text
+    assert "m are not resolved." in page.text
     low, high = (f"{100 * q:.1f}" for q in np.nanpercentile(the_map.vwc, (5, 95)))
     assert f"{low} to {high}" in page.text
     for text in ("0.11", "places measured", "matern32", "hydroinnova_rover", "6 cores", "7.00 ± 0.10"):

@@ -87,3 +87,18 @@ def test_the_sensed_soil_is_that_of_every_cell():
     assert sensed.depth_cm == pytest.approx((np.mean(depth), min(depth), max(depth)), rel=2e-3)
     assert sensed.radius_m == pytest.approx((np.mean(radius), min(radius), max(radius)), rel=2e-3)
     assert sensed_soil([np.nan], 1.4, 0.0, air) is None
+
+
+@pytest.mark.parametrize("radius_m", [5.0, 10.0, 40.0])
+def test_rings_send_equal_shares_and_86_percent_lie_within_the_radius(radius_m):
+    shape = Footprint.shielded(radius_m)
+    assert shape.share(radius_m) == pytest.approx(0.86)
+    rings = shape.rings(50)
+    assert (np.diff(rings) > 0).all()
+    assert [shape.share(ring) for ring in rings[::10]] == pytest.approx((np.arange(0, 50, 10) + 0.5) / 50)
+
+
+def test_a_shield_that_doubles_the_share_from_within_5_m_leaves_tens_of_metres():
+    """Badiee et al. (2021), Water Resources Research 57, e2020WR028478: the shielded sensor of this robot."""
+    share = 2 * Footprint(0.2).share(5.0)
+    assert Footprint.shielded(35.0).share(5.0) < share < Footprint.shielded(20.0).share(5.0)

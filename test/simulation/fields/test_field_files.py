@@ -67,6 +67,9 @@ def test_the_site_file_has_the_calibration_that_the_field_is_made_with(field, tm
     site = load_site(tmp_path / "site.yaml")
     assert site.curve == field.curve
     assert site.humidity_method == "linear"  # as the simulated weather acts
+    assert site.known_footprint_m == 0
+    write_site_file(field, tmp_path / "site.yaml", footprint_m=8.0)
+    assert load_site(tmp_path / "site.yaml").known_footprint_m == 8
 
 
 def test_where_nothing_can_be_written_is_said(field, tmp_path):

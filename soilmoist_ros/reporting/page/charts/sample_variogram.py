@@ -79,7 +79,7 @@ def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, sprea
     :param variogram: model of the rate at points
     :param h_m: shape (k,) [m]
     :param angle_deg: direction, anticlockwise from east [deg]; ``None`` for all
-    :param spread: second moments of the support of each sample, shape (3,) [m^2]; see :mod:`support`
+    :param spread: spread of each sample, shape (4,); see :mod:`spread`
     """
     points, weights = _support_points(spread)
     apart = (points[:, None] - points).reshape(-1, 2)
@@ -93,8 +93,8 @@ def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, sprea
 
 
 def mean_spread(soil_map: SoilMap) -> Array:
-    """Mean second moments of the samples' supports, shape (3,) [m^2]."""
-    return np.asarray(np.mean(np.asarray(soil_map.samples.spread, float).reshape(-1, 3), axis=0))
+    """Mean spread of the samples, shape (4,), see :mod:`spread`."""
+    return np.asarray(np.mean(np.asarray(soil_map.samples.spread, float).reshape(-1, 4), axis=0))
 
 
 def directions(variogram: Variogram) -> tuple[float, ...]:
@@ -178,7 +178,7 @@ def _support_points(spread: Array) -> tuple[Array, Array]:
     """Points and weights that represent a support around the origin."""
     points: list[Array] = []
     weights: list[float] = []
-    for _, found, weight in Supports(np.zeros((1, 2)), spread.reshape(1, 3)).layers:
+    for _, found, weight in Supports(np.zeros((1, 2)), spread.reshape(1, -1)).layers:
         points.append(found[0])
         weights.append(1.0 if weight is None else float(np.ravel(weight)[0]))
     return np.array(points), np.array(weights)

@@ -105,7 +105,7 @@ def test_covariance_of_samples_is_that_of_kriging():
     rhs = (covariance + np.diag(np.full(8, 0.5))) @ weights[:, 0] + lagrange[0]
     towards = _sample_covariance(
         LONG_NORTH,
-        Samples(np.vstack([xy, [[20.0, 20.0]]]), np.ones(9), np.ones(9), np.vstack([places.spread, np.zeros(3)])),
+        Samples(np.vstack([xy, [[20.0, 20.0]]]), np.ones(9), np.ones(9), np.vstack([places.spread, np.zeros(4)])),
     )[:-1, -1]
     np.testing.assert_allclose(rhs, towards, atol=1e-9)
     assert points.curve is None
