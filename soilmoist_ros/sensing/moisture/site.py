@@ -17,6 +17,7 @@ from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.sections import Section, load_model
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, HumidityCorrection, Location
+from soilmoist_ros.sensing.formats.logger_format import ZoneName
 from soilmoist_ros.sensing.moisture import bound_water
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.sensing.moisture.universal import SIMULATED_DENSITY_GCM3, UniversalCurve
@@ -118,6 +119,8 @@ class Site(Section):
     """Hemisphere of the site, for loggers that write longitudes without a sign."""
     logger_utc_offset_hours: Annotated[float, Field(ge=-12, le=14)] | None = None
     """Logger's clock minus UTC [h]; that of the logger format if left out."""
+    logger_time_zone: ZoneName | None = None
+    """Instead, time zone of the logger's clock, such as Europe/Berlin, if it changes to summer time."""
     location: Location | None = None
     """Position of a probe that does not log positions (a stationary probe)."""
     footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0
@@ -145,6 +148,17 @@ class Site(Section):
         # Fails for a value that is ``auto`` without a place.
         _ = self.corrections_parameters
         return self
+
+    @model_validator(mode="after")
+    def _one_clock(self) -> Site:
+        if self.logger_time_zone and self.logger_utc_offset_hours is not None:
+            raise ValueError("give 'logger_time_zone' or 'logger_utc_offset_hours', not both")
+        return self
+
+    @property
+    def logger_clock(self) -> float | str | None:
+        """Logger's clock minus UTC [h] or its time zone; ``None`` for that of the logger format."""
+        return self.logger_time_zone or self.logger_utc_offset_hours
 
     @property
     def corrections_parameters(self) -> Corrections:
