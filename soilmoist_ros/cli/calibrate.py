@@ -16,7 +16,7 @@ import click
 from soilmoist_ros.cli.answers.answer import answering, put, say, warn, wrote
 from soilmoist_ros.cli.options.names import InputFile, Name
 from soilmoist_ros.cli.options.times import Moment
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.suggestions import listing
 
 if TYPE_CHECKING:
@@ -250,7 +250,8 @@ def _counted(
     exposure_s: float | None,
     window: tuple[datetime | None, datetime | None],
 ) -> CalibrationCounts:
-    from soilmoist_ros.replay.log_map import read_logs
+    from soilmoist_ros.replay.log_map import read_logs, reading_of, skipped_text
+    from soilmoist_ros.sensing.survey.log_doubts import log_doubts
     from soilmoist_ros.sensing.survey.logs import CalibrationCounts, calibration_counts
 
     if (counts is None) != (exposure_s is None) or bool(logs) == (counts is not None):
@@ -262,4 +263,10 @@ def _counted(
         return CalibrationCounts(counts, exposure_s, 0, 0, math.nan, math.nan, math.nan, math.nan)
     first_s = -math.inf if start_s is None else start_s
     last_s = math.inf if end_s is None else end_s
-    return calibration_counts(read_logs(logs, logger, site), site, first_s, last_s)
+    skipped: list[Mistake] = []
+    found = read_logs(logs, logger, site, skipped=skipped)
+    for key, text in reading_of(found).items():
+        say(f"{key:<10} {text}")
+    for text in [skipped_text(skipped)] * bool(skipped) + [str(problem) for problem in log_doubts(found)]:
+        warn(f"warning    {text}")
+    return calibration_counts(found, site, first_s, last_s)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``soilmoist check``: report what files mean, mistakes in them, and contradictions between them."""
+"""``soilmoist check`` reports what files mean, and their mistakes; ``soilmoist logger`` drafts a logger format."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, current, say
-from soilmoist_ros.cli.options.names import FILE, Name
+from soilmoist_ros.cli.answers.answer import answering, current, put, say, warn, wrote
+from soilmoist_ros.cli.options.names import FILE, InputFile, Name
 from soilmoist_ros.foundation.errors import InputError, Mistake
 
 if TYPE_CHECKING:
@@ -45,7 +45,8 @@ Value = TypeVar("Value")
     help="Field file: a shipped name or a YAML file. Repeatable.",
 )
 @click.option("--graph", "graphs", type=FILE, multiple=True, help="Topological map of --field. Repeatable.")
-@click.option("--log", "logs", type=FILE, multiple=True, help="Neutron log of the probe of --site. Repeatable.")
+@click.option("--log", "logs", type=InputFile(), multiple=True,
+              help="Log of the probe of --site, or a folder or ZIP archive of logs. Repeatable.")  # fmt: skip
 @click.option("--nmea", "--track", type=FILE, multiple=True,
               help="Positions of --log: NMEA, GPX, CSV, RTKLIB or a bag. Repeatable.")  # fmt: skip
 @answering
@@ -59,8 +60,8 @@ def command(
 ) -> None:
     """Check configuration files and report every mistake in them.
 
-    Says what each file means: area and place of a field, moisture range of a calibration, dates and tubes of a
-    log. Files that are given together are compared.
+    Says what each file means: area and place of a field, moisture range of a calibration, dates, tubes and first
+    records of a log. Files that are given together are compared.
     """
     if not (logger or site or field or logs):
         raise click.UsageError("give at least one of --logger, --site, --field, --log")
@@ -153,7 +154,15 @@ def _compare(
     from soilmoist_ros.foundation.configuration import resource
     from soilmoist_ros.mapping.placement import PositionSource
     from soilmoist_ros.replay.file_facts import contradictions, log_findings, position_findings
-    from soilmoist_ros.replay.log_map import log_positions, log_times, position_source, read_logs, read_track
+    from soilmoist_ros.replay.log_map import (
+        log_positions,
+        log_times,
+        position_source,
+        read_logs,
+        read_track,
+        reading_of,
+        skipped_text,
+    )
     from soilmoist_ros.sensing.moisture.site import Site
 
     places, source = np.empty((0, 2)), PositionSource("'location' in the site file")
@@ -162,13 +171,17 @@ def _compare(
 
         def check() -> tuple[None, list[Finding]]:
             nonlocal places, source
-            found = read_logs(logs, next(iter(logger), None), chosen)
+            skipped: list[Mistake] = []
+            found = read_logs(logs, next(iter(logger), None), chosen, skipped=skipped)
+            if skipped:
+                warn(f"warning: {skipped_text(skipped)}")
             track, faults = read_track(nmea, [] if nmea else logs, "", log_times(found))
             places, source = log_positions(found, track, chosen), position_source(found, nmea, chosen, None)
             notes = position_findings(found, track, faults, chosen)
-            return None, [*log_findings(found, places, site, time.time(), track), *notes]
+            findings = log_findings(found, places, site, time.time(), track, reading_of(found))
+            return None, [*findings, *notes]
 
-        _checked(", ".join(path.name for path in logs), check, mistakes)
+        _checked(", ".join(path.name or str(path) for path in logs), check, mistakes)
     for name, field in fields or [("", None)]:
         at = source if field is None else replace(source, field_file=resource("fields", name))
         for found in contradictions(field, site, places, at):
@@ -176,3 +189,34 @@ def _compare(
                 mistakes.append(found)
             else:
                 _print("together", [found])
+
+
+@click.command("logger")
+@click.argument("file", type=InputFile())
+@click.option("--time", multiple=True, metavar="COLUMN", help="Column of the stamp. Twice for date and time.")
+@click.option("--neutrons", "counts", multiple=True, metavar="COLUMN", help="Column of the counts. Repeatable.")
+@click.option("--out", type=click.Path(path_type=Path), help="File for the draft. Default: print it.")
+@click.option("--overwrite", "--force", is_flag=True, help="Replace the file.")
+@answering
+def logger(file: Path, time: tuple[str, ...], counts: tuple[str, ...], out: Path | None, overwrite: bool) -> None:
+    """Draft a logger format (YAML) from the header and first lines of FILE.
+
+    Each guess has its reason, and what you have to answer is marked QUESTION. Then look at the first records as
+    they are understood: soilmoist check --log FILE --logger DRAFT.
+    """
+    from soilmoist_ros.foundation.errors import InputError
+    from soilmoist_ros.sensing.formats.draft import draft_format
+    from soilmoist_ros.sensing.formats.logger_format import load_logger_format
+
+    text = draft_format(file, time, counts)
+    put(draft=text)
+    if out is None:
+        say(text.rstrip("\n"))
+        return
+    if out.exists() and not overwrite:
+        raise InputError("exists already", "give another --out, or --overwrite", out)
+    out.write_text(text, encoding="utf-8")
+    load_logger_format(out)
+    questions = text.count("QUESTION:")
+    say(f"{questions} question{'s' * (questions != 1)} in it; then: soilmoist check --log {file} --logger {out}")
+    wrote([out])

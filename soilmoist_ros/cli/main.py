@@ -31,6 +31,7 @@ COMMANDS = {
     "calibrate": "Find N0 from soil CORES (a CSV file) and the counts at the calibration.",
     "graph": "Build a travel graph for a FIELD and write it as a topological map.",
     "list": "List what can be chosen by name: fields, strategies, loggers, sites ...",
+    "logger": "Draft a logger format (YAML) from the header and first lines of FILE.",
     "check": "Check configuration files and report every mistake in them.",
 }
 """Subcommands with the first sentence of their help."""
@@ -66,7 +67,8 @@ class _Commands(click.Group):
         """Load a subcommand; an unknown name is a usage error."""
         if cmd_name not in COMMANDS:
             ctx.fail(f"there is no command {cmd_name!r}{did_you_mean(cmd_name, COMMANDS)}")
-        command: click.Command = import_module(f"soilmoist_ros.cli.{cmd_name}").command
+        module, name = ("check", "logger") if cmd_name == "logger" else (cmd_name, "command")
+        command: click.Command = getattr(import_module(f"soilmoist_ros.cli.{module}"), name)
         command.epilog = epilog(cmd_name)
         if isinstance(command, click.Group):
             for name, one in command.commands.items():

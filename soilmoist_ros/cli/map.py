@@ -99,7 +99,8 @@ def command(
 ) -> None:
     """Map soil moisture from neutron LOGS.
 
-    A log is a file of the logger, or a bag with its lines: .bag of ROS 1, .mcap or .db3.
+    A log is a file of the logger, a folder or ZIP archive of such files, or a bag with its lines: .bag of ROS 1,
+    .mcap or .db3.
 
     Writes summary.json, map.tif, samples.geojson, soilmoist.qgs and report.html to the folder --out.
     """
@@ -154,6 +155,9 @@ def _print_summary(run: MapRun) -> None:
     inside, placed = run.inside
     where = place_text((run.frame.latitude_deg, run.frame.longitude_deg))
     say(f"place      {inside} of {placed} records inside the field, {where}")
+    for key, text in run.settings.items():
+        if key.startswith("log: ") and key != "log: not used":
+            say(f"{key.removeprefix('log: '):<10} {text}")
     if at_one_place(run):
         _print_place(run)
         return

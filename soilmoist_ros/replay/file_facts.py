@@ -5,10 +5,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -33,13 +35,15 @@ from soilmoist_ros.sensing.moisture.calibration import n0_in_other_time, unusual
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
 from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.problems import Kind, Problem
+from soilmoist_ros.sensing.problems import Kind, Problem, Severity
+from soilmoist_ros.sensing.records import LoggerRecord
 from soilmoist_ros.sensing.survey.correction import (
     factors_text,
     intensity_source,
     unusual_factors,
     unusual_pressure,
 )
+from soilmoist_ros.sensing.survey.log_doubts import log_doubts
 from soilmoist_ros.sensing.survey.logs import calibration_counts, why_unplaced
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
@@ -52,6 +56,10 @@ MAX_AHEAD_S = 86_400.0
 """How far after the present a record may be dated [s]: clocks of loggers are local."""
 MAX_FROM_REFERENCE_HPA = 40.0
 """Distance of the reference pressure from that of the altitude beyond which it is unusual [hPa]."""
+PREVIEW = 3
+"""Number of first records that are shown as they were understood."""
+MAX_FAULTS = 5
+"""Number of kinds of faults that are shown."""
 WEAK_TUBE = 0.2
 """Share of the mean count of the tubes below which a tube counts too little."""
 _DRY, _WET = 0.05, 0.40
@@ -257,7 +265,12 @@ def logger_findings(logger: LoggerFormat) -> Iterator[Finding]:
         place = f"positions{signs}"
     yield Finding("quantities", f"{', '.join(weather) or 'no weather'}, {place}")
     offset = f" {logger.time.utc_offset_hours:+g} h" if logger.time.utc_offset_hours else ""
-    yield Finding("clock", f"UTC{offset}, stamped at the {logger.time.marks} of the interval")
+    clock = logger.time.zone or f"UTC{offset}"
+    yield Finding("clock", f"{clock}, stamped at the {logger.time.marks} of the interval")
+    if logger.counts.left_out or logger.counts.note:
+        left_out = ", ".join(map(str, logger.counts.left_out))
+        out = f"tube {left_out} is left out. " if left_out else ""
+        yield Finding("tubes", f"{out}{logger.counts.note.strip()}".strip())
 
 
 def log_findings(
@@ -266,6 +279,7 @@ def log_findings(
     site: Site | None,
     now_s: float,
     track: Track | None = None,
+    reading: Mapping[str, str] = MappingProxyType({}),
 ) -> Iterator[Finding]:
     """Format, records, dates, tubes and place of the logs of one probe.
 
@@ -274,12 +288,17 @@ def log_findings(
     :param site: the site, if it is known
     :param now_s: the present [s since 1970-01-01 UTC]
     :param track: positions of a separate receiver, if there are any
+    :param reading: how the logs were read, see :func:`.reading_of`
     """
     records = [record for log in logs for record in log.records]
     lost = sum(log.records_lost for log in logs)
     yield Finding("log", f"{logs[0].format_title}: {len(records)} records{f', {lost} lost' if lost else ''}")
+    for key, text in reading.items():
+        yield Finding(key, text)
     if not records:
         return
+    for record in records[:PREVIEW]:
+        yield Finding("record", record_text(record))
     stamps_s = np.array([record.stamp_s for record in records])
     first_s, last_s = float(stamps_s.min()), float(stamps_s.max())
     period_s = logs[0].period_s
@@ -290,6 +309,9 @@ def log_findings(
     if first_s < EARLIEST_STAMP_S or last_s > now_s + MAX_AHEAD_S:
         when = "in the future" if last_s > now_s + MAX_AHEAD_S else "before 2000"
         yield _doubt(f"records are dated {when}: check the clock of the logger and the order of day and month")
+    for problem in log_doubts(logs):
+        yield _doubt(f"{problem.mistake.message}: {problem.mistake.remedy}")
+    yield from _fault_findings(logs)
     yield from _tube_findings(logs)
     for finding in unlikely_weather(records):
         yield _doubt(f"{finding.message}: {finding.remedy}")
@@ -314,7 +336,7 @@ def position_findings(
     """
     records = [record for log in logs for record in log.records]
     if track is not None and records:
-        if (why := why_unplaced(records, track, site.logger_utc_offset_hours is not None)) is not None:
+        if (why := why_unplaced(records, track, site.logger_clock is not None)) is not None:
             yield _doubt(f"{why.message}; {why.remedy}")
         elif track.heard.without:
             (reason, said), count = track.heard.without.most_common(1)[0]
@@ -341,6 +363,39 @@ def position_notes(problems: Sequence[Problem], track: Track | None) -> list[str
     return list(dict.fromkeys(said))
 
 
+def record_text(record: LoggerRecord) -> str:
+    """A record as it was understood, with units."""
+    counts = ", ".join("none" if math.isnan(count) else f"{count:.0f}" for count in record.tube_counts)
+    live_s = max((live for live in record.tube_live_s if live > 0), default=math.nan)
+    parts = [
+        f"{datetime.fromtimestamp(record.stamp_s, UTC):%Y-%m-%d %H:%M:%S} UTC",
+        f"{counts} counts in {live_s:g} s",
+        *([f"{record.pressure_hpa:.1f} hPa"] if math.isfinite(record.pressure_hpa) else ["no pressure"]),
+        *([f"{record.temperature_degc:.1f} degC"] if math.isfinite(record.temperature_degc) else []),
+        *([f"{record.relative_humidity:.0%}"] if math.isfinite(record.relative_humidity) else []),
+    ]
+    if record.position is not None:
+        parts.append(f"{record.position.latitude_deg:.5f}, {record.position.longitude_deg:.5f}")
+    return f"line {record.line}: {'; '.join(parts)}"
+
+
+def _fault_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:
+    """Faults of the lines that need an eye, with the number and the first of each kind."""
+    faults = [
+        problem
+        for log in logs
+        for problem in log.problems
+        if problem.severity is not Severity.NOTE and problem.kind is not Kind.CLOCK_OFFSET  # taken off in files
+    ]
+    counts = Counter(problem.kind for problem in faults)
+    rounded = [problem for log in logs for problem in log.problems if problem.kind is Kind.ROUNDED_COUNT]
+    if 2 * len(rounded) > sum(len(log.records) for log in logs):
+        counts[Kind.ROUNDED_COUNT], faults = len(rounded), faults + rounded[:1]
+    for kind, count in counts.most_common(MAX_FAULTS):
+        first = next(problem for problem in faults if problem.kind is kind)
+        yield _doubt(f"{kind.text} ({count}), the first: {replace(first.mistake, path=None)}")
+
+
 def _tube_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:
     """Mean count rate of each tube."""
     records = [record for log in logs for record in log.records]
@@ -352,7 +407,13 @@ def _tube_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:
     rates = np.divide(counts, live_s, out=np.full(len(counts), np.nan), where=live_s > 0)
     texts = ", ".join("none" if math.isnan(rate) else f"{rate:.2f}" for rate in rates)
     yield Finding("tubes", f"{len(rates)}, counting {texts} counts/s")
-    weak = [number for number, rate in enumerate(rates, 1) if not rate >= WEAK_TUBE * np.nanmean(rates)]
+    left_out = [number in log.left_out_counts for log in logs[:1] for number in log.tubes] or [False] * len(rates)
+    usual = WEAK_TUBE * np.nanmean(rates)
+    weak = [
+        number
+        for number, (rate, left) in enumerate(zip(rates, left_out, strict=True), 1)
+        if not left and not rate >= usual
+    ]
     if weak:
         yield _doubt(f"tube {', '.join(map(str, weak))} counts much less than the others: is it connected?")
 

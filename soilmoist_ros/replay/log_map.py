@@ -19,6 +19,7 @@ from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.places import distance_text
+from soilmoist_ros.foundation.suggestions import listing
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.covariates.reading import read_covariates, require_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
@@ -45,7 +46,8 @@ from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
 from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import REFERENCE, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.sensing.corrections.reference import Reference, fit_reference
-from soilmoist_ros.sensing.formats.logger_format import load_logger_format
+from soilmoist_ros.sensing.formats.log_file import log_files
+from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import (
     LogFile,
     detect_format,
@@ -53,6 +55,7 @@ from soilmoist_ros.sensing.formats.logger_reader import (
     parse_log,
     read_log,
 )
+from soilmoist_ros.sensing.formats.notation import UndecidedOrderError
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.checked_track import CheckedTrack
@@ -138,7 +141,7 @@ def map_logs(
 ) -> MapRun:
     """Map the logs of a survey.
 
-    :param paths: log files of one probe, or bags with the lines of its logger
+    :param paths: log files of one probe, folders and ZIP archives of them, or bags with the lines of its logger
     :param settings: choices
     :param progress: called during the work
     :param compute: computes the tiles of a large map, see :func:`shared_work`; writing the outputs needs it again
@@ -164,7 +167,8 @@ def map_logs(
     require_covariates(sources)  # before the logs, which may take long to read
     for path in settings.earlier:
         find_runs(path.expanduser())
-    logs = read_logs(paths, settings.logger, site, progress, settings.logger_topic)
+    skipped: list[Mistake] = []
+    logs = read_logs(paths, settings.logger, site, progress, settings.logger_topic, skipped)
     part = within(logs, settings.times_s)
     track, track_problems = read_track(
         settings.nmea, [] if settings.nmea else paths, settings.fix_topic, log_times(part), settings.gnss_shift_s
@@ -239,6 +243,7 @@ def map_logs(
             **({"end_utc": utc_text(settings.times_s[1])} if math.isfinite(settings.times_s[1]) else {}),
             **({"gnss_shift_s": settings.gnss_shift_s} if settings.gnss_shift_s else {}),
             "tube_shares": ", ".join(f"{share:.3f}" for share in survey.tube_share),
+            **{f"log: {key}": text for key, text in reading_of(logs).items()},
             **({"kriging": str(soil_map.accuracy)} if soil_map.accuracy else {}),
         },
         title=settings.title or ("Soil moisture over time" if site.curve and len(soil_map.samples) == 1 else None),
@@ -251,6 +256,7 @@ def map_logs(
         notes=[
             *(Note(NoteCode.FAR_FROM_SITE, f"{one}.") for one in far_from_site(site, places, source)),
             *(Note(NoteCode.POSITIONS, f"{one}.") for one in position_notes(track_problems, track)),
+            *([Note(NoteCode.SKIPPED_FILES, f"{skipped_text(skipped)}.")] if skipped else []),
             *count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),
         ],
     )
@@ -329,31 +335,109 @@ def read_logs(
     site: Site,
     progress: Progress = lambda step, share: None,
     topic: str = "",
+    skipped: list[Mistake] | None = None,
 ) -> list[LogFile]:
     """Read the logs of one probe.
 
-    :param paths: log files or bags, at least one
+    :param paths: log files, bags, or folders and ZIP archives with such files, at least one
     :param topic: topic with the lines in bags; see :func:`.logger_topic` if empty
     :param logger: format, a shipped name or a file; detected from the header of the first log if ``None``
-    :raises InputError: if a file cannot be used
+    :param skipped: gets the faults of files that cannot be used; errors if ``None``, or if no file can be used
+    :raises InputError: if a file cannot be used, or if none can
     """
     form = load_logger_format(logger) if logger else None
-    logs = []
-    for index, path in enumerate(paths):
-        progress("reading logs", index / len(paths))
-        if is_bag(path):
-            # logs of a logger are read without the extra with recordings
-            from soilmoist_ros.recording.bag.reader import BagReader
-            from soilmoist_ros.replay.bag_lines import logger_topic, text_lines
+    files = [one for path in paths for one in ([path] if is_bag(path) else log_files([path]))]
+    mistakes, undecided = list[Mistake](), list[Path]()
+    logs: dict[Path, LogFile] = {}
+    for index, path in enumerate(files):
+        progress("reading logs", index / len(files))
+        try:
+            form = form or _format_of(path, topic)
+            logs[path] = _read(path, form, site, topic)
+        except UndecidedOrderError as error:
+            undecided.append(path)
+            mistakes += error.mistakes
+        except InputError as error:
+            first = next(iter(logs.values()), None)
+            continued = None if first is None or form is None else _continued(path, form, site, first)
+            if continued is None:
+                mistakes += error.mistakes
+            else:
+                logs[path] = continued
+    order = next(
+        (log.logger.time.date_order for log in logs.values() if log.logger and log.logger.time.rivals), None
+    )
+    if undecided and form is not None and order not in (None, "auto"):
+        ordered = form.model_copy(update={"time": form.time.model_copy(update={"date_order": order})})
+        logs |= {path: _read(path, ordered, site, topic) for path in undecided}
+        mistakes, undecided = [one for one in mistakes if one.path not in undecided], []
+    if mistakes and (skipped is None or undecided or not logs):
+        raise InputError(mistakes)
+    if skipped is not None:
+        skipped += mistakes
+    return [logs[path] for path in files if path in logs]
 
-            with BagReader(path) as reader:
-                lines = text_lines(reader, logger_topic(reader, topic))
-            form = form or format_of_lines(lines, path)
-            logs.append(parse_log(lines, form.on_clock(site.logger_utc_offset_hours), site.longitude, path))
+
+def _read(path: Path, form: LoggerFormat, site: Site, topic: str) -> LogFile:
+    """Read one log file or bag."""
+    if not is_bag(path):
+        return read_log(path, form, site.longitude, site.logger_clock)
+    return parse_log(_lines_of_bag(path, topic), form.on_clock(site.logger_clock), site.longitude, path)
+
+
+def _continued(path: Path, form: LoggerFormat, site: Site, first: LogFile) -> LogFile | None:
+    """A file that continues another one without a header of its own; ``None`` if it does not."""
+    named = form.header.model_copy(update={"columns": first.columns})
+    try:
+        log = read_log(path, form.model_copy(update={"header": named}), site.longitude, site.logger_clock)
+    except InputError:
+        return None
+    first_line = 2 if form.live_time.from_stamps else 1  # the first record may lack its live time
+    if log.columns != first.columns or not log.records or log.records[0].line > first_line:
+        return None  # a header that the format does not know stands before the records
+    choice = f"{path.name} has no header: its columns are those of {first.path.name}"
+    return replace(log, choices=(*log.choices, choice))
+
+
+def _format_of(path: Path, topic: str) -> LoggerFormat:
+    return format_of_lines(_lines_of_bag(path, topic), path) if is_bag(path) else detect_format(path)
+
+
+def _lines_of_bag(path: Path, topic: str) -> Sequence[bytes]:
+    # logs of a logger are read without the extra with recordings
+    from soilmoist_ros.recording.bag.reader import BagReader
+    from soilmoist_ros.replay.bag_lines import logger_topic, text_lines
+
+    with BagReader(path) as reader:
+        return text_lines(reader, logger_topic(reader, topic))
+
+
+def skipped_text(skipped: Sequence[Mistake]) -> str:
+    """Files that were skipped, by reason."""
+    reasons: dict[str, list[str]] = {}
+    for one in skipped:
+        reasons.setdefault(one.message, []).append(one.path.name if one.path else "a file")
+    texts = [f"{listing(names)} ({reason})" for reason, names in reasons.items()]
+    return f"{len(skipped)} of the files {'is' if len(skipped) == 1 else 'are'} skipped: {'; '.join(texts)}"
+
+
+def reading_of(logs: Sequence[LogFile]) -> dict[str, str]:
+    """How logs were read, for the user to check: tubes, clock, notation, columns without use."""
+    texts: dict[str, dict[str, None]] = {"counts of": {}, "clock": {}, "notation": {}, "not used": {}}
+    for log in logs:
+        if (form := log.logger) is None:
             continue
-        form = form or detect_format(path)
-        logs.append(read_log(path, form, site.longitude, site.logger_utc_offset_hours))
-    return logs
+        left = [name for number, name in log.tubes.items() if number in form.counts.left_out]
+        used = [name for number, name in log.tubes.items() if number not in form.counts.left_out]
+        unit = "" if form.counts.unit == "counts" else f" ({form.counts.unit.replace('_', ' ')})"
+        out = f"; left out: {', '.join(left)}" if left else ""
+        note = f". {form.counts.note.strip().rstrip('.')}" if form.counts.note else ""
+        texts["counts of"][f"{listing(used)}{unit}{out}{note}"] = None
+        clock = form.time.zone or f"UTC{form.time.utc_offset_hours:+g} h" if form.time.clock else "UTC"
+        texts["clock"][f"{clock}, stamped at the {form.time.marks} of the interval"] = None
+        texts["notation"] |= dict.fromkeys(log.choices)
+        texts["not used"] |= dict.fromkeys(log.unused)
+    return {key: ("; " if key != "not used" else ", ").join(found) for key, found in texts.items() if found}
 
 
 def log_positions(logs: Sequence[LogFile], track: Track | None, site: Site) -> NDArray[np.float64]:
@@ -502,10 +586,22 @@ def count_notes(problems: Sequence[Problem], records: int) -> list[Note]:
         reasons = ", ".join(f"{kind.text} ({count})" for kind, count in masked.most_common())
         message = f"Bad tubes are left out {masked.total()} times in {records} records: {reasons}."
         notes.append(Note(NoteCode.BAD_TUBES, f"{message} The exposures cover the other tubes."))
+    unread = [problem for problem in problems if problem.kind is Kind.BAD_POSITION]
+    if unread:
+        message = f"The positions of {len(unread)} lines cannot be read, the first: {unread[0].mistake}."
+        notes.append(Note(NoteCode.DOUBTFUL_LOG, message))
+    codes = {
+        Kind.OVERDISPERSED: NoteCode.OVERDISPERSED,
+        Kind.OVERLAP: NoteCode.DOUBTFUL_LOG,
+        Kind.LIVE_TIME_UNIT: NoteCode.DOUBTFUL_LOG,
+        Kind.MONTHS_APART: NoteCode.DOUBTFUL_LOG,
+        Kind.OTHER_TUBE: NoteCode.DOUBTFUL_LOG,
+    }
     for problem in problems:
-        if problem.kind is Kind.OVERDISPERSED:
-            message = problem.mistake.message
-            notes.append(Note(NoteCode.OVERDISPERSED, f"{message[0].upper()}{message[1:]}."))
+        if problem.kind in codes:
+            message, remedy = problem.mistake.message, problem.mistake.remedy
+            remedy = f": {remedy}" if remedy and problem.kind is not Kind.OVERDISPERSED else ""
+            notes.append(Note(codes[problem.kind], f"{message[0].upper()}{message[1:]}{remedy}."))
     return notes
 
 

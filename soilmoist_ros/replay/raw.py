@@ -66,7 +66,7 @@ def read_raw(
         raise InputError("has no topic raw/logger", "map its counts instead", reader.path)
     lines = text_lines(reader, name)
     form = load_logger_format(logger or next(iter(matching_formats(lines)), FORMAT_NAME))
-    form = form.on_clock(site.logger_utc_offset_hours)
+    form = form.on_clock(site.logger_clock)
     log = parse_log(lines, form, site.longitude, _place(name))
     gnss = topics.find("raw/gnss", TEXT) or topics.find("fix", FIX)
     if logger_name or fix_name or (gnss is None and topics.alone):

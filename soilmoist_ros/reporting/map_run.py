@@ -36,6 +36,7 @@ from soilmoist_ros.reporting.run import (
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, IntensityCorrection
+from soilmoist_ros.sensing.formats.log_file import read_data
 from soilmoist_ros.sensing.moisture.footprint import Footprint, SensedSoil, sensed_soil
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import reason_text
@@ -105,7 +106,7 @@ def make_run(
 
 def input_file(path: Path, role: str, n_records: int | None = None) -> InputFile:
     """An input file of a run, with its size and checksum."""
-    content = path.read_bytes()
+    content = read_data(path)
     return InputFile(shown_path(path), n_records, len(content), hashlib.sha256(content).hexdigest(), role)
 
 

@@ -144,6 +144,8 @@ class NoteCode(StrEnum):
     QUARANTINED = "quarantined"
     BAD_TUBES = "bad_tubes"
     OVERDISPERSED = "overdispersed"
+    DOUBTFUL_LOG = "doubtful_log"
+    SKIPPED_FILES = "skipped_files"
     OUTSIDE_FIELD = "outside_field"
     FAR_RECORDS = "far_records"
     FAR_FROM_SITE = "far_from_site"

@@ -36,6 +36,8 @@ class Kind(enum.StrEnum):
     TRUNCATED = "truncated", "truncated line", Severity.WARNING
     WRONG_FIELDS = "wrong_fields", "wrong number of fields", Severity.WARNING
     BAD_TIME = "bad_time", "no valid time", Severity.WARNING
+    LOCAL_TIME = "local_time", "local time that occurs twice or never", Severity.NOTE
+    FOREIGN_TEXT = "foreign_text", "foreign text before a record", Severity.WARNING
     NOT_A_NUMBER = "not_a_number", "not a number", Severity.WARNING
     NEGATIVE_COUNT = "negative_count", "negative count", Severity.WARNING
     NOT_WHOLE = "not_whole", "count that is not whole", Severity.WARNING
@@ -53,7 +55,12 @@ class Kind(enum.StrEnum):
     DUPLICATE = "duplicate", "duplicate record", Severity.NOTE
     SAME_TIME = "same_time", "other record of the same time", Severity.WARNING
     CLOCK_BACKWARDS = "clock_backwards", "clock went backwards", Severity.WARNING
+    OVERLAP = "overlap", "more counting time than time", Severity.WARNING
+    LIVE_TIME_UNIT = "live_time_unit", "live time perhaps in another unit", Severity.WARNING
+    MONTHS_APART = "months_apart", "days that lie months apart", Severity.WARNING
+    OTHER_TUBE = "other_tube", "tube that may not be the moderated one", Severity.WARNING
     GAP = "gap", "records missing", Severity.NOTE
+    BAD_POSITION = "bad_position", "position that cannot be read", Severity.WARNING
     NO_FIX = "no_fix", "no position fix", Severity.NOTE
     CLOCK_OFFSET = "clock_offset", "logger clock differs from GNSS time", Severity.WARNING
     NO_POSITION = "no_position", "no position", Severity.WARNING

@@ -51,6 +51,10 @@ EXAMPLES = {
         "graph my_field.yaml --rows 3 --heading 20 --out rows.yaml",
     ),
     "list": ("list", "list fields", "list loggers --json"),
+    "logger": (
+        "logger DATA001.csv --out my_logger.yaml",
+        "logger table.csv --time Datum --time Zeit --neutrons N1",
+    ),
     "check": (
         "check --site my_site.yaml --field my_field.yaml",
         "check --log survey.KSU --logger hydroinnova_rover --site gypsum_transect",

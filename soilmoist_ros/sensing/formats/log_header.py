@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from soilmoist_ros.sensing.formats.log_layout import is_header, plain_name, split_fields
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
+from soilmoist_ros.sensing.formats.units import canonical
 from soilmoist_ros.sensing.records import NAN
 
 MAX_METADATA = 500
@@ -51,6 +52,7 @@ class HeaderReader:
         self._values: dict[str, str] = {}
         self._continued: set[str] = set()
         self._lines_left = 0
+        self._after_names = False
 
     def value_of(self, key: str) -> str:
         """Value of a key, empty if it has none."""
@@ -78,6 +80,12 @@ class HeaderReader:
                 self.units, self.is_new = list(fields), True
             return True
         self._lines_left = 0
+        if self._after_names and not any(any(map(str.isdigit, field)) for field in fields):
+            # Units or kinds of values, of a table whose format does not announce them.
+            if not self.units and any(map(canonical, fields)):
+                self.units, self.is_new = list(fields), True
+            return True
+        self._after_names = False
         environment = self._settings.environment
         if environment and fields[0] == environment[0]:
             for key, value in zip(environment[1:], fields[1:], strict=False):
@@ -114,7 +122,7 @@ class HeaderReader:
     def _take_names(self, names: list[str]) -> None:
         while names and not names[-1]:
             names.pop()
-        self._lines_left = self._settings.lines_after_names
+        self._lines_left, self._after_names = self._settings.lines_after_names, True
         known = self.names[: len(names)] if self._settings.continued_by else self.names
         if names != known:
             self.names, self.units, self.is_new = names, [], True

@@ -23,7 +23,15 @@ def plain_name(name: str) -> str:
 
 def split_fields(logger: LoggerFormat, text: str) -> list[str]:
     """Fields of a line without blanks around them; a quoted field may contain the separator."""
-    separator = _SEPARATORS[logger.delimiter]
+    return split_text(text, logger.delimiter)
+
+
+def split_text(text: str, delimiter: str) -> list[str]:
+    """Fields of a line; see :func:`split_fields`.
+
+    :param delimiter: name of the separator, such as ``comma``
+    """
+    separator = _SEPARATORS[delimiter]
     if separator and '"' in text:
         try:
             return [
@@ -69,6 +77,8 @@ class PositionLayout:
     quality: Source | None
     hdop: Source | None
     time_of_day: Source | None
+    latitude_side: Source | None = None
+    longitude_side: Source | None = None
 
 
 @dataclass(frozen=True)
@@ -106,6 +116,35 @@ class Layout:
         groups = (self.time, self.counts, self.live, self.pressure, self.temperature, self.humidity)
         found = sum(source is not None for group in groups for source in group)
         return found + (self.record_number is not None) + 2 * (self.position is not None)
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Names of the columns that are not read."""
+        place = self.position
+        groups = (self.time, self.counts, self.live, self.pressure, self.temperature, self.humidity)
+        used = {source.index for group in groups for source in group if source is not None}
+        fields = [self.record_number, *([] if place is None else vars(place).values())]
+        used |= {source.index for source in fields if source is not None}
+        return tuple(name for index, name in enumerate(self.names) if name and index not in used)
+
+    def fit(self, fields: list[str]) -> list[str] | None:
+        """Fields with one for each name, ``None`` if their number does not fit.
+
+        Empty fields at the end are dropped. Letters N, S, E and W after the coordinates, which some headers do not
+        name, are added to their coordinates.
+        """
+        count, place = len(self.names), self.position
+        if len(fields) == count:
+            return fields
+        if len(fields) > count and not any(fields[count:]):
+            return fields[:count]
+        if len(fields) == count + 2 and place is not None and place.latitude_side is None:
+            first, second = sorted((place.latitude.index, place.longitude.index))
+            sides = {fields[first + 1].upper(), fields[second + 2].upper()}
+            if sides in ({"N", "E"}, {"N", "W"}, {"S", "E"}, {"S", "W"}, {""}):
+                joined = [*fields[:first], fields[first] + fields[first + 1], *fields[first + 2 : second + 1]]
+                return [*joined, fields[second + 1] + fields[second + 2], *fields[second + 3 :]]
+        return None
 
     @property
     def last_needed(self) -> int:
@@ -260,4 +299,6 @@ def _find_position(columns: _Columns, logger: LoggerFormat) -> PositionLayout | 
         columns.find(position.quality),
         columns.find(position.hdop),
         columns.find(position.time_of_day),
+        columns.find(position.latitude_hemisphere),
+        columns.find(position.longitude_hemisphere),
     )

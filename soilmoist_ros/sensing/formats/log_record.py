@@ -5,15 +5,32 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NoReturn
+from zoneinfo import ZoneInfo
 
 from soilmoist_ros.sensing import gnss
 from soilmoist_ros.sensing.checks.weather import remedy_of_unit
 from soilmoist_ros.sensing.formats.log_layout import Layout, PositionLayout, Source
-from soilmoist_ros.sensing.formats.log_values import read_number, read_time
-from soilmoist_ros.sensing.formats.logger_format import Humidity, LoggerFormat, Pressure, Temperature
+from soilmoist_ros.sensing.formats.log_values import (
+    Decimal,
+    likely_time_formats,
+    read_coordinate,
+    read_number,
+    read_time,
+    zone_doubt,
+)
+from soilmoist_ros.sensing.formats.logger_format import (
+    RATE_TIME_S,
+    Humidity,
+    LoggerFormat,
+    Pressure,
+    Temperature,
+    order_of,
+)
+from soilmoist_ros.sensing.formats.notation import date_text, is_packed, stamp_text
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import NAN, LoggerRecord, Position
 
@@ -71,6 +88,11 @@ class FieldReader:
         self._side = longitude
         self._missing = {text.casefold() for text in logger.missing} | {""}
         self._notes: list[Note] = []
+        self._formats, self._clock = list(logger.time.used_formats), logger.time.clock
+        self._rivals = logger.time.rivals if logger.time.date_order == "auto" else ()
+        self._packed = False
+        self.left_out_counts: dict[int, float] = {}
+        """Counts of the tubes that are left out, by number."""
         self._previous_stamp_s, self._previous_number = NAN, -1
         self._usual_s, self._unusual_s = NAN, NAN
 
@@ -93,7 +115,7 @@ class FieldReader:
         live_s = max(time for time in live if not math.isnan(time))
         self._check_live_time(live_s, period_s)
         # Not the counts of the record: those of a rate depend on the time since the line before.
-        written = (read_number(fields[source.index]) for source in self.layout.counts)
+        written = (self._read(fields[source.index]) for source in self.layout.counts)
         key = hash((number, stamp_s, *written))  # the numbers need five times the memory
         if self._logger.time.marks == "start":
             stamp_s += period_s or live_s
@@ -119,27 +141,52 @@ class FieldReader:
     def _is_missing(self, text: str) -> bool:
         return text.strip().casefold() in self._missing
 
+    def _read(self, text: str) -> float | None:
+        return read_number(text, self._logger.decimal)
+
     def _stamp(self, fields: Sequence[str]) -> float:
-        time = self._logger.time
-        text = " ".join(fields[source.index].strip() for source in self.layout.time)
+        text = stamp_text(fields, self.layout)
         column = "+".join(source.name for source in self.layout.time)
-        stamp_s = read_time(text, time.formats, time.utc_offset_hours)
+        stamp_s = None
+        if self._rivals:
+            sure = [name for name in self._formats if name not in self._rivals]
+            stamp_s = read_time(text, sure, self._clock, self._previous_stamp_s)
+            if stamp_s is None:
+                self._require_order(text, column)
         if stamp_s is None:
-            _lose(Kind.BAD_TIME, f"{text[:60]!r} is not a time as in {' or '.join(time.formats)}", column)
-        if not EARLIEST_S <= stamp_s <= LATEST_S:
-            _lose(
-                Kind.BAD_TIME,
-                f"the time {text!r} is before 1990 or after 2099",
-                column,
-                "set the logger's clock; its backup battery may be empty",
-            )
+            stamp_s = read_time(text, self._formats, self._clock, self._previous_stamp_s)
+        if stamp_s is None or not EARLIEST_S <= stamp_s <= LATEST_S:
+            likely = [one for one in likely_time_formats(text) if one not in self._formats]
+            remedy = f"if it is {' or '.join(likely[:2])}, add this to time.formats" if likely else ""
+            if stamp_s is None:
+                message = f"{text[:60]!r} is not a time as in {' or '.join(self._formats)}"
+                _lose(Kind.BAD_TIME, message, column, remedy)
+            battery = "set the logger's clock; its backup battery may be empty"
+            _lose(Kind.BAD_TIME, f"the time {text!r} is before 1990 or after 2099", column, remedy or battery)
+        if isinstance(self._clock, ZoneInfo) and (doubt := zone_doubt(text, self._formats, self._clock, stamp_s)):
+            self._note(Kind.LOCAL_TIME, f"{text!r} {doubt}", column, "see logger_time_zone in the site file")
         return stamp_s
+
+    def _require_order(self, text: str, column: str) -> None:
+        """Decide on the order of day and month from a stamp that has one reading; later ones have it, too."""
+        readings = {order_of(name): read_time(text, [name]) for name in self._rivals if read_time(text, [name])}
+        if len(set(readings.values())) > 1:
+            dates = " or ".join(
+                f"{date_text(stamp_s)} ({order})" for order, stamp_s in readings.items() if stamp_s
+            )
+            remedy = "write one of these words as 'date_order' below 'time' in the logger format"
+            _lose(Kind.BAD_TIME, f"{text!r} is {dates}, and no stamp before it decides", column, remedy)
+        if readings:
+            self._formats = [
+                name for name in self._formats if name not in self._rivals or order_of(name) in readings
+            ]
+            self._rivals = ()
 
     def _record_number(self, fields: Sequence[str]) -> int:
         source = self.layout.record_number
         if source is None or self._is_missing(fields[source.index]):
             return -1
-        number = read_number(fields[source.index])
+        number = self._read(fields[source.index])
         if number is None or number < 0 or number != int(number):
             self._note(Kind.NOT_A_NUMBER, f"{fields[source.index][:40]!r} is no record number", source.name)
             return -1
@@ -188,9 +235,9 @@ class FieldReader:
         text = fields[source.index]
         if self._is_missing(text):
             return self._assumed_live_time(period_s, "the live time is missing")
-        number = read_number(text)
+        number = self._read(text)
         if number is None:
-            _lose(Kind.NOT_A_NUMBER, f"the live time {text[:40]!r} is not a number", source.name)
+            _lose(Kind.NOT_A_NUMBER, f"the live time {text[:40]!r} is not a number", source.name, _likely(text))
         live_s = source.convert(number)
         low, high = self._logger.live_time.range
         if live_s == 0:
@@ -226,6 +273,9 @@ class FieldReader:
         left_out = self._logger.counts.left_out
         counts = []
         for tube, source, live_s in zip(self.layout.tubes, self.layout.counts, live, strict=True):
+            if tube in left_out:
+                written = self._read(fields[source.index]) or 0.0
+                self.left_out_counts[tube] = self.left_out_counts.get(tube, 0.0) + max(written, 0.0)
             count = NAN if tube in left_out else self._count(fields[source.index], source, live_s)
             if math.isnan(count) and tube not in left_out:
                 self._note(Kind.MISSING_TUBE, f"tube {tube} gave no counts", source.name, "check its cable")
@@ -242,29 +292,32 @@ class FieldReader:
         settings = self._logger.counts
         if self._is_missing(text):
             return NAN
-        number = read_number(text)
+        number = self._read(text)
         if number is None:
-            _lose(Kind.NOT_A_NUMBER, f"the count {text[:40]!r} is not a number", source.name)
+            _lose(Kind.NOT_A_NUMBER, f"the count {text[:40]!r} is not a number", source.name, _likely(text))
         if number in settings.sentinels or math.isnan(live_s):
             return NAN
         if number < 0:
             _lose(Kind.NEGATIVE_COUNT, f"the count {number:g} is negative", source.name)
-        if settings.unit == "counts_per_second":
+        if settings.unit != "counts":
             number = self._whole(number, live_s, source)
         elif number != int(number):
-            _lose(Kind.NOT_WHOLE, f"the count {number:g} is not a whole number", source.name)
+            remedy = f"if it is a rate, write 'unit: {' or '.join(RATE_TIME_S)}' below 'counts'"
+            _lose(Kind.NOT_WHOLE, f"the count {number:.10g} is not a whole number", source.name, remedy)
         low, high = settings.range
         if not low <= number <= high:
             _lose(Kind.OUT_OF_RANGE, f"the count {number:g} is not within {low:g}..{high:g}", source.name)
         return number
 
-    def _whole(self, rate_cps: float, live_s: float, source: Source) -> float:
-        counts = rate_cps * live_s
+    def _whole(self, rate: float, live_s: float, source: Source) -> float:
+        time_s = RATE_TIME_S[self._logger.counts.unit]
+        counts = rate * live_s / time_s
         whole = float(round(counts))
         if abs(counts - whole) > self._logger.counts.rounding_tolerance:
-            self._note(
-                Kind.ROUNDED_COUNT, f"{rate_cps:g}/s times {live_s:g} s is {counts:.2f} counts", source.name
-            )
+            per = {1.0: "s", 60.0: "min", 3600.0: "h"}[time_s]
+            message = f"{rate:g}/{per} times {live_s:g} s is {counts:.2f} counts"
+            remedy = "take the raw counts: if these were corrected or smoothed, they are corrected twice"
+            self._note(Kind.ROUNDED_COUNT, message, source.name, remedy)
         return whole
 
     def _quantity(
@@ -278,13 +331,15 @@ class FieldReader:
         if quantity is None or not sources:
             return NAN
         low, high = quantity.range
+        unread = False
         for source in sources:
             text = fields[source.index]
             if self._is_missing(text):
                 continue
-            number = read_number(text)
+            number = self._read(text)
             if number is None:
-                self._note(Kind.NOT_A_NUMBER, f"the {name} {text[:40]!r} is not a number", source.name)
+                unread, message = True, f"the {name} {text[:40]!r} is not a number"
+                self._note(Kind.NOT_A_NUMBER, message, source.name, _likely(text))
             elif number in quantity.sentinels:
                 self._note(Kind.SENTINEL, f"the {name} {number:g} is the mark for a missing value", source.name)
             elif not low <= source.convert(number) <= high:
@@ -293,29 +348,34 @@ class FieldReader:
                 self._note(Kind.OUT_OF_RANGE, message, source.name, remedy)
             else:
                 return source.convert(number)
-        self._note(Kind.MISSING_VALUE, f"no {name}")
+        if not unread:
+            self._note(Kind.MISSING_VALUE, f"no {name}")
         return NAN
 
     def _position(self, fields: Sequence[str], layout: PositionLayout) -> Position | None:
         settings = self._logger.position
         assert settings is not None
         quality = fields[layout.quality.index].strip() if layout.quality else ""
-        latitude = self._coordinate(fields, layout.latitude, 90)
-        longitude = self._coordinate(fields, layout.longitude, 180)
+        noted = len(self._notes)
+        if settings.notation == "auto":
+            self._packed = self._packed or is_packed(fields[layout.latitude.index], self._logger.decimal)
+        else:
+            self._packed = settings.notation == "degrees_minutes"
+        latitude = self._coordinate(fields, layout.latitude, layout.latitude_side, 90)
+        longitude = self._coordinate(fields, layout.longitude, layout.longitude_side, 180)
+        if latitude is None or longitude is None:
+            if len(self._notes) == noted:
+                self._note(Kind.NO_FIX, "no position fix", layout.latitude.name)
+            return None
         nowhere = settings.zero_is_no_fix and latitude == 0 and longitude == 0
-        if (
-            latitude is None
-            or longitude is None
-            or nowhere
-            or (layout.quality and quality in settings.no_fix_quality)
-        ):
+        if nowhere or (layout.quality and quality in settings.no_fix_quality):
             self._note(Kind.NO_FIX, "no position fix", layout.latitude.name)
             return None
         if not settings.longitude_signed:
             if self._side == "east" and longitude < 0:
                 message = f"the longitude {longitude:g} is west, the site file says east"
                 self._note(
-                    Kind.OUT_OF_RANGE, message, layout.longitude.name, "correct 'longitude' in the site file"
+                    Kind.BAD_POSITION, message, layout.longitude.name, "correct 'longitude' in the site file"
                 )
                 return None
             longitude = -abs(longitude) if self._side == "west" else longitude
@@ -324,17 +384,29 @@ class FieldReader:
         sd = gnss.horizontal_sd(int(quality) if quality in set("12345678") else 1, hdop)
         return Position(latitude, longitude, altitude if -500 <= altitude <= 9000 else NAN, sd)
 
-    def _coordinate(self, fields: Sequence[str], source: Source, limit: float) -> float | None:
-        text = fields[source.index]
-        number = read_number(text)
-        if number is not None and abs(number) <= limit:
-            return number
-        if not self._is_missing(text):
-            self._note(Kind.OUT_OF_RANGE, f"{text[:40]!r} is not within {limit:g} degrees", source.name)
+    def _coordinate(
+        self, fields: Sequence[str], source: Source, side: Source | None, limit: float
+    ) -> float | None:
+        written = fields[source.index]
+        if self._is_missing(written):
+            return None
+        text = written if side is None else f"{written} {fields[side.index]}"
+        decimal = self._logger.decimal
+        value = read_coordinate(text, self._packed, decimal)
+        if value is not None and limit == 180 and 180 < value <= 360:
+            value -= 360  # of an instrument that counts from 0 to 360
+        if value is not None and abs(value) <= limit:
+            return value
+        self._note(
+            Kind.BAD_POSITION,
+            f"{text[:40]!r} is no {'longitude' if limit == 180 else 'latitude'} within {limit:g} degrees",
+            source.name,
+            _likely_coordinate(written, self._packed, decimal, limit),
+        )
         return None
 
     def _number(self, fields: Sequence[str], source: Source | None) -> float:
-        number = None if source is None else read_number(fields[source.index])
+        number = None if source is None else self._read(fields[source.index])
         return NAN if number is None else number
 
     def _gnss_offset(self, fields: Sequence[str], record: LoggerRecord) -> float:
@@ -350,3 +422,21 @@ class FieldReader:
 
 def _lose(kind: Kind, message: str, column: str = "", remedy: str = "") -> NoReturn:
     raise LostRecordError(kind, message, column, remedy)
+
+
+def _likely(text: str) -> str:
+    """Advice on a text that is no number."""
+    if re.fullmatch(r"[+-]?\d+,\d+", text.strip(), re.ASCII):
+        return "if it has a decimal comma, write 'decimal: comma' in the logger format"
+    if re.fullmatch(r"[#*?A-Za-z./_-]+", text.strip(), re.ASCII):
+        return "if it marks a missing value, add it to 'missing' in the logger format"
+    return ""
+
+
+def _likely_coordinate(text: str, packed: bool, decimal: Decimal, limit: float) -> str:
+    """Advice on a coordinate that cannot be read as the others of its file are."""
+    other = read_coordinate(text, not packed, decimal)
+    if other is not None and abs(other) <= limit:
+        notation = "degrees" if packed else "degrees_minutes"
+        return f"as {notation} it is {other:.5f}: write 'notation: {notation}' below 'position' if all are"
+    return _likely(text) if read_number(text, decimal) is None else "check the columns of the position"

@@ -7,9 +7,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import datetime, timedelta
 from functools import reduce
 from operator import xor
+from typing import Literal
+from zoneinfo import ZoneInfo
+
+Decimal = Literal["auto", "point", "comma"]
 
 MAX_LINE = 65_536
 """Maximum length of a line [bytes]; longer lines are noise and are dropped."""
@@ -17,7 +21,31 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _ISO = re.compile(
     r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?\s?(Z|[+-]\d\d:?\d\d)?", re.ASCII
 )
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_WALL_EPOCH = datetime(1970, 1, 1)  # the time of a clock on a wall, in any zone
+_MIDNIGHT = re.compile(r"(?<![\d:])24:00(?P<seconds>:00(?:[.,]0+)?)?(?![\d:])")
+_ZONE = re.compile(r"(.*\d(?: ?[AaPp][Mm])?)\s*(UTC|GMT|Z|[+-]\d\d:?\d\d)", re.ASCII | re.IGNORECASE)
+_EXCEL_EPOCH_DAYS = 25_569
+_LAST_WALL_S = 2e11
+_GROUPED = {  # three digits after each separator, and never the decimal separator itself
+    "point": re.compile(r"[+-]?\d{1,3}(?:[,'\u00a0\u202f ]\d{3})+(?:\.\d*)?", re.ASCII),
+    "comma": re.compile(r"[+-]?\d{1,3}(?:[.'\u00a0\u202f ]\d{3})+(?:,\d*)?", re.ASCII),
+}
+_DEGREES = re.compile(
+    r"([NSEW])?\s*([+-]?)\s*(\d{1,3})\s*[°d: ]\s*(\d{1,2}(?:\.\d+)?)\s*(?:['′m: ]\s*(\d{1,2}(?:\.\d+)?)?)?"
+    r"\s*[\"″s']*\s*([NSEW])?",
+    re.IGNORECASE | re.ASCII,
+)
+COMMON_TIME_FORMATS = (
+    "iso8601", "%Y/%m/%d %H:%M:%S", "%Y/%m/%d %H:%M",
+    "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M", "%d.%m.%y %H:%M:%S", "%d.%m.%y %H:%M",
+    "%d/%m/%Y %H:%M:%S", "%d/%m/%Y %H:%M", "%m/%d/%Y %H:%M:%S", "%m/%d/%Y %H:%M",
+    "%d/%m/%y %H:%M:%S", "%d/%m/%y %H:%M", "%m/%d/%y %H:%M:%S", "%m/%d/%y %H:%M",
+    "%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %I:%M %p", "%d/%m/%Y %I:%M:%S %p", "%d/%m/%Y %I:%M %p",
+    "%d-%m-%Y %H:%M:%S", "%d-%m-%Y %H:%M", "%m-%d-%Y %H:%M:%S", "%m-%d-%Y %H:%M", "%d-%b-%Y %H:%M:%S",
+    "%d-%b-%Y %H:%M", "%d %b %Y %H:%M:%S", "%d %b %Y %H:%M", "%Y%m%d%H%M%S", "%Y%m%d%H%M", "%Y%m%d %H%M%S",
+    "%Y%m%d %H%M", "%Y%m%d %H:%M:%S", "%Y%m%d %H:%M", "%Y-%m-%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d",
+)  # fmt: skip
+"""Formats of stamps that loggers and spreadsheets write."""
 UTF8_BOM = b"\xef\xbb\xbf"
 
 
@@ -33,11 +61,23 @@ def decode_line(line: bytes) -> str:
 def split_lines(data: bytes) -> tuple[list[bytes], bool]:
     """Lines of a file without line ends (LF, CR LF or CR), and whether the last line had an end.
 
-    UTF-16 with a byte order mark, common in Windows tools, is converted to UTF-8.
+    UTF-16, common in Windows tools, is converted to UTF-8. A run of NUL bytes becomes one, and ends no line.
     """
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        data = data.decode("utf-16", errors="replace").encode("utf-8", errors="replace")
+    if encoding := utf16(data):
+        data = data.decode(encoding, errors="replace").encode("utf-8", errors="replace")
+    data = re.sub(rb"\x00+", b"\x00", data) if b"\x00" in data else data
     return data.splitlines(), data.endswith((b"\n", b"\r"))
+
+
+def utf16(data: bytes) -> str:
+    """Encoding of a text in UTF-16, by its byte order mark or by every other byte of its start; else empty."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    start = data[:400]
+    for name, high in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
+        if len(high) > 4 and high.count(0) > 0.9 * len(high) and start.count(0) < 0.6 * len(start):
+            return name
+    return ""
 
 
 def nmea_checksum(body: bytes) -> int:
@@ -53,38 +93,141 @@ def strip_checksum(line: bytes) -> bytes | None:
     return body if nmea_checksum(body) == int(digits, 16) else None
 
 
-def read_number(text: str) -> float | None:
-    """A finite decimal number, or ``None``. Stricter than ``float``: no ``1_000``, ``inf`` or ``nan``."""
+def read_number(text: str, decimal: Decimal = "auto") -> float | None:
+    """A finite decimal number, or ``None``. Stricter than ``float``: no ``1_000``, ``inf`` or ``nan``.
+
+    >>> read_number("985,3"), read_number("985,3", "comma"), read_number("1,649", "point")
+    (None, 985.3, 1649.0)
+
+    :param decimal: decimal separator of the file; with ``auto`` a point, and no separator of thousands
+    """
     text = text.strip()
-    if len(text) > 40 or not _NUMBER.fullmatch(text):
+    if len(text) > 40:
+        return None
+    if decimal != "auto":
+        if _GROUPED[decimal].fullmatch(text):
+            text = re.sub(r"[.'\u00a0\u202f ]" if decimal == "comma" else r"[,'\u00a0\u202f ]", "", text)
+        elif decimal == "comma" and "." in text:
+            return None
+        text = text.replace(",", ".") if decimal == "comma" else text
+    if not _NUMBER.fullmatch(text):
         return None
     value = float(text)
     return value if math.isfinite(value) else None
 
 
-def read_time(text: str, formats: Sequence[str], utc_offset_hours: float = 0.0) -> float | None:
-    """Seconds since 1970 UTC of a time stamp, by the first format that fits; ``None`` if no format fits.
+def read_coordinate(text: str, packed: bool = False, decimal: Decimal = "auto") -> float | None:
+    """Latitude or longitude [deg]; south and west are negative. ``None`` if it cannot be read.
 
-    :param formats: ``iso8601``, ``unix_s``, ``unix_ms`` or formats of ``strptime``
-    :param utc_offset_hours: clock minus UTC [h], for stamps without a time zone
+    >>> read_coordinate("5121.0 N", packed=True), read_coordinate("51° 21.0' S"), read_coordinate("-43.6")
+    (51.35, -51.35, -43.6)
+
+    :param packed: whether the last two digits before the decimal point are minutes, as in NMEA
     """
     text = text.strip()
+    letter = "".join(side for side in (text[:1], text[-1:]) if side and side in "NSEWnsew")[:1].upper()
+    value = read_number(text.strip("NSEWnsew \t"), decimal)
+    if value is not None and packed:
+        degrees, minutes = divmod(abs(value), 100.0)
+        value = None if minutes >= 60 else math.copysign(degrees + minutes / 60.0, value)
+    elif value is None and (match := _DEGREES.fullmatch(text.replace(",", ".") if decimal == "comma" else text)):
+        minutes, seconds = float(match[4]), float(match[5] or 0)
+        if minutes >= 60 or seconds >= 60:
+            return None
+        value = int(match[3]) + minutes / 60.0 + seconds / 3600.0
+        value = -value if match[2] == "-" else value
+    return value if value is None or not letter or value < 0 else value * (-1.0 if letter in "SW" else 1.0)
+
+
+def read_time(
+    text: str, formats: Sequence[str], clock: float | ZoneInfo = 0.0, after_s: float = math.nan
+) -> float | None:
+    """Seconds since 1970 UTC of a time stamp, by the first format that fits; ``None`` if no format fits.
+
+    :param formats: ``iso8601``, ``unix_s``, ``unix_ms``, ``excel_days`` or formats of ``strptime``
+    :param clock: clock minus UTC [h] or its time zone, for stamps without a time zone
+    :param after_s: stamp of the record before; in autumn it tells the two hours of one name apart
+    """
+    found = _read_wall_time(text.strip(), formats)
+    if found is None:
+        return None
+    wall_s, zone_s = found
+    if zone_s is not None:
+        return wall_s - zone_s
+    if isinstance(clock, ZoneInfo):
+        return utc_of(wall_s, clock, after_s)[0] if 0 < wall_s < _LAST_WALL_S else wall_s
+    return wall_s - clock * 3600
+
+
+def utc_of(wall_s: float, zone: ZoneInfo, after_s: float = math.nan) -> tuple[float, float]:
+    """Seconds since 1970 UTC of a local time, and of its other reading; both are equal on all but two days a year.
+
+    :param wall_s: local time [s since 1970-01-01 00:00 of the wall clock]
+    :param after_s: stamp of the record before [s since 1970 UTC]
+    """
+    moment = _WALL_EPOCH + timedelta(seconds=math.floor(wall_s))
+    offsets_s = [moment.replace(tzinfo=zone, fold=fold).utcoffset() or timedelta() for fold in (0, 1)]
+    first_s, second_s = (wall_s - offset.total_seconds() for offset in offsets_s)
+    return (second_s, first_s) if first_s <= after_s < second_s else (first_s, second_s)
+
+
+def zone_doubt(text: str, formats: Sequence[str], zone: ZoneInfo, stamp_s: float) -> str:
+    """What is wrong with a local time: its zone does not have it, or has it twice; empty on all but two days.
+
+    :param stamp_s: its reading [s since 1970 UTC]
+    """
+    found = _read_wall_time(text.strip(), formats)
+    if found is None or found[1] is not None:
+        return ""
+    first_s, other_s = utc_of(found[0], zone)
+    if first_s == other_s:
+        return ""
+    if first_s > other_s:
+        return f"does not exist in {zone.key}: this clock does not change to summer time as its zone does"
+    return f"occurs twice in {zone.key}: read as the {'first' if stamp_s == first_s else 'second'}"
+
+
+def _read_wall_time(text: str, formats: Sequence[str]) -> tuple[float, float | None] | None:
+    """Time of the wall clock [s], and its distance from UTC [s] where the stamp has a zone."""
     if len(text) > 60:
         return None
+    days = 0
+    if "24:00" in text and (match := _MIDNIGHT.search(text)):
+        text, days = f"{text[: match.start()]}00:00{match['seconds'] or ''}{text[match.end() :]}", 1
+    zoned = _ZONE.fullmatch(text)
     for name in formats:
         if name == "iso8601":
-            stamp = _read_iso(text, utc_offset_hours)
-        elif name in ("unix_s", "unix_ms"):
-            number = read_number(text)
-            stamp = None if number is None else number * (0.001 if name == "unix_ms" else 1.0)
+            found = _read_iso(f"{zoned[1]}Z" if zoned and zoned[2].upper() in ("UTC", "GMT") else text)
+        elif name in ("unix_s", "unix_ms", "excel_days"):
+            number = read_number(text.replace(",", ".") if name == "excel_days" else text)
+            if number is None:
+                continue
+            excel = name == "excel_days"
+            number = round((number - _EXCEL_EPOCH_DAYS) * 86_400, 3) if excel else number
+            found = number * (0.001 if name == "unix_ms" else 1.0), None if excel else 0.0
         else:
-            stamp = _read_formatted(text, name, utc_offset_hours)
-        if stamp is not None:
-            return stamp
+            found = _read_formatted(text, name)
+            if found is None and zoned and (bare := _read_formatted(zoned[1], name)):
+                found = bare[0], _zone_s(zoned[2].upper())
+        if found is not None:
+            return found[0] + 86_400 * days, found[1]
     return None
 
 
-def _read_iso(text: str, utc_offset_hours: float) -> float | None:
+def likely_time_formats(text: str) -> list[str]:
+    """Common formats that read a stamp.
+
+    >>> likely_time_formats("1525184048000")
+    ['unix_ms']
+    """
+    number = read_number(text)
+    if number is not None and not re.fullmatch(r"(19|20)\d{10}|(19|20)\d{12}", text.strip()):
+        limits = {"excel_days": (32_000, 60_000), "unix_s": (6e8, 4.1e9), "unix_ms": (6e11, 4.1e12)}
+        return [name for name, (low, high) in limits.items() if low < number < high]
+    return [name for name in COMMON_TIME_FORMATS if _read_wall_time(text.strip(), [name]) is not None]
+
+
+def _read_iso(text: str) -> tuple[float, float | None] | None:
     match = _ISO.fullmatch(text)
     if match is None:
         return None
@@ -92,26 +235,24 @@ def _read_iso(text: str, utc_offset_hours: float) -> float | None:
     year, month, day, hour, minute, second = (int(part or 0) for part in parts)
     leap = second == 60  # a leap second becomes the first second of the next minute
     try:
-        moment = datetime(year, month, day, hour, minute, 59 if leap else second, tzinfo=UTC)
+        moment = datetime(year, month, day, hour, minute, 59 if leap else second)
     except ValueError:
         return None
-    offset_s = _zone_s(zone) if zone else utc_offset_hours * 3600
-    seconds = (moment - _EPOCH) // timedelta(seconds=1) + leap - offset_s
-    return seconds + (float(f"0.{fraction}") if fraction else 0.0)
+    seconds = (moment - _WALL_EPOCH) // timedelta(seconds=1) + leap
+    return seconds + (float(f"0.{fraction}") if fraction else 0.0), _zone_s(zone) if zone else None
 
 
 def _zone_s(zone: str) -> float:
-    if zone == "Z":
+    if zone in ("Z", "UTC", "GMT"):
         return 0.0
     sign = -1 if zone[0] == "-" else 1
     return sign * (int(zone[1:3]) * 3600 + int(zone[-2:]) * 60)
 
 
-def _read_formatted(text: str, layout: str, utc_offset_hours: float) -> float | None:
+def _read_formatted(text: str, layout: str) -> tuple[float, float | None] | None:
     try:
         moment = datetime.strptime(text, layout)
     except ValueError:
         return None
-    if moment.tzinfo is None:
-        moment = moment.replace(tzinfo=timezone(timedelta(hours=utc_offset_hours)))
-    return (moment - _EPOCH).total_seconds()
+    offset, wall = moment.utcoffset(), moment.replace(tzinfo=None)
+    return (wall - _WALL_EPOCH).total_seconds(), None if offset is None else offset.total_seconds()

@@ -15,18 +15,25 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from zoneinfo import ZoneInfo, available_timezones
 
 from pydantic import AfterValidator, Field, model_validator
 
 from soilmoist_ros.foundation.configuration import resource, resource_names
 from soilmoist_ros.foundation.registry import Registry
 from soilmoist_ros.foundation.sections import Section, load_model
+from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.sensing.formats.log_values import Decimal
 
 PressureUnit = Literal["hPa", "mb", "mbar", "Pa", "kPa", "mmHg", "inHg"]
 TemperatureUnit = Literal["degC", "degF", "K"]
 HumidityUnit = Literal["percent", "fraction"]
 DurationUnit = Literal["s", "ms", "min", "h"]
-CountUnit = Literal["counts", "counts_per_second"]
+CountUnit = Literal["counts", "counts_per_second", "counts_per_minute", "counts_per_hour"]
+RATE_TIME_S = {"counts_per_second": 1.0, "counts_per_minute": 60.0, "counts_per_hour": 3600.0}
+"""Time to which a rate refers [s]."""
+DateOrder = Literal["auto", "day_first", "month_first"]
+NAMED_TIME_FORMATS = ("iso8601", "unix_s", "unix_ms", "excel_days")
 Checksum = Literal["none", "nmea"]
 
 
@@ -39,21 +46,55 @@ def _increasing(limits: tuple[float, float]) -> tuple[float, float]:
 def _readable_formats(formats: tuple[str, ...]) -> tuple[str, ...]:
     moment = datetime(2024, 5, 17, 13, 14, 15, tzinfo=UTC)
     for name in formats:
-        if name in ("iso8601", "unix_s", "unix_ms"):
+        if name in NAMED_TIME_FORMATS:
             continue
+        wrong = f"{name!r} is not {', '.join(NAMED_TIME_FORMATS)} or a format of Python's strptime"
         try:
             datetime.strptime(moment.strftime(name), name)
         except ValueError:
-            raise ValueError(
-                f"{name!r} is not iso8601, unix_s, unix_ms or a format of Python's strptime"
-            ) from None
+            raise ValueError(wrong) from None
         if "%" not in name:
-            raise ValueError(f"{name!r} is not iso8601, unix_s, unix_ms or a format of Python's strptime")
+            raise ValueError(wrong)
     return formats
+
+
+def time_zone_name(name: str | None) -> str | None:
+    """A name of a time zone, checked.
+
+    :raises ValueError: if there is no such zone
+    """
+    if not name or name in available_timezones():
+        return name
+    if not available_timezones():
+        raise ValueError("this computer knows no time zones: install the package tzdata")
+    similar = did_you_mean(name, sorted(available_timezones()))
+    raise ValueError(f"there is no time zone {name!r}; write it as in Europe/Berlin or America/Denver{similar}")
+
+
+ZoneName = Annotated[str, AfterValidator(time_zone_name)]
+
+
+def order_of(name: str) -> DateOrder:
+    """Order of day and month in a format of strptime; ``auto`` where it has only one of them."""
+    if "%d" not in name or "%m" not in name:
+        return "auto"
+    return "day_first" if name.index("%d") < name.index("%m") else "month_first"
+
+
+def _swapped(name: str) -> str:
+    """Format with day and month swapped."""
+    return name.replace("%d", "\0").replace("%m", "%d").replace("\0", "%m")
 
 
 TimeFormats = Annotated[tuple[str, ...], AfterValidator(_readable_formats)]
 Limits = Annotated[tuple[float, float], AfterValidator(_increasing)]
+
+
+MISSING = (
+    "nan", "na", "n/a", "#n/a", "#value!", "null", "none", "nil", "inf", "-inf", "-", "--", "---", "*", "?",
+    "-9999", "-9999.0", "-9999.00", "-999", "-999.0", "-99999",
+)  # fmt: skip
+"""Texts that mark a missing value in many files."""
 
 
 class Header(Section):
@@ -82,11 +123,38 @@ class Time(Section):
     columns: tuple[str, ...] = Field(min_length=1)
     """Alternative names; the first match is used. For date and time in two columns: ``Date + Time``."""
     formats: TimeFormats = Field(min_length=1)
-    """Alternatives, each ``iso8601``, ``unix_s``, ``unix_ms`` or a format of Python's strptime."""
+    """Alternatives, each ``iso8601``, ``unix_s``, ``unix_ms``, ``excel_days`` or a format of Python's strptime."""
+    date_order: DateOrder = "auto"
+    """With formats of both orders: day_first, month_first, or auto, decided once for a file from its stamps."""
     marks: Literal["start", "end"] = "end"
     """Whether the stamp is the start or the end of the counting interval."""
     utc_offset_hours: float = Field(default=0.0, ge=-12, le=14)
-    """Logger's clock minus UTC [h]. A zone in an ISO 8601 stamp has priority."""
+    """Logger's clock minus UTC [h]. A zone in a stamp has priority."""
+    zone: ZoneName = ""
+    """Instead, name of the clock's time zone, such as Europe/Berlin, for clocks that change to summer time."""
+
+    @property
+    def clock(self) -> float | ZoneInfo:
+        """Logger's clock: its distance from UTC [h], or its time zone."""
+        return ZoneInfo(self.zone) if self.zone else self.utc_offset_hours
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Formats that stand in the list in both orders of day and month."""
+        return tuple(name for name in self.formats if _swapped(name) != name and _swapped(name) in self.formats)
+
+    @property
+    def used_formats(self) -> tuple[str, ...]:
+        """Formats without those of the other order of day and month."""
+        if self.date_order == "auto":
+            return self.formats
+        return tuple(name for name in self.formats if name not in self.rivals or order_of(name) == self.date_order)
+
+    @model_validator(mode="after")
+    def _one_clock(self) -> Time:
+        if self.zone and self.utc_offset_hours:
+            raise ValueError("give 'zone' or 'utc_offset_hours', not both")
+        return self
 
 
 class Counts(Section):
@@ -95,15 +163,17 @@ class Counts(Section):
     columns: tuple[str, ...] = Field(min_length=1)
     """Alternative names; ``{tube}`` is the number of a tube, as in ``N{tube}Cts``."""
     unit: CountUnit = "counts"
-    """counts, or counts_per_second; rates are multiplied by the live time."""
+    """counts, or counts_per_second, counts_per_minute, counts_per_hour; rates are multiplied by the live time."""
     range: Limits = (0, 1_000_000)
     """Limits of the counts of one tube in one record; a line with counts outside is damaged."""
     sentinels: tuple[float, ...] = ()
     """Numbers that mark a tube without counts."""
     left_out: tuple[int, ...] = ()
     """Numbers of unused tubes: dead tubes, or a bare (thermal) detector next to a moderated one."""
+    note: str = ""
+    """Which tubes are taken as moderated and mapped, for the user to check: it is shown with each log."""
     rounding_tolerance: float = Field(default=0.1, gt=0, le=0.5)
-    """With counts_per_second: rounding error above which rate times live time is reported [counts].
+    """With a rate as unit: rounding error above which rate times live time is reported [counts].
     The product is rounded because counting statistics need whole counts."""
 
 
@@ -197,7 +267,7 @@ class Humidity(Section):
 
 
 class LoggedPosition(Section):
-    """The position that the logger writes with each record [decimal degrees, WGS-84]."""
+    """The position that the logger writes with each record [WGS-84]."""
 
     latitude: tuple[str, ...] = Field(min_length=1)
     """Alternative names of the latitude column, north positive."""
@@ -205,6 +275,12 @@ class LoggedPosition(Section):
     """Alternative names of the longitude column."""
     longitude_signed: bool
     """Whether western longitudes are negative. If false, the site file must name the side of Greenwich."""
+    notation: Literal["auto", "degrees", "degrees_minutes"] = "auto"
+    """degrees, as in 51.35; degrees_minutes, as in 5121.00 of NMEA; auto: decided once for a file."""
+    latitude_hemisphere: tuple[str, ...] = ()
+    """Alternative names of the column with N or S. Letters within the coordinates are read as well."""
+    longitude_hemisphere: tuple[str, ...] = ()
+    """Alternative names of the column with E or W."""
     altitude: tuple[str, ...] = ()
     """Alternative names of the column of the altitude above mean sea level [m]."""
     quality: tuple[str, ...] = ()
@@ -231,10 +307,12 @@ class LoggerFormat(Section):
     source: str
     """Source and certainty of this description."""
     delimiter: Literal["comma", "semicolon", "tab", "whitespace"] = "comma"
-    """Separator of the columns."""
+    """Separator of the columns; a file whose header has another one is read by that."""
+    decimal: Decimal = "auto"
+    """Decimal separator: point, comma, or auto, decided once for a file. The other one separates thousands."""
     checksum: Checksum = "none"
     """nmea: each line ends with ``*hh``, the hexadecimal exclusive or of all bytes before the star."""
-    missing: tuple[str, ...] = ("nan", "na", "n/a", "null", "none", "-")
+    missing: tuple[str, ...] = MISSING
     """Texts that mark a missing value, in addition to an empty field."""
     serial_key: str = ""
     """Key of the header line with the serial number, as in ``//Logger SerialNum=16100724``."""
@@ -262,11 +340,12 @@ class LoggerFormat(Section):
     def __repr_args__(self) -> Iterator[tuple[str, str]]:
         yield "title", self.title
 
-    def on_clock(self, utc_offset_hours: float | None) -> LoggerFormat:
-        """The format for a logger whose clock is ahead of UTC [h]; unchanged if ``None``."""
-        if utc_offset_hours is None:
+    def on_clock(self, clock: float | str | None) -> LoggerFormat:
+        """The format for a logger whose clock is ahead of UTC [h] or has a time zone; unchanged if ``None``."""
+        if clock is None:
             return self
-        time = self.time.model_copy(update={"utc_offset_hours": utc_offset_hours})
+        zone, offset_h = (clock, 0.0) if isinstance(clock, str) else ("", clock)
+        time = self.time.model_copy(update={"utc_offset_hours": offset_h, "zone": zone})
         return self.model_copy(update={"time": time})
 
     @model_validator(mode="after")

@@ -22,13 +22,21 @@ from soilmoist_ros.sensing.formats.log_file import (
     nothing_usable,
     other_format,
     read_lines,
+    separated_as,
     unreadable_header,
 )
 from soilmoist_ros.sensing.formats.log_header import Header, HeaderReader
 from soilmoist_ros.sensing.formats.log_layout import Layout, MissingColumnsError, build_layout, split_fields
 from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Note, Reading
-from soilmoist_ros.sensing.formats.log_values import MAX_LINE, decode_line, read_number, strip_checksum
+from soilmoist_ros.sensing.formats.log_values import (
+    MAX_LINE,
+    decode_line,
+    read_number,
+    read_time,
+    strip_checksum,
+)
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
+from soilmoist_ros.sensing.formats.notation import settle, stamp_text
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
@@ -68,7 +76,13 @@ class LogFile:
     :param n_lines: number of lines in the file
     :param unsigned_longitude: whether the site file gave the longitudes their sign
     :param clock: logger's clock against GNSS time
-    :param utc_offset_hours: logger's clock minus UTC, as it was read [h]
+    :param utc_offset_hours: logger's clock minus UTC, as it was read [h]; 0 with a time zone
+    :param logger: format with all that was decided from the file
+    :param choices: these decisions in words
+    :param columns: names of all columns
+    :param unused: names of the columns that the format does not read
+    :param tubes: name of the column of each tube, by number
+    :param left_out_counts: counts of the tubes that the format leaves out, by number
     """
 
     path: Path
@@ -83,6 +97,12 @@ class LogFile:
     unsigned_longitude: bool = False
     clock: ClockDrift = field(default_factory=ClockDrift, compare=False)
     utc_offset_hours: float = 0.0
+    logger: LoggerFormat | None = field(default=None, compare=False)
+    choices: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()
+    tubes: Mapping[int, str] = field(default_factory=dict)
+    left_out_counts: Mapping[int, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"LogFile({self.path.name!r}, {len(self.records)} records, {self.records_lost} lost)"
@@ -170,6 +190,11 @@ class RecordParser:
         return frozenset(index for index, tube in enumerate(self.layout.tubes) if tube in left_out)
 
     @property
+    def left_out_counts(self) -> dict[int, float]:
+        """Counts of the tubes that the format leaves out, by number."""
+        return dict(self._reader.left_out_counts) if self._reader else {}
+
+    @property
     def missing_columns(self) -> tuple[str, ...]:
         """Columns that the header lacks."""
         return self._bad_header.columns if self._bad_header else ()
@@ -207,10 +232,22 @@ class RecordParser:
         line = line.strip(b"\r\n")
         if not line.strip(b" \t\x03\x04\x1a"):  # includes end marks of text, transmission and DOS file
             return None
+        if b"\x00" in line:  # the power failed while a line was written
+            line = line.strip(b"\x00") if self.format.checksum == "nmea" else line.lstrip(b"\x00")
+            before, _, after = line.rpartition(b"\x00")
+            if before and not after.strip():
+                line, complete = before, False
+            elif before and self._has_record(after):
+                self._lose(Note(Kind.TRUNCATED, "zero bytes end the line, and another one begins"))
+                line = after
+            if not line.strip():
+                return None
         if self.format.checksum == "nmea":
             body = strip_checksum(line)
             if body is None and self._is_free_comment(line):
                 return None
+            if body is None:
+                body = self._after_foreign_text(line)
             if body is None:
                 kind = Kind.CHECKSUM if complete else Kind.TRUNCATED
                 self._lose(Note(kind, "the checksum is absent or wrong", "", "check the connection to the logger"))
@@ -222,6 +259,31 @@ class RecordParser:
             self._header.take_comment(text.lstrip()[len(comment) :])
             return None
         return self._take_record(text, complete)
+
+    def _after_foreign_text(self, line: bytes) -> bytes | None:
+        """The record or header at the end of a line, if its checksum proves it: devices on the way insert text."""
+        comment = self.format.header.comment.encode()
+        for start in range(1, len(line)):
+            if not (line[start : start + 1].isdigit() or (comment and line.startswith(comment, start))):
+                continue
+            body = strip_checksum(line[start:])
+            if body is None or not (body.startswith(comment or b"\x00") or self._has_record(body)):
+                continue
+            text = line[:start].decode("ascii", "backslashreplace")
+            remedy = "switch off the heartbeat or banner of the serial server"
+            self._report(
+                Note(Kind.FOREIGN_TEXT, f"the text {text[:60]!r} stands before it", "", remedy), lost=False
+            )
+            return body
+        return None
+
+    def _has_record(self, body: bytes) -> bool:
+        """Whether a text has the fields of a record and begins with its time."""
+        layout = self.layout
+        fields = None if layout is None else layout.fit(split_fields(self.format, decode_line(body)))
+        if layout is None or fields is None:
+            return False
+        return read_time(stamp_text(fields, layout), self.format.time.used_formats) is not None
 
     def _is_free_comment(self, line: bytes) -> bool:
         """Whether a line without a checksum is a remark added by a person."""
@@ -262,12 +324,16 @@ class RecordParser:
             self._report(Note(Kind.NO_HEADER, "no usable header before this line", "", remedy), lost=True)
             return None
         names = self._reader.layout.names
-        if len(fields) == len(names) + 1 and not fields[-1]:
-            fields.pop()
-        if len(fields) != len(names):
+        fitted = self._reader.layout.fit(fields)
+        if fitted is None:
             kind = Kind.WRONG_FIELDS if complete else Kind.TRUNCATED
-            self._lose(Note(kind, f"the line has {len(fields)} fields, the header {len(names)}"))
+            commas = self.format.delimiter == "comma" and len(fields) > len(names) + 2
+            remedy = (
+                "if it has decimal commas, export the table with semicolons between the columns" if commas else ""
+            )
+            self._lose(Note(kind, f"the line has {len(fields)} fields, the header {len(names)}", "", remedy))
             return None
+        fields = fitted
         if not complete and self.format.checksum == "none" and self._reader.layout.last_needed == len(names) - 1:
             self._lose(Note(Kind.TRUNCATED, "the last line has no end: its last number may have been cut"))
             return None
@@ -327,14 +393,14 @@ def read_log(
     path: Path | str,
     logger: LoggerFormat | str | None = None,
     longitude: Longitude = "signed",
-    utc_offset_hours: float | None = None,
+    utc_offset_hours: float | str | None = None,
 ) -> LogFile:
     """Read a logger's file.
 
     :param logger: format: a model, its name, or the path of a YAML file; detected from the header if ``None``
     :param longitude: ``signed``, ``east`` or ``west``; see :class:`RecordParser`
-    :param utc_offset_hours: logger's clock minus UTC [h], ``logger_utc_offset_hours`` of the site; that of the
-        format if ``None``
+    :param utc_offset_hours: logger's clock minus UTC [h] or its time zone, ``logger_clock`` of the site; that of
+        the format if ``None``
     :raises InputError: if the file cannot be read, or has another format; the message names the formats that fit
     """
     path = Path(path)
@@ -357,7 +423,9 @@ def parse_log(
     :param path: source of the lines, for messages
     :param last_is_complete: whether the last line had an end
     """
-    parser = RecordParser(logger, longitude, path=path, remembered=None)
+    form = load_logger_format(logger) if isinstance(logger, str) else logger
+    form, choices = settle(lines, form, path)
+    parser = RecordParser(form, longitude, path=path, remembered=None)
     last = len(lines) - 1
     fed = [parser.feed(line, complete=number < last or last_is_complete) for number, line in enumerate(lines)]
     records = tuple(record for record in fed if record is not None)
@@ -379,6 +447,12 @@ def parse_log(
         unsigned_longitude=parser.format.position is not None and not parser.format.position.longitude_signed,
         clock=parser.clock,
         utc_offset_hours=parser.format.time.utc_offset_hours,
+        logger=form,
+        choices=choices,
+        columns=parser.layout.names,
+        unused=parser.layout.unused,
+        tubes=dict(zip(parser.layout.tubes, (one.name for one in parser.layout.counts), strict=True)),
+        left_out_counts=parser.left_out_counts,
     )
 
 
@@ -396,8 +470,13 @@ def format_of_lines(lines: Sequence[bytes], path: Path) -> LoggerFormat:
 
     :param path: source of the lines, for messages
     """
-    for name in matching_formats(lines):
-        return load_logger_format(name)
+    fitting = [load_logger_format(name) for name in matching_formats(lines)]
+    for logger in fitting:
+        parser = RecordParser(separated_as(logger, lines), "east")
+        if any(parser.feed(line) is not None for line in lines[:HEADER_LINES]):
+            return logger
+    for logger in fitting:
+        return logger
     for name in logger_names():
         logger = load_logger_format(name)
         if logger.header.columns:

@@ -10,14 +10,14 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.sections import Section, load_model
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, HumidityCorrection, Location
+from soilmoist_ros.sensing.formats.logger_format import ZoneName
 from soilmoist_ros.sensing.moisture import bound_water
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.sensing.moisture.universal import SIMULATED_DENSITY_GCM3, UniversalCurve
@@ -26,17 +26,6 @@ _log = logging.getLogger(__name__)
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 WaterFraction = Annotated[float, Field(ge=0, lt=1)]
-
-
-def _known_zone(name: str) -> str:
-    try:
-        ZoneInfo(name)
-    except (ZoneInfoNotFoundError, ValueError, OSError):
-        raise ValueError(f"{name!r} is not a time zone: write its name, such as Europe/London") from None
-    return name
-
-
-TimeZone = Annotated[str, AfterValidator(_known_zone)]
 
 
 class Soil(Section):
@@ -130,8 +119,10 @@ class Site(Section):
     """Hemisphere of the site, for loggers that write longitudes without a sign."""
     logger_utc_offset_hours: Annotated[float, Field(ge=-12, le=14)] | None = None
     """Logger's clock minus UTC [h]; that of the logger format if left out."""
-    time_zone: TimeZone | None = None
+    time_zone: ZoneName | None = None
     """Time zone of the field by its name, such as Europe/London, for local times next to UTC in reports."""
+    logger_time_zone: ZoneName | None = None
+    """Instead, time zone of the logger's clock, such as Europe/Berlin, if it changes to summer time."""
     location: Location | None = None
     """Position of a probe that does not log positions (a stationary probe)."""
     footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0
@@ -160,6 +151,17 @@ class Site(Section):
         # Fails for a value that is ``auto`` without a place.
         _ = self.corrections_parameters
         return self
+
+    @model_validator(mode="after")
+    def _one_clock(self) -> Site:
+        if self.logger_time_zone and self.logger_utc_offset_hours is not None:
+            raise ValueError("give 'logger_time_zone' or 'logger_utc_offset_hours', not both")
+        return self
+
+    @property
+    def logger_clock(self) -> float | str | None:
+        """Logger's clock minus UTC [h] or its time zone; ``None`` for that of the logger format."""
+        return self.logger_time_zone or self.logger_utc_offset_hours
 
     @property
     def corrections_parameters(self) -> Corrections:

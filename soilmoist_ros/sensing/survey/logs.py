@@ -24,6 +24,7 @@ from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.correction import counting_interval_s
+from soilmoist_ros.sensing.survey.log_doubts import log_doubts
 from soilmoist_ros.sensing.survey.survey import Survey
 
 
@@ -100,9 +101,9 @@ def process_logs(
     :raises InputError: if the logs are of different probes, or were read with another clock than that of the site,
         or no record can be placed and corrected
     """
-    _require_clock(logs, site.logger_utc_offset_hours)
+    _require_clock(logs, site.logger_clock)
     entries = [one for one in _in_order_of_time(logs) if times_s[0] < one.record.stamp_s <= times_s[1]]
-    problems = [problem for log in logs for problem in log.problems]
+    problems = [*(problem for log in logs for problem in log.problems), *log_doubts(logs)]
     remedy = "set the clock before each survey; places are found with the drift taken off"
     set_before = "set the clock before each survey; each part of the log is placed by its own offset"
     for log in logs:
@@ -150,7 +151,7 @@ def _require_same_time(entries: Sequence[_Entry], track: Track | None, site: Sit
     if track is None or not track.heard.epochs:
         return []
     records = [replace(entry.record, stamp_s=entry.record.stamp_s - entry.clock_ahead_s) for entry in entries]
-    why = why_unplaced(records, track, site.logger_utc_offset_hours is not None)
+    why = why_unplaced(records, track, site.logger_clock is not None)
     if why is None:
         return []
     if not any(record.position for record in records):
@@ -159,25 +160,29 @@ def _require_same_time(entries: Sequence[_Entry], track: Track | None, site: Sit
     return [Problem(Kind.DOUBTFUL_POSITIONS, replace(why, message=message))]
 
 
-def _require_clock(logs: Sequence[LogFile], offset_hours: float | None) -> None:
+def _require_clock(logs: Sequence[LogFile], clock: float | str | None) -> None:
     """Check that logs were read with the site's clock: otherwise all times are wrong by hours.
 
     :raises InputError: if one was not
     """
-    if offset_hours is None:
+    if clock is None:
         return
-    remedy = "read_log(path, utc_offset_hours=site.logger_utc_offset_hours)"
+    used = [(log.logger.time.zone if log.logger else "") or log.utc_offset_hours for log in logs]
     mistakes = [
         Mistake(
-            f"was read with a clock of UTC{log.utc_offset_hours:+g} h, and the site has UTC{offset_hours:+g} h",
-            remedy,
+            f"was read with a clock of {_clock_text(read)}, and the site has {_clock_text(clock)}",
+            "read_log(path, utc_offset_hours=site.logger_clock)",
             log.path,
         )
-        for log in logs
-        if log.utc_offset_hours != offset_hours
+        for log, read in zip(logs, used, strict=True)
+        if read != clock
     ]
     if mistakes:
         raise InputError(mistakes)
+
+
+def _clock_text(clock: float | str) -> str:
+    return clock if isinstance(clock, str) else f"UTC{clock:+g} h"
 
 
 @dataclass(frozen=True)
@@ -400,6 +405,8 @@ _NO_VALUE = (
 def _reasons(problems: Sequence[Problem]) -> list[Mistake]:
     """Examples of the problems that took records, most frequent kind first, after values that were lost."""
     lost = [problem for problem in problems if problem.consequence != "kept"]
+    if any(problem.kind is Kind.NO_POSITION for problem in lost):  # why the positions of the log are not used
+        lost += [problem for problem in problems if problem.kind is Kind.BAD_POSITION]
     kinds = [kind for kind, _ in Counter(problem.kind for problem in lost).most_common()]
     values = [problem for problem in problems if problem.kind in _NO_VALUE and Kind.NO_CORRECTION in kinds]
     first = [kind for kind, _ in Counter(problem.kind for problem in values).most_common() if kind not in kinds]

@@ -82,6 +82,8 @@ class FaultyLines:
             return f"{_BAUD}; binary protocols cannot be read"
         if kind is Kind.CHECKSUM and b"*" not in self._examples[kind]:
             return f"the lines have no checksum, unlike those of {logger.title}: check logger_format"
+        if kind in (Kind.BAD_TIME, Kind.NOT_A_NUMBER) and self._remedies[kind]:
+            return self._remedies[kind]
         if kind in _OTHER_FORMAT:
             return f"check logger_format (now {logger.title}), or restart the logger, which then sends its header"
         return self._remedies[kind] or "check the logger"

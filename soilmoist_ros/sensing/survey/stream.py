@@ -77,7 +77,7 @@ class SensorStream:
     ) -> None:
         self.logger_problems, self.gnss_problems = ProblemCount(), ProblemCount()
         form = load_logger_format(logger) if isinstance(logger, str) else logger
-        form = form.on_clock(site.logger_utc_offset_hours)
+        form = form.on_clock(site.logger_clock)
         self.parser = RecordParser(form, site.longitude, self._on_problem)
         self.survey = Survey(
             site,

@@ -87,7 +87,7 @@ def test_a_damaged_field_loses_the_record_with_a_reason(changes, kind):
         ({"rh": "120"}, [Kind.OUT_OF_RANGE, Kind.MISSING_VALUE]),
         ({"number": "x"}, [Kind.NOT_A_NUMBER]),
         ({"lat": "0", "lon": "0"}, [Kind.NO_FIX]),
-        ({"lat": "99"}, [Kind.OUT_OF_RANGE, Kind.NO_FIX]),
+        ({"lat": "99"}, [Kind.BAD_POSITION]),
     ],
 )
 def test_other_faults_are_noted_and_the_record_is_kept(changes, kinds):
@@ -104,4 +104,4 @@ def test_a_missing_tube_is_nan_and_a_value_slightly_above_saturation_is_saturati
 def test_a_western_longitude_at_an_eastern_site_is_no_position():
     reading = read(side="east", lon="-97.4")
     assert reading.record.position is None
-    assert notes(reading) == [Kind.OUT_OF_RANGE]
+    assert notes(reading) == [Kind.BAD_POSITION]

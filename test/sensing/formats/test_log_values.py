@@ -1,14 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import math
+from zoneinfo import ZoneInfo
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.formats.log_values import (
+    COMMON_TIME_FORMATS,
     decode_line,
+    likely_time_formats,
     nmea_checksum,
+    read_coordinate,
     read_number,
     read_time,
     split_lines,
@@ -88,3 +92,49 @@ def test_bytes_never_raise(data) -> None:
     for line in lines:
         decode_line(line)
         strip_checksum(line)
+
+
+@pytest.mark.parametrize(
+    ("text", "formats", "stamp_s"),
+    [
+        ("2018-05-01 14:14:08 UTC", ["iso8601"], 1525184048.0),
+        ("2018/05/01 14:14:08 UTC", ["%Y/%m/%d %H:%M:%S"], 1525184048.0),
+        ("01.05.2018 14:14:08Z", ["%d.%m.%Y %H:%M:%S"], 1525184048.0),
+        ("01.05.2018 16:14:08+02:00", ["%d.%m.%Y %H:%M:%S"], 1525184048.0),
+        ("2018-04-30 24:00:00", ["iso8601"], 1525132800.0 - 10800),
+        ("30/04/18 24:00", ["%d/%m/%y %H:%M"], 1525132800.0 - 10800),
+        ("2018-05-01 14:24:00 GMT", ["iso8601"], 1525184640.0),
+        ("5/1/2018 2:14:08 PM", ["%m/%d/%Y %I:%M:%S %p"], 1525184048.0 - 10800),
+        ("43221.5", ["excel_days"], 1525176000.0 - 10800),
+        ("1525184048000", ["unix_ms"], 1525184048.0),
+    ],
+)
+def test_zones_in_stamps_midnights_and_serial_dates(text, formats, stamp_s) -> None:
+    assert read_time(text, formats, 3.0) == stamp_s
+
+
+@pytest.mark.parametrize(
+    ("text", "formats"),
+    [("1525184048", "unix_s"), ("43221.5", "excel_days"), ("01.05.2018 14:14", "%d.%m.%Y %H:%M"), ("x", "")],
+)
+def test_likely_time_formats(text, formats) -> None:
+    assert next(iter(likely_time_formats(text)), "") == formats
+
+
+@settings(deadline=None)
+@given(st.text(max_size=40), st.sampled_from(["auto", "point", "comma"]), st.booleans())
+def test_no_text_makes_the_readers_raise(text, decimal, packed) -> None:
+    read_number(text, decimal)
+    read_coordinate(text, packed, decimal)
+    likely_time_formats(text)
+    read_time(text, [*COMMON_TIME_FORMATS, "excel_days", "unix_ms"], ZoneInfo("Europe/Berlin"), 1.5e9)
+
+
+@settings(deadline=None)
+@given(st.floats(-89.99, 89.99), st.booleans())
+def test_coordinates_of_receivers_and_of_maps_agree(value, lettered) -> None:
+    minutes = round((abs(value) % 1) * 60, 4)
+    degrees = int(abs(value)) + (minutes >= 60)
+    text = f"{degrees:02d}{minutes % 60:07.4f}"
+    text = f"{text} {'S' if value < 0 else 'N'}" if lettered else f"{'-' if value < 0 else ''}{text}"
+    assert read_coordinate(text, packed=True) == pytest.approx(value, abs=1e-5)

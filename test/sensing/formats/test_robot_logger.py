@@ -105,3 +105,19 @@ def test_what_cannot_be_written(change) -> None:
 def test_bad_serial_numbers(serial) -> None:
     with pytest.raises(ValueError, match="serial"):
         format_header(serial)
+
+
+@pytest.mark.parametrize("text", [b"www.usr.cn", b"\xff\x00hello\x07", b"12", b"#hb;", b"2024-05-01T10:00:00Z,"])
+def test_text_of_a_serial_server_before_a_record_costs_no_record(text) -> None:
+    parser = RecordParser(FORMAT)
+    record = parser.feed(text + format_record(RECORD).encode())
+    assert record is not None
+    assert record.tube_counts == RECORD.tube_counts
+    (problem,) = parser.problems
+    assert (problem.kind, problem.lost) == (Kind.FOREIGN_TEXT, False)
+    assert repr(text.decode("ascii", "backslashreplace")) in problem.mistake.message
+    assert "heartbeat" in problem.mistake.remedy
+    header = format_header(serial="A7").splitlines()
+    for line in header:
+        parser.feed(text + line.encode())
+    assert parser.serial == "A7"

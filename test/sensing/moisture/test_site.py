@@ -100,7 +100,7 @@ def test_the_time_zone_of_the_field_has_a_known_name(tmp_path):
     path.write_text("time_zone: Europe/London\n")
     assert load_site(path).time_zone == "Europe/London"
     path.write_text("time_zone: Lincoln\n")
-    with pytest.raises(InputError, match="'Lincoln' is not a time zone: write its name, such as Europe/London"):
+    with pytest.raises(InputError, match="there is no time zone 'Lincoln'; write it as in Europe/Berlin"):
         load_site(path)
 
 
