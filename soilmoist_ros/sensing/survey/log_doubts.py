@@ -26,6 +26,8 @@ MIN_MONTHS = 3
 """Number of such times that make the order of day and month doubtful."""
 MIN_BARE = 0.3
 """Counts of a tube relative to the others below which it is not connected, rather than bare."""
+CHANCE_SD = 4.0
+"""Standard deviations of a count that chance explains: a log of minutes shows no bare tube."""
 BARE_SHARE = 0.7
 """Counts of a tube relative to the others below which it may be bare: a thermal tube counts about half."""
 
@@ -112,7 +114,7 @@ def _tubes(logs: Sequence[LogFile]) -> Iterator[tuple[Kind, str, str]]:
     used = {number: total for number, total in zip(numbers, totals, strict=True) if number not in left_out}
     mean = float(np.mean(list(used.values()))) if used else 0.0
     for number, total in left_out.items():
-        if mean > 0 and total > mean / BARE_SHARE:
+        if mean > 0 and total - CHANCE_SD * math.sqrt(total) > mean / BARE_SHARE:
             message = (
                 f"tube {number}, which the format leaves out, counts {total / mean:.2f} times what tube "
                 f"{', '.join(map(str, used))} counts: a moderated tube counts more than a bare one"
@@ -120,10 +122,10 @@ def _tubes(logs: Sequence[LogFile]) -> Iterator[tuple[Kind, str, str]]:
             remedy = f"if tube {number} is the moderated one, copy the logger format and leave the other one out"
             yield Kind.OTHER_TUBE, message, remedy
     strong = float(np.median(sorted(used.values())[len(used) // 2 :])) if len(used) > 1 else 0.0
-    for weak in (number for number, total in used.items() if MIN_BARE < total / (strong or np.inf) < BARE_SHARE):
-        message = (
-            f"tube {weak} counts {used[weak] / strong:.2f} times what the others count: it may be bare (thermal)"
-        )
+    for weak, total in used.items():
+        if total <= MIN_BARE * strong or total + CHANCE_SD * math.sqrt(total) >= BARE_SHARE * strong:
+            continue
+        message = f"tube {weak} counts {total / strong:.2f} times what the others count: it may be bare (thermal)"
         remedy = f"if it is bare, copy the logger format and write 'left_out: [{weak}]' below 'counts'"
         yield Kind.OTHER_TUBE, message, remedy
 

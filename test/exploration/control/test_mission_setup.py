@@ -56,7 +56,7 @@ def test_only_nodes_in_the_field_are_measured_at_but_others_are_home_and_way():
 
 
 def test_a_map_of_another_place():
-    with pytest.raises(InputError, match=r"no node .* x 900 \.\. 905 m, .* check the datum"):
+    with pytest.raises(InputError, match=r"no node .* x 900 \.\. 905 m, .* 880 m away -> .* the field's datum"):
         FieldAccess(field(), RobotMotion(), graph(("a", 900.0, 5.0), ("b", 905.0, 5.0)))
 
 
