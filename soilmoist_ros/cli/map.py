@@ -166,12 +166,13 @@ def _print_summary(run: MapRun) -> None:
     if soil_map.curve is None:
         say("moisture   not mapped: the site file has no soil properties or calibration")
     else:
-        low, high = np.nanquantile(soil_map.vwc, [0.05, 0.95])
+        low, high = 100 * np.nanquantile(soil_map.vwc, [0.05, 0.95])
         known = mean_moisture(soil_map)
         mean = np.nanmean(soil_map.vwc) if known is None else known.value
-        interval = "" if known is None else f" ({known.p05:.3f} to {known.p95:.3f})"
-        say(f"moisture   mean {mean:.3f}{interval} m3/m3, 5 to 95 % of the area {low:.3f} to {high:.3f}")
-    say(f"area       of each value: {run.support_text}")
+        interval = "" if known is None else f" ({100 * known.p05:.1f} to {100 * known.p95:.1f})"
+        range_text = f"5 to 95 % of the area have {low:.1f} to {high:.1f}"
+        say(f"moisture   mean {100 * mean:.1f}{interval} % by volume; {range_text}")
+    say(f"map of     {run.support_text}")
     if soil_map.accuracy is not None:
         say(f"kriging    {soil_map.accuracy}")
     print_knowledge(run)
@@ -188,8 +189,9 @@ def _print_place(run: MapRun) -> None:
     if curve is None:
         say("moisture   not computed: the site file has no soil properties or calibration")
     else:
-        low, high = series.bands.vwc.min(), series.bands.vwc.max()
+        low, high = 100 * series.bands.vwc.min(), 100 * series.bands.vwc.max()
         steps = f"{len(series.begin_s)} steps of {series.step_s / 3600:g} h"
-        say(f"moisture   mean {mean.vwc:.3f} m3/m3, 90 % interval {mean.vwc_p05:.3f} to {mean.vwc_p95:.3f}")
-        say(f"           {low:.3f} to {high:.3f} over time, in {steps}")
+        interval = f"90 % interval {100 * mean.vwc_p05:.1f} to {100 * mean.vwc_p95:.1f}"
+        say(f"moisture   mean {100 * mean.vwc:.1f} % by volume, {interval}")
+        say(f"           {low:.1f} to {high:.1f} over time, in {steps}")
     print_notes(run)

@@ -133,7 +133,7 @@ def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun
         say("map        no map: the mission ended before the first map update; report.html says what to do")
         return
     say(f"rate       {rate_error(last.mse, last.coverage95)}")
-    rmse = f"RMSE {last.vwc_rmse:.4f} m3/m3"
+    rmse = f"RMSE {100 * last.vwc_rmse:.2f} % by volume"
     say(f"moisture   {rmse if run.soil_map.curve else 'not mapped: the field has no calibration'}")
     for mapped, errors in zip(result.properties[1:], last.errors[1:], strict=True):
         say(f"property   {mapped.name}: {rate_error(errors.mse, errors.coverage95)}")

@@ -7,6 +7,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
+from difflib import get_close_matches
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,7 @@ from rclpy.validate_namespace import validate_namespace
 
 from soilmoist_ros.foundation.configuration import read_yaml
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.suggestions import did_you_mean, listing
+from soilmoist_ros.foundation.suggestions import listing
 from soilmoist_ros.nodes.parameters.parameter import Parameter, Value, check_values, current_names
 
 
@@ -35,6 +37,12 @@ def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
         except InvalidNamespaceException as error:
             raise InputError(f"others: {name!r} is not a namespace ({error})", "an example is /robot_2") from None
     return [name for name in plain if name != node.get_namespace()]
+
+
+NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver")
+"""Modules with the tables of the nodes, of which a file for all nodes may have parameters."""
+MISSPELT = 0.85
+"""Similarity to a parameter of the node, from 0 to 1, from which a name under ``/**`` is a misspelt one."""
 
 
 def names_for_all(arguments: Sequence[str], node: str) -> set[str]:
@@ -57,6 +65,14 @@ def names_for_all(arguments: Sequence[str], node: str) -> set[str]:
             last = place.rstrip("/").rpartition("/")[2]
             (for_all if "*" in last else own if last == node else set[str]()).update(names)
     return for_all - own
+
+
+def _is_misspelt(name: str, rows: Mapping[str, Parameter]) -> bool:
+    """Whether a name is nearly that of a parameter of this node, and of no other node of the package."""
+    if not get_close_matches(name, rows, 1, MISSPELT):
+        return False
+    tables = (import_module(f"soilmoist_ros.nodes.parameters.{node}").PARAMETERS for node in NODES)
+    return all(name != row.name for table in tables for row in table)
 
 
 def _blocks(content: Any, place: str = "") -> Iterator[tuple[str, list[str]]]:
@@ -85,7 +101,7 @@ class Parameters:
     :param table: rows of the parameters
     :param arguments: command line with the parameter files; by default that of the process
     :raises InputError: with every unknown name and every invalid value. Names under ``/**`` are meant for all
-        nodes of a robot: unknown ones are ignored with a line in the log
+        nodes of a robot: unknown ones are ignored with a line in the log, unless they are misspelt
     """
 
     def __init__(self, node: Node, table: Sequence[Parameter], arguments: Sequence[str] | None = None) -> None:
@@ -97,13 +113,14 @@ class Parameters:
         foreign = [name for name in given if name not in known and not name.startswith("qos_overrides.")]
         if foreign:
             for_all = names_for_all(sys.argv if arguments is None else arguments, node.get_name())
-            foreign = [name for name in foreign if name in for_all]
+            # Launch files, too, write what they set under /**: a misspelt name is rather one of this node.
+            foreign = [name for name in foreign if name in for_all and not _is_misspelt(name, rows)]
         self._values, mistakes = check_values(rows, given, known={*node._parameters, *foreign})
         if twice or mistakes:
             raise InputError([*twice, *mistakes])
         if foreign:
-            guesses = [f"{name}{did_you_mean(name, rows)}" for name in sorted(foreign)]
-            warnings.append(f"parameters of /** that this node does not have are ignored: {listing(guesses)}")
+            names = listing(sorted(foreign))
+            warnings.append(f"parameters of /** that this node does not have are ignored: {names}")
         for warning in warnings:
             node.get_logger().warning(warning)
         for name, value in self._values.items():

@@ -57,12 +57,13 @@ def test_every_mistake_is_named_at_once(ros):
 @pytest.mark.parametrize(
     ("text", "refused"),
     [
-        ("/**:\n  ros__parameters: {robot_name: t14, sped_mps: 1.0}", ()),
+        ("/**:\n  ros__parameters: {robot_name: t14, ramp: 1.0}", ()),
+        ("/**:\n  ros__parameters: {robot_name: t14, sped_mps: 1.0}", ("sped_mps",)),
         (
             "/**:\n  ros__parameters: {robot_name: t14}\nexample:\n  ros__parameters: {sped_mps: 1.0}",
             ("sped_mps",),
         ),
-        ("/farm/*:\n  ros__parameters: {arm: {robot_name: t14}, sped_mps: 1.0}", ("robot_name",)),
+        ("/farm/*:\n  ros__parameters: {arm: {robot_name: t14}, ramp: 1.0}", ("robot_name",)),
         ("/**/example:\n  ros__parameters: {robot_name: t14, sped_mps: 1.0}", ("robot_name", "sped_mps")),
         ("farm:\n  example:\n    ros__parameters: {robot_name: t14, sped_mps: 1.0}", ("robot_name", "sped_mps")),
     ],
@@ -70,19 +71,18 @@ def test_every_mistake_is_named_at_once(ros):
 def test_unknown_names_that_are_meant_for_all_nodes_are_ignored(ros, tmp_path, capfd, text, refused):
     file = tmp_path / "robot.yaml"
     file.write_text(text)
-    node, arguments = (
-        make(ros, robot_name="t14", sped_mps=1.0),
-        ["planner", "--ros-args", "--params-file", str(file)],
-    )
+    names = [name for name in ("robot_name", "sped_mps", "ramp") if name in text]
+    node = make(ros, **dict.fromkeys(names, 1.0))
+    arguments = ["planner", "--ros-args", "--params-file", str(file)]
     if refused:
         with pytest.raises(InputError) as caught:
             Parameters(node, TABLE, arguments)
-        assert [name for name in ("robot_name", "sped_mps") if f"'{name}'" in str(caught.value)] == list(refused)
+        assert [name for name in names if f"'{name}'" in str(caught.value)] == list(refused)
         return
     Parameters(node, TABLE, arguments)
-    assert "does not have are ignored: robot_name, sped_mps (did you mean 'speed_mps'?)" in capfd.readouterr().err
-    with pytest.raises(InputError, match="there is no parameter 'sped_mps'"):
-        Parameters(make(ros, sped_mps=1.0), TABLE, [*arguments, "-p", "sped_mps:=1.0"])
+    assert "does not have are ignored: ramp, robot_name" in capfd.readouterr().err
+    with pytest.raises(InputError, match="there is no parameter 'ramp'"):
+        Parameters(make(ros, ramp=1.0), TABLE, [*arguments, "-p", "ramp:=1.0"])
 
 
 def test_values_in_messages_are_as_people_write_them():
