@@ -29,10 +29,14 @@ def shown_path(path: PurePath | str) -> str:
 def shown_text(text: str) -> str:
     """A message for results that others read, without folders of this computer.
 
-    >>> shown_text("/usr/bin/may.csv:21: no fix on /robot/fix")
-    'may.csv:21: no fix on /robot/fix'
+    >>> shown_text("/usr/bin/may.csv:21: no fix on /robot/fix, no counts on /counts")
+    'may.csv:21: no fix on /robot/fix, no counts on /counts'
     """
-    return _FOLDERS.sub(lambda found: "" if Path(found[0]).is_dir() else found[0], text)
+
+    def without(found: re.Match[str]) -> str:
+        return "" if found[0] != "/" and Path(found[0]).is_dir() else found[0]
+
+    return _FOLDERS.sub(without, text)
 
 
 def read_json(text: str | bytes) -> Any:

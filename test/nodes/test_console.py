@@ -247,7 +247,7 @@ def test_a_map_of_the_other_side_of_the_earth_is_named_and_the_page_goes_on(ros,
     process = ros.start("console", params={"field": str(tmp_path / "field.yaml"), "port": 0, "runs": "."})
     address = ros.wait_for(lambda: re.search(r"console: (http://\S+)", process.output()))[1]
     node = {"name": "n1", "pose": {"position": {"x": 1.0, "y": 2.0}}, "edges": []}
-    datum = {"datum_latitude": 0.0, "datum_longitude": 0.0}
+    datum = {"datum_latitude": 35.0, "datum_longitude": -31.0}
     maps = ros.node.create_publisher(String, "/topological_map_2", LATCHED)
     maps.publish(String(data=json.dumps({"meta": datum, "nodes": [{"node": node}]})))
     ros.wait_for(lambda: "1 of 1 nodes of the navigation's map cannot be used" in process.output())

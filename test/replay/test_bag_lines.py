@@ -82,7 +82,7 @@ def test_a_bag_of_ros_1_gives_the_map_of_the_logs(survey):
     of_fixes = map_logs([survey / "fixes.bag"], settings(survey))
     np.testing.assert_allclose(of_fixes.soil_map.rate, of_logs.soil_map.rate, rtol=1e-6)
     assert len(of_fixes.track) == len(of_logs.track)
-    assert of_fixes.inputs[0].name == str(survey / "fixes.bag")
+    assert of_fixes.inputs[0].name == "fixes.bag"
     files = {"site": str(survey / "site.yaml"), "field": str(survey / "field.yaml")}
     replayed = replay_bag(
         survey / "fixes.bag", ReplaySettings(**files, logger_topic="/crns/line", merge_radius_m=2.5)

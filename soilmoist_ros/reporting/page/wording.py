@@ -194,7 +194,8 @@ def headline(run: MapRun) -> list[str]:
 def _support(run: MapRun) -> str:
     """What each value is of, and how fine the map is."""
     size_m = resolution_m(run.soil_map, run.footprint_radius_m or 0.0)
-    return f"Each value is of this area: {run.support_text}. Structures below {size_m:.0f} m are not resolved."
+    of = "a " if run.support_text.startswith("mean") else "that of "
+    return f"Each value is {of}{run.support_text}. Structures below {size_m:.0f} m are not resolved."
 
 
 def _headline_of_place(run: MapRun) -> list[str]:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD
 from soilmoist_ros.exploration.planning.property_names import property_name
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.simulation.mission.setting import Setting
@@ -86,6 +85,8 @@ def _share(value: float) -> float:
 
 
 def _not_percent(value: float) -> float:
+    from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD  # not for the help of a command
+
     if value > MAX_UNTIL_SD:
         raise InputError(f"must be at most {MAX_UNTIL_SD:g}, but it is {value:g}", f"write {value / 100:g}")
     return value

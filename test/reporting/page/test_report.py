@@ -156,7 +156,7 @@ def test_the_farmers_part_comes_before_the_scientists(page):
 
 def test_key_numbers_are_there(page, the_map):
     assert f"{100 * mean_moisture(the_map).value:.1f}" in page.text
-    assert "Each value is of this area: mean over the footprint of the sensor around each place. " in page.text
+    assert "Each value is a mean over the footprint of the sensor around each place. " in page.text
     assert "m are not resolved." in page.text
     low, high = (f"{100 * q:.1f}" for q in np.nanpercentile(the_map.vwc, (5, 95)))
     assert f"{low} to {high}" in page.text
