@@ -62,6 +62,8 @@ MAX_FAULTS = 5
 """Number of kinds of faults that are shown."""
 WEAK_TUBE = 0.2
 """Share of the mean count of the tubes below which a tube counts too little."""
+_MAX_N0_SD = 0.3
+"""Standard deviation of N0 beyond which it is in another unit, as a share of N0."""
 _DRY, _WET = 0.05, 0.40
 """Moisture of dry and wet soil, for examples [m^3/m^3]."""
 
@@ -192,6 +194,8 @@ def site_findings(site: Site) -> Iterator[Finding]:
     ]
     yield Finding("correction", ", ".join(applied))
     yield from _on_monitor(settings)
+    for key, why in site.unused_keys():
+        yield Finding("not used", f"{key}: {why}")
     curve = site.curve
     if curve is None:
         missing = " and ".join(name for name in ("soil", "calibration") if getattr(site, name) is None)
@@ -208,6 +212,8 @@ def site_findings(site: Site) -> Iterator[Finding]:
     )
     if doubt := unusual_n0(curve.n0_cps):
         yield _doubt(doubt)
+    if curve.n0_sd_cps > _MAX_N0_SD * curve.n0_cps:
+        yield _doubt(f"n0_sd_cps is {curve.n0_sd_cps / curve.n0_cps:.0%} of N0: is it in counts/s?")
     if site.calibration is not None and not (site.calibration.has_origin or site.calibration.illustrative):
         yield _doubt(
             "the calibration has no date, note or n0_sd_cps: give one, or write 'illustrative: true' if N0 is not "
