@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from datetime import date
@@ -139,7 +140,7 @@ def _decimal_degrees(text: str) -> float | None:
         return None
     if any(float(number) >= 60 for number in numbers[1:]):
         return None
-    value = sum(float(number) / 60**place for place, number in enumerate(numbers))
+    value = math.fsum(float(number) / 60**place for place, number in enumerate(numbers))
     return -value if re.search("[SW-]", text) else value
 
 

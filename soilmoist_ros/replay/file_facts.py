@@ -160,8 +160,8 @@ def graph_findings(field: Field, path: Path) -> Iterator[Finding]:
     yield Finding(
         "graph", f"{len(fenced.stops)} of {total} nodes are stops in {field.name}; datum of the map: {datum}"
     )
-    if fenced.warning:
-        yield _doubt(fenced.warning)
+    for doubt in filter(None, (fenced.warning, found.restrictions())):
+        yield _doubt(doubt)
 
 
 def site_findings(site: Site) -> Iterator[Finding]:
@@ -433,7 +433,8 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]
         return
     if counted.left_out:
         yield _doubt(
-            f"{counted.left_out} records are quarantined or cannot be corrected: soilmoist map lists them"
+            f"{counted.left_out} records are quarantined or cannot be corrected: soilmoist map lists them. Most "
+            f"often: {counted.reason or 'no reason is known'}"
         )
     yield Finding("factors", factors_text(counted.factors))
     yield from map(_doubt, unusual_factors(counted.factors))

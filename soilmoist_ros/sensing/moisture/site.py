@@ -201,12 +201,16 @@ class Site(Section):
 
     def unused_keys(self) -> Iterator[tuple[str, str]]:
         """Keys of the file that change nothing, and why."""
-        for number, key, water, of in (
-            (self.soil and self.soil.clay, "clay", "lattice_water", bound_water.lattice_water),
-            (self.soil and self.soil.organic_carbon, "organic_carbon", "organic_water", bound_water.organic_water),
+        soil = self.soil
+        if (
+            soil is not None
+            and soil.clay is not None
+            and soil.lattice_water != bound_water.lattice_water(soil.clay)
         ):
-            if number is not None and getattr(self.soil, water) != of(number):
-                yield f"soil.{key}", f"{water} is given"
+            yield "soil.clay", "lattice_water is given"
+        carbon = None if soil is None else soil.organic_carbon
+        if soil is not None and carbon is not None and soil.organic_water != bound_water.organic_water(carbon):
+            yield "soil.organic_carbon", "organic_water is given"
         intensity, humidity = self.corrections.intensity, self.corrections.humidity
         universal = self.humidity_method == "universal"
         if intensity is not None and intensity.constant is not None:
