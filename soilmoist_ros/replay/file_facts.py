@@ -45,6 +45,7 @@ from soilmoist_ros.sensing.survey.correction import (
 )
 from soilmoist_ros.sensing.survey.log_doubts import log_doubts
 from soilmoist_ros.sensing.survey.logs import calibration_counts, why_unplaced
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
 """Areas beyond which a field is unusual for a survey with a neutron sensor [m^2]."""
@@ -123,6 +124,22 @@ def field_findings(field: Field) -> Iterator[Finding]:
         yield _doubt(
             f"the boundary lies {distance_text(distance_m)} from its datum: is the datum that of this field?"
         )
+
+
+def truth_findings(known: SurrogateField) -> Iterator[Finding]:
+    """Rates of a surrogate field, and the moisture that they stand for."""
+    rates = known.rate_at(known.field.grid().cells)
+    low, high = float(rates.min()), float(rates.max())
+    text, fits = f"a rate of {low:.4g} to {high:.4g} counts/s", True
+    if known.curve is not None:
+        wet, dry = (float(known.curve.vwc(rate)) for rate in (low, high))
+        fits = dry >= 0 and wet <= soil_limits(known.curve.bulk_density_gcm3).saturation + _DRY
+        text += f", a moisture of {dry:.2f} to {wet:.2f} m3/m3 by its calibration"
+    yield Finding("truth", text)
+    if doubt := unusual_n0(high).replace("N0", "a rate", 1):
+        yield _doubt(doubt)
+    if not fits:
+        yield _doubt("no soil has these rates: check N0, units, and whether the data are rates or moistures")
 
 
 def _looks_swapped(place: LatLon) -> str:
