@@ -648,8 +648,8 @@ def _vectors(source: BorderSource) -> _Content:
 
     path = source.path
     pyogrio = optional_module("pyogrio")
-    beside = {one.name.lower() for one in path.parent.iterdir()}
-    if path.suffix.lower() == ".shp" and path.name.lower() in beside and f"{path.stem}.shx".lower() not in beside:
+    present = {one.name.lower() for one in path.parent.iterdir()} if path.is_file() else set()
+    if path.suffix.lower() == ".shp" and present and f"{path.stem}.shx".lower() not in present:
         remedy = "keep .shp, .shx, .dbf and .prj together, or give a zip file with all of them"
         raise InputError(f"lacks its part {path.stem}.shx", remedy, path)
     with readable_vector(path, "export the border as GeoJSON in WGS-84"):
