@@ -125,6 +125,8 @@ def read_border(source: BorderSource) -> Border:
             f"give a file of the kinds {', '.join(FORMATS)}",
             path,
         )
+    if suffix in (*VECTORS, ".zip", ".kmz") and not path.exists():
+        raise InputError("cannot be read: No such file or directory", "check its path in the field file", path)
     if source.layer and suffix not in VECTORS:
         raise InputError("has no layers", "remove 'layer'", path)
     try:
@@ -648,8 +650,8 @@ def _vectors(source: BorderSource) -> _Content:
 
     path = source.path
     pyogrio = optional_module("pyogrio")
-    present = {one.name.lower() for one in path.parent.iterdir()} if path.is_file() else set()
-    if path.suffix.lower() == ".shp" and present and f"{path.stem}.shx".lower() not in present:
+    present = {one.name.lower() for one in path.parent.iterdir()}
+    if path.suffix.lower() == ".shp" and f"{path.stem}.shx".lower() not in present:
         remedy = "keep .shp, .shx, .dbf and .prj together, or give a zip file with all of them"
         raise InputError(f"lacks its part {path.stem}.shx", remedy, path)
     with readable_vector(path, "export the border as GeoJSON in WGS-84"):

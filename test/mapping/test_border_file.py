@@ -332,3 +332,9 @@ def test_a_shapefile_without_its_index_says_so(tmp_path):
         InputError, match=r"a.shp: lacks its part a.shx -> keep .shp, .shx, .dbf and .prj together"
     ):
         read_border(BorderSource(tmp_path / "a.shp"))
+
+
+@pytest.mark.parametrize("name", ["a.shp", "b.gpkg", "c.zip", "d.kmz", "e.kml", "f.geojson"])
+def test_a_file_that_is_not_there_is_looked_for(tmp_path, name):
+    with pytest.raises(InputError, match="No such file or directory -> check its path in the field file"):
+        read_border(BorderSource(tmp_path / "missing" / name))
