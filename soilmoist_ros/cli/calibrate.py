@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from datetime import UTC, datetime
+from datetime import UTC, datetime, time
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -147,7 +146,8 @@ def command(
         say(f"factors    {factors_text(counted.factors)}")
     say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{_of_records(counted)}")
     say(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s, curve {unit.curve}")
-    say(f"of which   {estimate.from_counting_cps:.4f} from counting, {estimate.from_cores_cps:.4f} from cores")
+    of_cores = "an unknown part" if math.isnan(estimate.from_cores_cps) else f"{estimate.from_cores_cps:.4f}"
+    say(f"of which   {estimate.from_counting_cps:.4f} from counting, {of_cores} from cores")
     if before is not None and before.curve != unit.curve:
         before = None  # its N0 is of another kind
     for doubt in [*unusual_factors(counted.factors), unusual_pressure(counted.pressure_hpa, known)]:
@@ -172,28 +172,28 @@ def command(
 
 def _about(mean: CoreMean) -> str:
     depth = "" if math.isnan(mean.depth_cm) else f", seen to {mean.depth_cm:.0f} cm"
-    return (
-        f"{mean.count} in {mean.profiles} profiles, mean VWC {mean.vwc:.4f} m3/m3 +- {mean.vwc_sd:.4f}, "
-        f"{mean.weights}{depth}"
-    )
+    error = ", of unknown error (one profile)" if math.isnan(mean.vwc_sd) else f" +- {mean.vwc_sd:.4f}"
+    return f"{mean.count} in {mean.profiles} profiles, mean VWC {mean.vwc:.4f} m3/m3{error}, {mean.weights}{depth}"
 
 
 def _require_days_of_counts(days: Sequence[str], counted: CalibrationCounts, cores: Path) -> None:
-    """Refuse counts of other days than the cores; days whose month is not clear are not compared."""
+    """Refuse counts of other days than the cores; of a date whose month is not clear, both days are compared."""
+    from soilmoist_ros.sensing.moisture.cores import possible_days
+
     if not counted.records:
         return
     for day in days:
-        with suppress(ValueError):
-            begin_s = datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp()
-            # Clocks of loggers and of people differ by up to half a day from UTC.
-            if not counted.first_s - 1.5 * DAY_S < begin_s < counted.last_s + 0.5 * DAY_S:
-                first, last = (datetime.fromtimestamp(at, UTC) for at in (counted.first_s, counted.last_s))
-                of_counts = f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
-                raise InputError(
-                    f"the cores are of {day}, and the counts of {of_counts}",
-                    "give the log of that day, or correct the date of the cores",
-                    cores,
-                )
+        begins_s = [datetime.combine(of, time(), UTC).timestamp() for of in possible_days(day)]
+        # Clocks of loggers and of people differ by up to half a day from UTC.
+        earliest_s, latest_s = counted.first_s - 1.5 * DAY_S, counted.last_s + 0.5 * DAY_S
+        if begins_s and not any(earliest_s < at < latest_s for at in begins_s):
+            first, last = (datetime.fromtimestamp(at, UTC) for at in (counted.first_s, counted.last_s))
+            of_counts = f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
+            raise InputError(
+                f"the cores are of {day}, and the counts of {of_counts}",
+                "give the log of that day, or correct the date of the cores",
+                cores,
+            )
     if days and counted.last_s - counted.first_s > (len(days) + 2) * DAY_S:
         long_days = (counted.last_s - counted.first_s) / DAY_S
         warn(f"doubt      {long_days:.0f} days are counted for cores of {listing(days)}: choose --from and --to")

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -124,13 +125,13 @@ def _site(name: str) -> tuple[Site, Iterable[Finding]]:
 def _field(name: str) -> tuple[Field, Iterable[Finding]]:
     from soilmoist_ros.foundation.configuration import read_yaml, resource
     from soilmoist_ros.mapping.field import load_field
-    from soilmoist_ros.replay.file_facts import field_findings
+    from soilmoist_ros.replay.file_facts import field_findings, truth_findings
     from soilmoist_ros.simulation.fields.truth_file import load_surrogate
 
     path = resource("fields", name)
     field = load_field(path)
     if "truth" in read_yaml(path):
-        load_surrogate(path)
+        return field, chain(field_findings(field), truth_findings(load_surrogate(path)))
     return field, field_findings(field)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from soilmoist_ros.cli.answers.answer import answering, put, say, wrote
 from soilmoist_ros.cli.options.names import FILE, Name
@@ -45,6 +46,10 @@ def command(
 
     The graph is an open lattice. With --rows, it consists of crop rows that are connected at their ends only.
     """
+    source = click.get_current_context().get_parameter_source
+    for option in ("heading", "headland"):
+        if rows is None and source(option) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"--{option} is for crop rows: it requires --rows")
     if out.exists() and not overwrite:
         raise InputError("exists already", "choose another file, or give --overwrite to replace it", out)
     from datetime import UTC, datetime

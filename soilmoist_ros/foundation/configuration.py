@@ -154,7 +154,9 @@ def parse_yaml(
         mark = error.problem_mark
         mistake = Mistake(
             f"is not valid YAML: {error.problem}",
-            "check indentation, colons and quotes near this line; use spaces, not tabs",
+            "remove one of the two"
+            if "duplicate key" in str(error.problem)
+            else "check indentation, colons and quotes near this line; use spaces, not tabs",
             path,
             mark.line + 1 if mark else 0,
         )

@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
+from datetime import date
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -59,7 +61,7 @@ def _plain(node: Any) -> Any:
         return [_plain(value) for value in node]
     if isinstance(node, float):
         return float(node)
-    return node
+    return node.isoformat() if isinstance(node, date) else node
 
 
 def _without_consequences(details: Sequence[Any]) -> list[Any]:
@@ -82,11 +84,19 @@ def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -
         known = _known_keys(model, location[:-1])
         unknown = str(location[-1])
         remedy = f"remove it or use one of: {', '.join(known)}{did_you_mean(unknown, known)}"
+        if re.search("lat_?l(on|ng)", unknown.lower()):
+            remedy += "; longitude comes first"
         if unknown.isdecimal():
             remedy = "write decimals with a point: 53.2, not 53,2"
         return Mistake(f"unknown key {unknown!r}", remedy, path, line, column)
     if detail["type"] == "missing":
         return Mistake(f"the key {location[-1]!r} is missing", "add it", path, line, column)
+    if detail["type"] == "model_type":
+        known = _known_keys(model, location)
+        message = f"should hold keys and values, but is {_shown(detail.get('input'))}"
+        return Mistake(
+            message, f"write its keys, such as {{{known[0]}: ...}}" if known else "", path, line, column
+        )
     message = detail["msg"].removeprefix("Value error, ").replace(" after validation", "")
     message = message[:1].lower() + message[1:]
     value = detail.get("input")
@@ -100,16 +110,42 @@ def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -
 def _notation(detail: Any, location: Location) -> str:
     """What to do with a number in another notation or unit; empty if it is not clear."""
     value, limits = str(detail.get("input")).strip(), detail.get("ctx") or {}
+    unit = str(location[-1]).rpartition("_")[2] if location else ""
+    if detail["type"] == "literal_error":
+        known = re.findall(r"'([^']+)'", str(limits.get("expected")))
+        return f"write {value.lower()}" if value.lower() in known else ""
+    if unit == "deg" and (degrees := _decimal_degrees(value)) is not None:
+        return f"write degrees with decimals: {degrees:.7g}"
     if detail["type"] in ("float_parsing", "int_parsing"):
         if re.fullmatch(r"[+-]?\d+,\d+", value):
             return f"write decimals with a point: {value.replace(',', '.')}"
-        return "write the number without its unit" if re.match(r"[+-]?[.\d]+\s*[^\d\s.,]", value) else ""
+        if re.match(r"[+-]?[.\d]+\s*[^\d\s.,]", value):
+            return "write the number without its unit"
+        return f"write a number, in {_UNITS[unit]}" if unit in _UNITS else ""
     if not any(limits.get(one) for one in ("lt", "le", "gt", "ge")):  # zero has no unit
         return ""
     if 1.0 in (limits.get("lt"), limits.get("le")):
         return "it is a fraction: divide per cent by 100"
-    unit = str(location[-1]).rpartition("_")[2] if location else ""
-    return f"the name of the key has its unit: {_UNITS[unit]}" if unit in _UNITS else ""
+    per = "1/" if location and "_per_" in str(location[-1]) else ""
+    return f"the name of the key has its unit: {per}{_UNITS[unit]}" if unit in _UNITS else ""
+
+
+def _decimal_degrees(text: str) -> float | None:
+    """Degrees of a text with minutes or a side, such as ``53 16 4.8 N``; ``None`` of another one."""
+    numbers = re.findall(r"\d+(?:\.\d+)?", text)
+    if (
+        not re.fullmatch(r"""[NSEW]?[\s+-]*[\d.]+(?:[\s°'"′″:d]+[\d.]*){0,3}\s*[NSEW]?""", text)
+        or len(numbers) > 3
+    ):
+        return None
+    if any(float(number) >= 60 for number in numbers[1:]):
+        return None
+    value = math.fsum(float(number) / 60**place for place, number in enumerate(numbers))
+    return -value if re.search("[SW-]", text) else value
+
+
+def _shown(value: Any) -> str:
+    return _kind(value) if value is None else f"{value!s:.60}"
 
 
 def _is_tag(part: int | str, content: Any) -> bool:

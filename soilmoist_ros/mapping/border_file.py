@@ -125,6 +125,8 @@ def read_border(source: BorderSource) -> Border:
             f"give a file of the kinds {', '.join(FORMATS)}",
             path,
         )
+    if suffix in (*VECTORS, ".zip", ".kmz") and not path.exists():
+        raise InputError("cannot be read: No such file or directory", "check its path in the field file", path)
     if source.layer and suffix not in VECTORS:
         raise InputError("has no layers", "remove 'layer'", path)
     try:
@@ -194,7 +196,7 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
             apart.append((number, mine))
     rivals = [number for number, mine in apart if mine]
     if rivals:
-        raise _several([chosen, *rivals], labels, source)
+        raise _several([chosen, *rivals], labels, source, dict(numbered))
     share = sum(shape.area for shape, *_ in inside) / outer.area
     if share > MAX_INSIDE_SHARE:
         raise InputError(
@@ -208,13 +210,20 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
     if apart:
         others = dict.fromkeys(labels[number] for number, _ in apart)
         notes.append(f"not used, as they are not inside {label}: {listing(others)}")
+    drawn = [labels[number] for number, feature in numbered if feature.lines or feature.points]
+    if drawn:
+        notes.append(
+            f"lines and points are not used: {listing(drawn)}; draw what the robot must avoid as a polygon"
+        )
     unused = Counter(key for _, feature in numbered for key in feature.properties if key not in _USED_PROPERTIES)
     if unused:
         notes.append(f"properties that say nothing about the border are not used: {listing(unused)}")
     return Border(rings[0], (*rings[1:], *(ring[0] for _, ring, _ in inside)), tuple(notes))
 
 
-def _several(numbers: Sequence[int], labels: Mapping[int, str], source: BorderSource) -> InputError:
+def _several(
+    numbers: Sequence[int], labels: Mapping[int, str], source: BorderSource, features: Mapping[int, _Feature]
+) -> InputError:
     """The error of a file with several polygons that are apart; the first is the largest."""
     different = sorted(set(numbers))
     if len(different) == 1:
@@ -225,16 +234,25 @@ def _several(numbers: Sequence[int], labels: Mapping[int, str], source: BorderSo
         )
     label = labels[numbers[0]]
     chosen = label if label.endswith("'") else str(numbers[0])
+    what = "holds {} polygons, none of which holds the others"
+    if source.feature:
+        what = f"has {{}} polygons that {source.feature!r} fits, as number or property"
+        others = {pair for number in set(numbers[1:]) for pair in _pairs(features[number])}
+        chosen = next((repr(pair) for pair in _pairs(features[numbers[0]]) if pair not in others), chosen)
     return InputError(
-        f"holds {len(numbers)} polygons, none of which holds the others: "
-        f"{listing(labels[number] for number in different)}",
+        f"{what.format(len(numbers))}: {listing(labels[number] for number in different)}",
         f"say which is the field: border: {{file: {source.path.name}, feature: {chosen}}}",
         source.path,
     )
 
 
 def _is_called(wanted: str, number: int, feature: _Feature) -> bool:
-    return wanted == str(number) or wanted in feature.properties.values()
+    return wanted in (str(number), *feature.properties.values(), *_pairs(feature))
+
+
+def _pairs(feature: _Feature) -> list[str]:
+    """Properties with their keys, as ``feature`` may name them."""
+    return [f"{key}={value}" for key, value in feature.properties.items()]
 
 
 def _close_lines(features: Iterable[_Feature], notes: list[str]) -> None:
@@ -632,6 +650,10 @@ def _vectors(source: BorderSource) -> _Content:
 
     path = source.path
     pyogrio = optional_module("pyogrio")
+    present = {one.name.lower() for one in path.parent.iterdir()}
+    if path.suffix.lower() == ".shp" and f"{path.stem}.shx".lower() not in present:
+        remedy = "keep .shp, .shx, .dbf and .prj together, or give a zip file with all of them"
+        raise InputError(f"lacks its part {path.stem}.shx", remedy, path)
     with readable_vector(path, "export the border as GeoJSON in WGS-84"):
         layers = [str(name) for name, kind in pyogrio.list_layers(path).tolist() if kind is not None]
         if source.layer and source.layer not in layers:

@@ -45,6 +45,7 @@ from soilmoist_ros.sensing.survey.correction import (
 )
 from soilmoist_ros.sensing.survey.log_doubts import log_doubts
 from soilmoist_ros.sensing.survey.logs import calibration_counts, why_unplaced
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
 """Areas beyond which a field is unusual for a survey with a neutron sensor [m^2]."""
@@ -62,6 +63,8 @@ MAX_FAULTS = 5
 """Number of kinds of faults that are shown."""
 WEAK_TUBE = 0.2
 """Share of the mean count of the tubes below which a tube counts too little."""
+_MAX_N0_SD = 0.3
+"""Standard deviation of N0 beyond which it is in another unit, as a share of N0."""
 _DRY, _WET = 0.05, 0.40
 """Moisture of dry and wet soil, for examples [m^3/m^3]."""
 
@@ -123,6 +126,22 @@ def field_findings(field: Field) -> Iterator[Finding]:
         )
 
 
+def truth_findings(known: SurrogateField) -> Iterator[Finding]:
+    """Rates of a surrogate field, and the moisture that they stand for."""
+    rates = known.rate_at(known.field.grid().cells)
+    low, high = float(rates.min()), float(rates.max())
+    text, fits = f"a rate of {low:.4g} to {high:.4g} counts/s", True
+    if known.curve is not None:
+        wet, dry = (float(known.curve.vwc(rate)) for rate in (low, high))
+        fits = dry >= 0 and wet <= soil_limits(known.curve.bulk_density_gcm3).saturation + _DRY
+        text += f", a moisture of {dry:.2f} to {wet:.2f} m3/m3 by its calibration"
+    yield Finding("truth", text)
+    if doubt := unusual_n0(high).replace("N0", "a rate", 1):
+        yield _doubt(doubt)
+    if not fits:
+        yield _doubt("no soil has these rates: check N0, units, and whether the data are rates or moistures")
+
+
 def _looks_swapped(place: LatLon) -> str:
     """Doubt about the order of coordinates: far from any town, but near one with the two swapped."""
     latitude, longitude = place
@@ -158,8 +177,8 @@ def graph_findings(field: Field, path: Path) -> Iterator[Finding]:
     yield Finding(
         "graph", f"{len(fenced.stops)} of {total} nodes are stops in {field.name}; datum of the map: {datum}"
     )
-    if fenced.warning:
-        yield _doubt(fenced.warning)
+    for doubt in filter(None, (fenced.warning, found.restrictions())):
+        yield _doubt(doubt)
 
 
 def site_findings(site: Site) -> Iterator[Finding]:
@@ -192,6 +211,8 @@ def site_findings(site: Site) -> Iterator[Finding]:
     ]
     yield Finding("correction", ", ".join(applied))
     yield from _on_monitor(settings)
+    for key, why in site.unused_keys():
+        yield Finding("not used", f"{key}: {why}")
     curve = site.curve
     if curve is None:
         missing = " and ".join(name for name in ("soil", "calibration") if getattr(site, name) is None)
@@ -208,6 +229,8 @@ def site_findings(site: Site) -> Iterator[Finding]:
     )
     if doubt := unusual_n0(curve.n0_cps):
         yield _doubt(doubt)
+    if curve.n0_sd_cps > _MAX_N0_SD * curve.n0_cps:
+        yield _doubt(f"n0_sd_cps is {curve.n0_sd_cps / curve.n0_cps:.0%} of N0: is it in counts/s?")
     if site.calibration is not None and not (site.calibration.has_origin or site.calibration.illustrative):
         yield _doubt(
             "the calibration has no date, note or n0_sd_cps: give one, or write 'illustrative: true' if N0 is not "
@@ -427,7 +450,8 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]
         return
     if counted.left_out:
         yield _doubt(
-            f"{counted.left_out} records are quarantined or cannot be corrected: soilmoist map lists them"
+            f"{counted.left_out} records are quarantined or cannot be corrected: soilmoist map lists them. Most "
+            f"often: {counted.reason or 'no reason is known'}"
         )
     yield Finding("factors", factors_text(counted.factors))
     yield from map(_doubt, unusual_factors(counted.factors))

@@ -177,7 +177,6 @@ def test_counts_of_another_day_than_the_cores_are_refused(tmp_path):
     from soilmoist_ros.simulation.robot.virtual_survey import write_survey
 
     write_survey(tmp_path, seed=2, spacing_m=30.0, dwell_s=60.0)
-    (tmp_path / "cores.csv").write_text("date,vwc\n1999-05-01,0.2\n1999-05-01,0.22\n")
     common = [
         "calibrate",
         tmp_path / "cores.csv",
@@ -186,6 +185,8 @@ def test_counts_of_another_day_than_the_cores_are_refused(tmp_path):
         "--log",
         tmp_path / "survey.log",
     ]
-    result = CliRunner().invoke(main, [str(each) for each in [*common, "--dry-run"]])
-    assert result.exit_code == 2
-    assert "the cores are of 1999-05-01, and the counts of 20" in result.output
+    for day in ("1999-05-01", "05/01/1999"):
+        (tmp_path / "cores.csv").write_text(f"date,vwc\n{day},0.2\n{day},0.22\n")
+        result = CliRunner().invoke(main, [str(each) for each in [*common, "--dry-run"]])
+        assert result.exit_code == 2
+        assert f"the cores are of {day}, and the counts of 20" in result.output

@@ -185,3 +185,27 @@ def test_a_pressure_that_does_not_fit_the_altitude_is_doubted(tmp_path):
     assert (
         "1015 hPa on average, but 960 hPa are usual at 455 m: is it reduced to sea level" in check(*files).output
     )
+
+
+def test_a_truth_is_shown_and_counts_per_hour_are_doubted(tmp_path):
+    (tmp_path / "points.csv").write_text("x_m,y_m,rate_cps\n0,0,3600\n50,0,3500\n50,40,3900\n")
+    (tmp_path / "field.yaml").write_text(
+        "datum: {latitude_deg: 53.268, longitude_deg: -0.5245}\npolygon: [[0, 0], [60, 0], [60, 50], [0, 50]]\n"
+        "truth: {points: points.csv, soil: {bulk_density_gcm3: 1.4}, calibration: {n0_cps: 4.4}}\n"
+    )
+    said = check("--field", tmp_path / "field.yaml").output
+    assert "counts/s is unusual: 1.079 counts/s if it is per hour" in said
+    assert "no soil has these rates" in said
+    assert "a rate of 2.766 to 3.544 counts/s, a moisture of 0.10 to 0.28" in check("--field", "patches").output
+
+
+def test_records_that_cannot_be_corrected_have_their_reason(roving_record, tmp_path):
+    log = roving_record.with_name("station_kansas_2021-10.dat")
+    days = "".join(f"2021-10-{day} 00:00;150\n" for day in range(18, 30))
+    (tmp_path / "monitor.csv").write_text(days)
+    (tmp_path / "site.yaml").write_text(
+        "logger_utc_offset_hours: -6\ncorrections: {intensity: {reference: 150, file: monitor.csv}}\n"
+    )
+    said = check("--site", tmp_path / "site.yaml", "--log", log).output
+    assert "252 records are quarantined or cannot be corrected: soilmoist map lists them. Most often: " in said
+    assert "the neutron monitor, 2021-10-18 00:00 to 2021-10-29 00:00 UTC, has no rate at this time" in said

@@ -417,6 +417,9 @@ def test_an_unknown_field_lists_the_known_fields(tmp_path):
     assert again.exit_code == 2
     assert "graph.yaml: exists already -> choose another file, or give --overwrite" in again.output
     assert run("graph", "example", "--out", tmp_path / "graph.yaml", "--force").exit_code == 0
+    lattice = run("graph", "example", "--heading", 20, "--out", tmp_path / "graph.yaml", "--force")
+    assert lattice.exit_code == 2
+    assert "--heading is for crop rows: it requires --rows" in lattice.output
 
 
 def test_all_mistakes_in_a_campaign_are_reported(tmp_path):

@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """All mistakes of a configuration file are reported at once, each with its line and what to do."""
 
+import re
+from typing import Literal
+
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
@@ -43,3 +46,38 @@ def test_a_file_without_keys_is_refused(tmp_path, text, said):
     path.write_text(text)
     with pytest.raises(InputError, match=f"should hold keys and values, but holds {said}"):
         load_model(path, Logger)
+
+
+class Place(Section):
+    latitude_deg: float
+    longitude_deg: float
+
+
+class Journey(Section):
+    start: Place
+    day: str = ""
+    curve: Literal["desilets", "universal"] = "desilets"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("start: [53.2, -0.5]\n", "is [53.2, -0.5] -> write its keys, such as {latitude_deg: ...}"),
+        ("start: {latitude_deg: 53 16 4.8 N, longitude_deg: 0}\n", "write degrees with decimals: 53.268"),
+        ("start: {latitude_deg: 0, longitude_deg: '0°31\\'28.2\"W'}\n".replace("\\'", "''"), "decimals: -0.5245"),
+        ("start: {latitude_deg: 0, longitude_deg: 0}\ncurve: Desilets\n", "write desilets"),
+        ("start: {latlon: 0}\n", "longitude comes first"),
+        ("day: a\nday: b\n", 'duplicate key "day" with value "b" (original value: "a") -> remove one of the two'),
+    ],
+)
+def test_values_of_another_form_get_a_remedy_that_fits(tmp_path, text, said):
+    path = tmp_path / "journey.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=re.escape(said)):
+        load_model(path, Journey)
+
+
+def test_a_date_without_quotes_is_a_text(tmp_path):
+    path = tmp_path / "journey.yaml"
+    path.write_text("start: {latitude_deg: 0, longitude_deg: 0}\nday: 2026-05-02\n")
+    assert load_model(path, Journey).day == "2026-05-02"

@@ -304,3 +304,37 @@ def test_a_border_on_both_sides_of_the_180th_meridian_is_one_field(tmp_path):
     field = load_field(path)
     assert abs(abs(field.frame.longitude_deg) - 180) < 1e-6
     np.testing.assert_allclose(np.ptp(field.polygon, axis=0), [106.5, 110.7], atol=0.2)
+
+
+def test_points_and_lines_next_to_the_border_are_named(tmp_path):
+    corners = [[0, 50], [0.002, 50], [0.002, 50.001], [0, 50.001], [0, 50]]
+    drawn = [
+        feature("Polygon", [corners], name="field"),
+        feature("Point", [0.001, 50.0005], name="pylon"),
+        feature("LineString", [[0, 50], [0.002, 50.001]], name="ditch"),
+    ]
+    (note,) = read_border(BorderSource(written(tmp_path, collection(*drawn)))).notes
+    assert note.startswith("lines and points are not used: 'pylon', 'ditch'; draw")
+
+
+def test_a_number_that_is_a_property_of_another_feature_is_asked_for(tmp_path):
+    shifted = [[[x + at, y] for x, y in ((0, 50), (0.002, 50), (0.002, 50.001), (0, 50))] for at in (0, 0.01)]
+    path = written(tmp_path, collection(*(feature("Polygon", [ring], id=id) for id, ring in enumerate(shifted))))
+    with pytest.raises(InputError, match=r"2 polygons that '1' fits, as number or property.*feature: 'id=[01]'"):
+        read_border(BorderSource(path, feature="1"))
+    assert read_border(BorderSource(path, feature="id=1")).outline[:, 0].min() == pytest.approx(0.01)
+
+
+def test_a_shapefile_without_its_index_says_so(tmp_path):
+    pytest.importorskip("pyogrio")
+    (tmp_path / "a.shp").write_bytes(b"")
+    with pytest.raises(
+        InputError, match=r"a.shp: lacks its part a.shx -> keep .shp, .shx, .dbf and .prj together"
+    ):
+        read_border(BorderSource(tmp_path / "a.shp"))
+
+
+@pytest.mark.parametrize("name", ["a.shp", "b.gpkg", "c.zip", "d.kmz", "e.kml", "f.geojson"])
+def test_a_file_that_is_not_there_is_looked_for(tmp_path, name):
+    with pytest.raises(InputError, match="No such file or directory -> check its path in the field file"):
+        read_border(BorderSource(tmp_path / "missing" / name))

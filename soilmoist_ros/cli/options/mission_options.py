@@ -117,7 +117,7 @@ def chosen_settings(choices: dict[str, Any]) -> MissionSettings:
     from soilmoist_ros.simulation.fields.catalogue import surrogate_field
     from soilmoist_ros.simulation.mission.settings import MissionSettings
 
-    if (graph := choices.get("graph")) is not None:
+    if (graph := choices.get("graph")) is not None and choices.get("travel") != "free":
         choices = {**choices, "travel": "graph", "graph": None if graph == "lattice" else graph}
     settings = MissionSettings(**choices)
     if "hours" not in choices:

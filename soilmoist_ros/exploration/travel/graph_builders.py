@@ -58,11 +58,16 @@ def open_lattice(
     :param margin_m: distance to keep from the border and the no-go areas [m], >= 0
     :raises InputError: if not even two joined nodes, or far too many, would lie in the field
     """
+    import shapely
+
     _require_positive(spacing_m=spacing_m)
     low, high = field.polygon.min(axis=0), field.polygon.max(axis=0)
     _require_few(float(np.prod(np.floor((high - low) / spacing_m) + 1)), spacing_m)
     x_m, y_m = (_centred(low[axis], high[axis], spacing_m) for axis in (0, 1))
     area = DrivableArea((field.polygon,), field.no_go, margin_m)
+    remedy = f"use a spacing smaller than {spacing_m:g} m"
+    if shapely.Polygon(field.polygon).buffer(-margin_m).is_empty:
+        remedy = f"a margin of {margin_m:g} m leaves nothing of the field: use a smaller one"
     digits = len(str(max(len(x_m), len(y_m))))
     nodes = {
         (row, column): _node(f"r{row + 1:0{digits}d}c{column + 1:0{digits}d}", float(x), float(y))
@@ -78,7 +83,7 @@ def open_lattice(
         for up, right in steps
         if (row + up, column + right) in nodes
     ]
-    return _connected(list(nodes.values()), _allowed(ways, area), f"use a spacing smaller than {spacing_m:g} m")
+    return _connected(list(nodes.values()), _allowed(ways, area), remedy)
 
 
 def crop_rows(

@@ -89,6 +89,21 @@ class TopologicalMap:
         names = listing(str(edge.get("edge_id", edge["node"])) for edge in refused)
         return f"{len(refused)} of {len(edges)} edges have an action that is not known ({actions}): {names}"
 
+    def restrictions(self) -> str:
+        """Which nodes and edges the navigation keeps robots from; empty if there are none."""
+        found: dict[str, list[str]] = {}
+        for entry in self.document["nodes"]:
+            node = entry["node"]
+            for part, name in [
+                (node, node["name"]),
+                *((edge, edge.get("edge_id")) for edge in node.get("edges") or []),
+            ]:
+                for key in ("restrictions_planning", "restrictions_runtime"):
+                    if (text := str(part.get(key) or "True").strip()).lower() != "true":
+                        found.setdefault(text, []).append(str(name))
+        of = (f"{text} of {listing(dict.fromkeys(names))}" for text, names in found.items())
+        return f"restrictions of the topological map are not looked at: {'; '.join(of)}" if found else ""
+
     def to_json(self) -> str:
         """The document as it goes on the topic ``topological_map_2``."""
         return json.dumps(self.document, allow_nan=False)
@@ -245,6 +260,8 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
             "convert it with the map converter of topological_navigation to .tmap2.yaml",
             path,
         )
+    if isinstance(content, Mapping) and isinstance(content.get("data"), str):  # the message of the topic
+        return parse_topological_map(content["data"], path)
     entries = content.get("nodes") if isinstance(content, Mapping) else None
     if not isinstance(entries, Sequence) or isinstance(entries, str):
         raise InputError(

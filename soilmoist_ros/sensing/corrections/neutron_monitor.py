@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
@@ -21,8 +21,8 @@ from soilmoist_ros.foundation.suggestions import did_you_mean
 Gaps = Literal["interpolate", "hold"]
 
 MAX_GAP_S = 6 * 3600.0
-MAX_MISTAKES = 10
-"""Maximum number of rows that are named in an error."""
+MAX_MISTAKES = 3
+"""Maximum number of rows that are named in an error for one remedy."""
 _TAG = re.compile(r"<[^<>]{1,40}>")
 _KEY_AND_VALUE = re.compile(r"#\s*([A-Z][A-Z .]{2,20}):\s*(.*?)\s*")
 _DURATION = re.compile(r"(\d+)\s*(min|hour|day)")
@@ -98,6 +98,7 @@ class _Export:
     :param faults: bad rates of each station
     :param of_database: whether the file has the head of an export, so that its columns are stations
     :param unread: rows whose times cannot be read
+    :param last_row: the last row that is neither a comment nor a time with rates
     """
 
     values: dict[str, str] = field(default_factory=dict)
@@ -106,6 +107,7 @@ class _Export:
     faults: dict[str, list[Mistake]] = field(default_factory=dict)
     of_database: bool = False
     unread: list[Mistake] = field(default_factory=list)
+    last_row: str = ""
 
     @property
     def interval_s(self) -> float:
@@ -134,9 +136,9 @@ def read_neutron_monitor(
 ) -> NeutronMonitor:
     """Read an ASCII export of the neutron monitor database NMDB (www.nmdb.eu/nest), or rows of time and rate.
 
-    The separator is ``;`` (with decimal points or commas), a tab, ``,`` or blanks; times are ISO 8601 (UTC). Rows
-    with an empty or null rate are skipped. The times of an export are the beginnings of intervals, whose duration
-    is in its head.
+    The separator is ``;`` (with decimal points or commas), a tab, ``,`` or blanks; times are ISO 8601, or begin
+    with day.month.year (UTC). Rows with an empty or null rate are skipped. The times of an export are the
+    beginnings of intervals, whose duration is in its head.
 
     :param station: code of the station, for a file of several; the only one if empty
     :param gaps: interpolate between the neighbours of a gap, or hold the last rate
@@ -150,7 +152,7 @@ def read_neutron_monitor(
     name = _chosen(export, station, path)
     rates = export.rates[name]
     if faults := [*export.unread, *export.faults.get(name, [])]:
-        raise InputError(faults[:MAX_MISTAKES])
+        raise InputError(_of_each_kind(faults))
     stamps = np.array(sorted(rates))
     middle_s = export.interval_s / 2
     series = np.array([rates[stamp] for stamp in stamps])
@@ -179,6 +181,7 @@ def _read_rows(lines: list[str], path: Path) -> _Export:
             types = all(_DATA_TYPES.fullmatch(name) for name in names)
             export.columns = names if not types or (len(set(names)) > 1 and len(export.stations) < 2) else []
         elif len(cells) >= 2 and not line.startswith("#"):
+            export.last_row = f"{line:.60}"
             if _NUMBER.fullmatch(cells[1]) and re.match(r"\d", cells[0]):
                 remedy = "write times as 2018-05-01 14:00 (UTC)"
                 mistake = Mistake(f"the time {cells[0]!r} cannot be read", remedy, path, number)
@@ -209,10 +212,23 @@ def _take_row(export: _Export, stamp_s: float, cells: list[str], path: Path, num
             rate = math.nan
         if not (math.isfinite(rate) and rate > 0):
             remedy = "correct the row, or export counts per second, not relative units"
+            if rate == 0 or rate <= -99:
+                remedy = "if it marks a gap, leave the rate empty"
             mistake = Mistake(f"rate {cell!r} is not a positive number", remedy, path, number)
             export.faults.setdefault(export.station(column), []).append(mistake)
             continue
         rates[stamp_s] = rate
+
+
+def _of_each_kind(faults: list[Mistake]) -> list[Mistake]:
+    """The first rows of each kind of fault; the last of them says how many more there are."""
+    found = []
+    for remedy in dict.fromkeys(fault.remedy for fault in faults):
+        alike = [fault for fault in faults if fault.remedy == remedy]
+        found += alike[:MAX_MISTAKES]
+        if (more := len(alike) - MAX_MISTAKES) > 0:
+            found[-1] = replace(found[-1], message=f"{found[-1].message}, and {more} more rows")
+    return found
 
 
 def _chosen(export: _Export, station: str, path: Path) -> str:
@@ -220,8 +236,9 @@ def _chosen(export: _Export, station: str, path: Path) -> str:
     known = [name for name in export.rates if export.rates[name] or export.faults.get(name)]
     if not known:
         if export.unread:
-            raise InputError(export.unread[:MAX_MISTAKES])
-        raise InputError("has no row of time and rate", _EXPECTED, path)
+            raise InputError(_of_each_kind(export.unread))
+        rows = f", but rows such as {export.last_row!r}" if export.last_row else ""
+        raise InputError(f"has no row of time and rate{rows}", _EXPECTED, path)
     if known and all(_DATA_TYPES.fullmatch(name) for name in known) and not (station and station in known):
         return _corrected(export, station, path)
     same = [name for name in known if name.upper() == station.upper()]
@@ -258,6 +275,7 @@ def _other_station(of: str, station: str, path: Path) -> InputError:
 
 
 def _stamp(text: str) -> float | None:
+    text = re.sub(r"^(\d\d?)\.(\d\d?)\.(\d{4})\b", lambda day: f"{day[3]}-{day[2]:0>2}-{day[1]:0>2}", text)
     try:
         time = datetime.fromisoformat(text.replace("Z", "+00:00").replace("/", "-"))
     except ValueError:

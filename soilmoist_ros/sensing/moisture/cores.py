@@ -8,8 +8,10 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from datetime import date, timedelta
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,18 +56,30 @@ _OTHER_UNITS = {
 _NAMES = (*_COLUMNS, "profile", "date")
 _SITES = ("site", "site_id", "site_name", "station", "station_id", "field", "field_id")
 _SIMILAR = (
-    ("top", "top_cm"), ("bottom", "bottom_cm"), ("depth", "depth_cm"), ("dist", "distance_m"),
-    ("radius", "distance_m"), ("dens", "bulk_density_gcm3"), ("prof", "profile"), ("weigh", "weight"),
-    ("theta_v", "vwc"), ("volumetric", "vwc"), ("vwc", "vwc"), ("swc", "vwc"), ("theta_g", "gravimetric_water"),
-    ("grav", "gravimetric_water"), ("moist", "gravimetric_water"), ("water", "gravimetric_water"),
+    ("top", "top"), ("bottom", "bottom"), ("depth", "depth"), ("dist", "distance"), ("radius", "distance"),
+    ("dens", "bulk_density"), ("prof", "profile"), ("weighting", "weight"),
+    ("theta_v", "vwc"), ("volumetric", "vwc"), ("vwc", "vwc"), ("swc", "vwc"), ("theta_g", "gravimetric"),
+    ("grav", "gravimetric"), ("g_g", "gravimetric"), ("g/g", "gravimetric"),
+    ("moist", "vwc or gravimetric"), ("water", "vwc or gravimetric"),
 )  # fmt: skip
-"""Parts of names that other programs give to columns, and the column that they probably are."""
+"""Parts of names that other programs give to columns, and the quantity that they probably are."""
+_LENGTHS = ("mm", "cm", "m", "km", "ft", "feet", "inch", "inches", "yd")
+_OTHER_QUANTITY = re.compile(r"lattice|organic|carbon|mass|weight(?!ing)|volume\b")
+"""Names of water that is no moisture, and of what a laboratory weighs."""
+_SEPARATOR_LINE = re.compile(r"\"?sep=.\"?[,;\t]*", re.IGNORECASE)
+"""Line that tells a spreadsheet how columns are separated."""
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---")
 _INTERVAL = re.compile(r"(\d+(?:\.\d+)?)\s*(?:-|–|—|to|bis)\s*(\d+(?:\.\d+)?)\s*(?:cm)?", re.IGNORECASE)
 _DAY = re.compile(r"(\d{4})([-/.])(\d\d?)\2(\d\d?)(?!\d)|(\d\d?)([-/.])(\d\d?)\6(\d{4}|\d\d)(?!\d)")
+_DAY_NUMBER = re.compile(r"([2-5]\d{4})(?:\.\d+)?")
+"""Days since 1899-12-30, as spreadsheets count them."""
 _TIME = re.compile(r"[T ]+\d\d?:\d\d.*$")
 _SAMPLING_ERROR = 0.1
 """Water above the pore volume that errors of mass and volume of a core may explain [m^3/m^3]."""
+_DISAGREEMENT = 0.05
+"""Difference between two statements of the moisture of one core that is named [m^3/m^3]."""
+_DRIEST = 0.01
+"""Moisture that some core of a calibration exceeds; even desert sand does [m^3/m^3]."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _DECIMAL_POINT = re.compile(r"[+-]?\d+\.\d+")
 
@@ -108,8 +122,11 @@ class CoreTable:
 
 
 class _Row(NamedTuple):
+    """Cells of the known columns in their units, and as written: name of the column, and text."""
+
     line: int
     cells: dict[str, str]
+    written: dict[str, tuple[str, str]]
 
 
 def read_soil_cores(path: Path, bulk_density_gcm3: float | None = None, days: Sequence[str] = ()) -> CoreTable:
@@ -128,13 +145,16 @@ def read_soil_cores(path: Path, bulk_density_gcm3: float | None = None, days: Se
     rows = _read_rows(path, notes)
     rows, chosen = _of_days(rows, days, path)
     cores: list[SoilCore] = []
+    lines: list[int] = []
     mistakes: list[Mistake] = []
-    for line, row in rows:
+    for row in rows:
         try:
-            cores.append(_core(row, bulk_density_gcm3))
+            cores.append(_core(row.cells, bulk_density_gcm3))
+            lines.append(row.line)
         except _CellError as fault:
-            mistakes.append(Mistake(fault.message, fault.remedy, path, line, fault.column))
-    mistakes += _differences(cores, path)
+            mistakes.append(_as_written(fault, row, path))
+    names = {name for row in rows for name, _ in row.written.values()}
+    mistakes += _differences(cores, lines, names, path)
     if mistakes:
         raise InputError(mistakes)
     if not cores:
@@ -158,14 +178,33 @@ class _CellError(Exception):
         self.column, self.message, self.remedy = column, message, remedy
 
 
-def _differences(cores: Sequence[SoilCore], path: Path) -> list[Mistake]:
-    """Cores that cannot be weighed together."""
+def _as_written(fault: _CellError, row: _Row, path: Path) -> Mistake:
+    """The mistake with the name and the value that the file has, in whatever unit."""
+    name, text = row.written.get(fault.column, (fault.column, ""))
+    message, remedy = fault.message, fault.remedy
+    if name != fault.column and "outside" in message:
+        message = f"{text} is {message.replace(' is ', f' in the unit of {fault.column}, ', 1)}"
+        remedy = f"check the value; if it has that unit, name the column {fault.column}"
+    elif name != fault.column:
+        message = message.replace(repr(row.cells[fault.column]), repr(text))
+    return Mistake(message, remedy, path, row.line, name)
+
+
+def _differences(cores: Sequence[SoilCore], lines: Sequence[int], names: set[str], path: Path) -> list[Mistake]:
+    """Cores that cannot be weighed together, and columns whose unit cannot be right."""
     found = []
     for name, what in (("distance_m", "a distance"), ("top_cm", "a depth")):
-        known = sum(not math.isnan(getattr(core, name)) for core in cores)
-        if 0 < known < len(cores):
-            remedy = "fill in the column for every core, or leave it out"
-            found.append(Mistake(f"only {known} of {len(cores)} cores have {what}", remedy, path))
+        lacking = [line for line, core in zip(lines, cores, strict=True) if math.isnan(getattr(core, name))]
+        if 0 < len(lacking) < len(cores):
+            message = f"only {len(cores) - len(lacking)} of {len(cores)} cores have {what}"
+            remedy = f"fill it in from line {lacking[0]} on; leave out rows that are no cores, such as means"
+            found.append(Mistake(message, remedy, path, lacking[0]))
+    most = max((core.vwc for core in cores), default=1.0)
+    if most < _DRIEST:
+        column = next((name for name in ("vwc_percent", "gravimetric_percent") if name in names), "")
+        remedy = f"name the column {_canonical(column)} if it is a fraction" if column else "check the values"
+        message = f"no core has more than {most:.2g} m3/m3 of water"
+        found.append(Mistake(message, remedy, path, column=column))
     if len({core.bottom_cm > core.top_cm for core in cores}) > 1:
         remedy = "give either top_cm and bottom_cm or depth_cm to every core"
         found.append(Mistake("some cores have a thickness and some do not", remedy, path))
@@ -179,6 +218,10 @@ def _differences(cores: Sequence[SoilCore], path: Path) -> list[Mistake]:
     if bottoms and 0 < max(bottoms) < 1.5:
         remedy = "name columns in metres depth_m, or top_m and bottom_m"
         found.append(Mistake(f"no core reaches deeper than {max(bottoms):g} cm: are these metres?", remedy, path))
+    elif bottoms and 0 < max(bottoms) < 4 and names & {"depth_mm", "bottom_mm"}:
+        remedy = "name columns in centimetres depth_cm, or top_cm and bottom_cm"
+        message = f"no core reaches deeper than {max(bottoms):g} cm: are these centimetres?"
+        found.append(Mistake(message, remedy, path))
     return found
 
 
@@ -186,13 +229,26 @@ def _doubts(rows: Sequence[_Row], cores: Sequence[SoilCore], density: float | No
     """Doubts about cores that can be read."""
     found = []
     lacking = sum(math.isnan(core.bulk_density_gcm3) for core in cores)
-    if 0 < lacking < len(cores) and density is not None:
+    by_mass = any(not row.cells.get("vwc") and row.cells.get("gravimetric_water") for row in rows)
+    if density is not None and (0 < lacking < len(cores) or (lacking and by_mass)):
         found.append(
             f"{lacking} of {len(cores)} cores have no bulk density: {density:g} g/cm3 of the site file counts"
         )
     both = sum(row.cells.get("vwc", "") != "" and row.cells.get("gravimetric_water", "") != "" for row in rows)
     if both:
         found.append(f"gravimetric_water is not used for {both} cores: they have vwc")
+    apart = [
+        f"line {row.line}: {core.vwc:.2f} and {mass * core.bulk_density_gcm3:.2f} m3/m3"
+        for row, core in zip(rows, cores, strict=True)
+        if row.cells.get("vwc")
+        and (mass := _float(row.cells.get("gravimetric_water", ""))) is not None
+        and abs(core.vwc - mass * core.bulk_density_gcm3) > _DISAGREEMENT
+    ]
+    if apart:
+        found.append(f"vwc and gravimetric_water with the bulk density disagree, {listing(apart)}; check them")
+    weights = [core.weight for core in cores]
+    if any(row.cells.get("weight") for row in rows):
+        found.append(f"each core also counts by its own weight, {min(weights):g} to {max(weights):g}")
     known = [density if math.isnan(core.bulk_density_gcm3) else core.bulk_density_gcm3 for core in cores]
     soaked = [
         f"line {row.line}: {core.vwc:.2f}"
@@ -215,7 +271,7 @@ def _read_rows(path: Path, notes: list[str]) -> list[_Row]:
     lines = [
         (number, line)
         for number, line in enumerate(read_lines(path, "check the path of the cores"), 1)
-        if not line.lstrip().startswith("#")
+        if line.strip() and not line.lstrip().startswith("#") and not _SEPARATOR_LINE.fullmatch(line.strip())
     ]
     first = lines[0][1] if lines else ""
     delimiter = max(",;\t", key=first.count)
@@ -224,9 +280,12 @@ def _read_rows(path: Path, notes: list[str]) -> list[_Row]:
     rows, mistakes = [], []
     for (line, _), cells in list(zip(lines, table, strict=False))[1:]:
         cells = [cell.strip() for cell in cells]
+        for number, name in enumerate(header[: len(cells)]):
+            if name.endswith("_percent"):
+                cells[number] = re.sub(r"(?<=\d)\s*%$", "", cells[number])
         if any(cells[len(header) :]):
             message = f"has {len(cells)} values for {len(header)} columns"
-            remedy = "separate the columns by semicolons if the numbers have decimal commas"
+            remedy = "name every column in the first line; separate columns by semicolons where commas are decimal"
             mistakes.append(Mistake(message, remedy, path, line))
         if any(cells):
             rows.append((line, cells))
@@ -247,7 +306,7 @@ def _read_rows(path: Path, notes: list[str]) -> list[_Row]:
     _one_site(names, rows, path, mistakes)
     used = {name for name in names if name in _NAMES}
     ignored = [
-        f"{raw}{f' (is it {_meant(raw)}?)' if _meant(raw) not in ('', *used) else ''}"
+        f"{raw}{f' (is it {_meant(raw, used)}?)' if _meant(raw, used) else ''}"
         for raw, name in zip(header, names, strict=True)
         if raw and name not in _NAMES
     ]
@@ -260,18 +319,51 @@ def _read_rows(path: Path, notes: list[str]) -> list[_Row]:
         notes.append(f"numbers have a decimal comma, such as {comma}")
     if mistakes:
         raise InputError(mistakes)
-    return [_Row(line, _cells(cells, header, names, bool(comma))) for line, cells in rows]
+    return [
+        _Row(
+            line,
+            _cells(cells, header, names, bool(comma)),
+            {name: (raw if raw in _OTHER_UNITS else name, cell)
+             for raw, name, cell in zip(header, names, cells, strict=False) if name in _NAMES},
+        )
+        for line, cells in rows
+    ]  # fmt: skip
 
 
 def _canonical(name: str) -> str:
     return _OTHER_UNITS[name][0] if name in _OTHER_UNITS else name
 
 
-def _meant(name: str) -> str:
-    """The known column that an unknown name probably means; empty if there is none."""
-    if _canonical(name) in _NAMES:
+def _meant(name: str, used: Collection[str] = ()) -> str:
+    """The known column that an unknown name probably means, with its unit; empty if there is none.
+
+    :param used: columns that the table has
+    """
+    if _canonical(name) in _NAMES or _OTHER_QUANTITY.search(name):
         return ""
-    return next((known for part, known in _SIMILAR if part in name), "")
+    quantity = next((known for part, known in _SIMILAR if part in name), "")
+    if not quantity or any(column.startswith(quantity.split(" or ")[-1]) for column in used):
+        return ""
+    words = re.split(r"[^a-z0-9%³]+", name)
+    unit = next((word for word in words if word in _LENGTHS), "")
+    if quantity in ("depth", "top", "bottom"):
+        return f"{quantity}_{unit}" if unit in ("mm", "m") else f"{quantity}_cm" + _converted(unit, "cm")
+    if quantity == "distance":
+        return "distance_m" + _converted(unit, "m")
+    if quantity == "bulk_density":
+        return "bulk_density_kgm3" if "kg" in name and "m3" in name.replace("³", "3") else "bulk_density_gcm3"
+    if "vwc" in quantity or quantity == "gravimetric":
+        if "vwc" in used or "gravimetric_water" in used:
+            return ""
+        if re.search(r"%|perc|pct|vol_?p", name):
+            return " or ".join(f"{part}_percent" for part in quantity.split(" or "))
+        return quantity.replace("gravimetric", "gravimetric_water")
+    return quantity
+
+
+def _converted(unit: str, to: str) -> str:
+    """What a column in another unit needs besides its new name."""
+    return f" after conversion to {to}" if unit not in ("", to) else ""
 
 
 def _cells(cells: Sequence[str], header: Sequence[str], names: Sequence[str], comma: bool) -> dict[str, str]:
@@ -397,6 +489,8 @@ def _month_first(texts: Sequence[str]) -> bool | None:
 
 def _day(text: str, month_first: bool | None) -> str:
     """A date as year-month-day; as written, without the time, if it is not clear which number is the month."""
+    if number := _DAY_NUMBER.fullmatch(text.strip()):
+        return f"{date(1899, 12, 30) + timedelta(days=int(number[1]))}"
     match = _DAY.match(text.strip())
     if match and match[1]:
         return f"{match[1]}-{match[3]:0>2}-{match[4]:0>2}"
@@ -404,6 +498,19 @@ def _day(text: str, month_first: bool | None) -> str:
         return _TIME.sub("", text.strip())
     day, month = (match[7], match[5]) if month_first else (match[5], match[7])
     return f"{match[8] if len(match[8]) == 4 else '20' + match[8]}-{month:0>2}-{day:0>2}"
+
+
+def possible_days(day: str) -> list[date]:
+    """Days that a text of :attr:`CoreTable.days` may mean; none if it is no date.
+
+    >>> [str(day) for day in possible_days("05/06/2026")]
+    ['2026-05-06', '2026-06-05']
+    """
+    found = []
+    for month_first in (True, False):
+        with suppress(ValueError):
+            found.append(date.fromisoformat(_day(day, month_first)))
+    return found[:1] if len(set(found)) < 2 else found
 
 
 def _core(row: dict[str, str], default_density: float | None) -> SoilCore:

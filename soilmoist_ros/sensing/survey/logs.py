@@ -198,6 +198,7 @@ class CalibrationCounts:
     :param first_s: stamp of the first record [s since 1970-01-01 UTC], NaN without records
     :param last_s: stamp of the last record [s since 1970-01-01 UTC], NaN without records
     :param factors: least and greatest factor of each correction [-], by its name
+    :param reason: most frequent reason of the records that are left out, with an example
     """
 
     raw_counts: int
@@ -209,6 +210,7 @@ class CalibrationCounts:
     first_s: float = math.nan
     last_s: float = math.nan
     factors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    reason: str = ""
 
     @property
     def rate_cps(self) -> float:
@@ -263,6 +265,7 @@ def calibration_counts(
             for name in ("f_pressure", "f_humidity", "f_intensity")
             if (values := [getattr(record, name) for record in good])
         },
+        next((str(one.message) for one in _reasons(problems)), ""),
     )
 
 

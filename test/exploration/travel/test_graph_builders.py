@@ -80,6 +80,8 @@ def test_bad_spacings_are_refused():
 def test_a_graph_that_leads_nowhere_is_refused():
     with pytest.raises(InputError, match=r"only one node.* -> use a spacing smaller than 40 m"):
         open_lattice(field_of(box(0, 0, 30, 30)), 40)
+    with pytest.raises(InputError, match=r"-> a margin of 15 m leaves nothing of the field: use a smaller one"):
+        open_lattice(field_of(box(0, 0, 30, 30)), 5, margin_m=15)
     with pytest.raises(InputError, match="2 nodes, but no way between them"):
         open_lattice(field_of(box(0, 0, 30, 10), box(14, -1, 16, 11)), 30)
 

@@ -332,3 +332,13 @@ def test_ways_are_the_same_whatever_the_map_is_called():
     moved = copy.deepcopy(content)
     moved["transformation"]["translation"]["x"] = 8.0
     assert not parse(moved).has_ways_of(parse(content))
+
+
+def test_restrictions_are_named_and_a_message_is_read():
+    content = document()
+    assert parse(content).restrictions() == ""
+    content["nodes"][1]["node"]["restrictions_planning"] = "robot_tall"
+    content["nodes"][0]["node"]["edges"][0]["restrictions_runtime"] = "False"
+    message = parse({"data": json.dumps(content)})
+    assert message.graph.names == graph().names
+    assert message.restrictions().endswith("looked at: False of gate_row 1; robot_tall of row 1")

@@ -141,6 +141,16 @@ def test_the_longest_gap_within_a_survey() -> None:
         (HEAD.replace("corr_for_efficiency(RCORR_E)", "uncorrected(RUNCORR)") + ROWS, "the data type uncorrected"),
         ("<html>Sorry, no data available for JUNG</html>", "no data"),
         ("time,rate\n", "has no row of time and rate"),
+        ("Date,Time,JUNG\n29/10/2021,23:00,151.15\n", "but rows such as '29/10/2021,23:00,151.15'"),
+        (
+            "2018-05-01 12:00;150\n2018-05-01 13:00;-999\n",
+            "'-999' is not .* -> if it marks a gap, leave the rate empty",
+        ),
+        ("2018-05-01 12:00;150\n2018-05-01 13:00;0\n", "'0' is not .* -> if it marks a gap, leave the rate empty"),
+        (
+            "".join(f"5/{day}/2018 12:00;150\n" for day in range(1, 10)),
+            "3/2018 12:00' cannot be read, and 6 more rows",
+        ),
         ("0001-01-01 12:00:00;150\n", "1: the time '0001-01-01 12:00:00' cannot be read"),
         (HEAD + "2018-05-01 12:00:00; -1.007\n", "-1.007' is not a positive number"),
     ],
@@ -173,6 +183,7 @@ def test_bad_rows_are_named(tmp_path) -> None:
         "2018-05-01 12:00\t150.25\n2018-05-01 13:00\t151.5\n",
         "2018-05-01 12:00   150.25\n2018-05-01 13:00   151.5\n",
         "2018/05/01 12:00,150.25\n2018/05/01 13:00,151.5\n",
+        "01.05.2018 12:00;150,25\n1.5.2018 13:00;151,5\n",
         "time;rate\n2018-05-01T12:00:00Z;150,25\n2018-05-01T13:00:00Z;151,5\n",
     ],
 )
@@ -202,5 +213,5 @@ def test_the_corrected_type_of_an_export_of_several_types_is_read(tmp_path) -> N
 
 
 def test_a_time_that_cannot_be_read_is_not_a_missing_row(tmp_path) -> None:
-    with pytest.raises(InputError, match=r":15: the time '01\.05\.2018 13:00' cannot be read -> write times as"):
-        read_neutron_monitor(write(tmp_path, HEAD + "2018-05-01 12:00:00;150.0\n01.05.2018 13:00;151.0\n"))
+    with pytest.raises(InputError, match=r":15: the time '5/1/2018 13:00' cannot be read -> write times as"):
+        read_neutron_monitor(write(tmp_path, HEAD + "2018-05-01 12:00:00;150.0\n5/1/2018 13:00;151.0\n"))

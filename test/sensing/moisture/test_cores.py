@@ -179,3 +179,69 @@ def test_the_mean_lies_between_the_cores(rows, weighting, radius_m):
 def test_all_weights_zero_is_an_error():
     with pytest.raises(ValueError, match="no core has a weight"):
         mean_of_cores([SoilCore(0.2, weight=0.0)])
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "message"),
+    [
+        ("vwc_percent\n0.28\n0.31\n", (0, "vwc_percent"), "more than 0.0031 m3/m3 of water -> .* column vwc"),
+        ("gravimetric_percent,bulk_density_gcm3\n0.2,1.4\n", (0, "gravimetric_percent"), "gravimetric_water if"),
+        ("vwc,bulk_density_kgm3\n0.2,1.4\n", (2, "bulk_density_kgm3"), "1.4 is 0.0014 in the unit of bulk_"),
+        ("vwc_percent\n28x\n", (2, "vwc_percent"), "'28x' is not a number"),
+        ("vwc,top_mm,bottom_mm\n0.2,0,10\n0.2,10,30\n", (0, ""), "deeper than 3 cm: are these centimetres"),
+        ("profile,vwc,distance_m\na,0.2,5\nmean,0.2,\n", (3, ""), "leave out rows that are no cores"),
+    ],
+)  # fmt: skip
+def test_values_in_another_unit_are_named_as_written(read, text, where, message):
+    with pytest.raises(InputError, match=message) as caught:
+        read(text)
+    assert [(mistake.line, mistake.column) for mistake in caught.value.mistakes] == [where]
+
+
+def test_lines_of_a_spreadsheet_before_the_header_are_no_header(read):
+    cores = read("sep=;\n# of May\n\nprofile;depth_cm;vwc_percent\na;5;28 %\n\na;15;31,5%\n")
+    assert [core.vwc for core in cores] == pytest.approx([0.28, 0.315])
+
+
+@pytest.mark.parametrize(
+    ("header", "meant"),
+    [
+        ("soil moisture (%)", "vwc_percent or gravimetric_percent"),
+        ("theta_v", "vwc"),
+        ("soilmoisture_g_g", "gravimetric_water"),
+        ("gwc (%)", ""),
+        ("distance (m)", "distance_m"),
+        ("distance_ft", "distance_m after conversion to m"),
+        ("depth_inch", "depth_cm after conversion to cm"),
+        ("depth_top_mm", "top_mm"),
+        ("bulk density (kg/m3)", "bulk_density_kgm3"),
+        ("latticewater_g_g", ""),
+        ("mass_water", ""),
+        ("wet_weight", ""),
+    ],
+)
+def test_a_column_stands_for_another_one_in_its_unit_only(read, header, meant):
+    with pytest.raises(InputError) as caught:
+        read(f"{header}\n1\n")
+    said = caught.value.mistakes[0].remedy.partition(f"; {header} may be ")[2]
+    assert said == meant
+
+
+def notes_of(tmp_path, text, density=None):
+    path = tmp_path / "cores.csv"
+    path.write_text(text)
+    return read_soil_cores(path, density)
+
+
+def test_what_decides_the_moisture_is_said(tmp_path):
+    assert notes_of(tmp_path, "gravimetric_water\n0.2\n", 1.4).notes == (
+        "1 of 1 cores have no bulk density: 1.4 g/cm3 of the site file counts",
+    )
+    assert notes_of(tmp_path, "vwc,weight\n0.2,148\n0.2,152\n").notes == (
+        "each core also counts by its own weight, 148 to 152",
+    )
+    both = "vwc,gravimetric_water,bulk_density_gcm3\n0.28,0.2,1.4\n0.10,0.19,1.4\n"
+    assert "disagree, line 3: 0.10 and 0.27 m3/m3" in notes_of(tmp_path, both).notes[1]
+    table = notes_of(tmp_path, "vwc,vwc_note,soil_moisture,date\n0.2,x,21,45231\n")
+    assert table.days == ("2023-11-01",)  # the day number of a spreadsheet
+    assert table.notes == ("columns that are not used: vwc_note, soil_moisture",)
