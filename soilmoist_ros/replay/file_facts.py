@@ -317,7 +317,11 @@ def log_findings(
         yield _doubt(f"{finding.message}: {finding.remedy}")
     if len(places):
         latitude, longitude = np.median(places, axis=0).tolist()
-        yield Finding("place", f"{len(places)} records at {place_text((latitude, longitude))}")
+        of = f" of {len(records)}" if len(places) < len(records) else ""
+        yield Finding("place", f"{len(places)}{of} records at {place_text((latitude, longitude))}")
+        if of and track is not None:
+            missing = len(records) - len(places)
+            yield _doubt(f"the receiver has no position at the time of {missing} records: {track.heard.span}")
     elif track is None:
         yield _doubt(
             "no record has a position: give --nmea, or the location of a stationary probe in the site file"
@@ -339,11 +343,7 @@ def position_findings(
         if (why := why_unplaced(records, track, site.logger_clock is not None)) is not None:
             yield _doubt(f"{why.message}; {why.remedy}")
         elif track.heard.without:
-            (reason, said), count = track.heard.without.most_common(1)[0]
-            lost = track.heard.epochs - track.heard.placed
-            yield Finding(
-                "positions", f"{lost} of {track.heard.epochs} epochs have none, {count} by {said}: {reason.text}"
-            )
+            yield Finding("positions", track.heard.gaps)
     for note in position_notes(problems, track):
         yield _doubt(note)
 

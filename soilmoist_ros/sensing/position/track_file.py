@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -121,6 +122,7 @@ def _read_gpx(path: Path) -> tuple[list[Fix], list[Problem]]:
     if not fixes:
         raise InputError("is a GPX file without points", "export the track, not only its outline", path)
     _require_times(fixes, path)
+    zones.require_one_shift(fixes)
     return fixes, zones.problems
 
 
@@ -176,6 +178,21 @@ class _Zones:
             remedy = "if they are local time or GPS time: --gnss-shift, such as -2h or -18s"
             self.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, remedy, self._path)))
         return stamp_s
+
+    def require_one_shift(self, fixes: Sequence[Fix]) -> None:
+        """Check that times without a zone do not go back by an hour, as local time does in autumn.
+
+        :raises InputError: if they do: one shift cannot correct them
+        """
+        stamps = [fix.stamp_s for fix in fixes if math.isfinite(fix.stamp_s)]
+        back = [(after, before) for before, after in pairwise(stamps) if after < before]
+        if not self.problems or len(back) != 1 or not 3300 < back[0][1] - back[0][0] <= 3600:
+            return
+        after, before = (utc_text(stamp_s) for stamp_s in back[0])
+        message = (
+            f"its times have no zone and go back from {before} to {after}: local time at the end of summer time"
+        )
+        raise InputError(message, "export the track in UTC, or with its zone", self._path)
 
 
 def _plain(name: str) -> str:
@@ -348,6 +365,7 @@ def _read_table(
             fix = replace(fix, status=status, quality=int(quality))
         fixes.append(fix)
     _require_times(fixes, path)
+    zones.require_one_shift(fixes)
     if scale == "GPS":
         message = f"the times are GPS time: {_LEAP_S:g} leap seconds are taken off for UTC"
         zones.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", path)))

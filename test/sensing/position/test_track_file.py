@@ -95,6 +95,10 @@ def test_times_without_a_zone_are_said_once_and_rows_without_a_place_are_no_fix(
             "time,easting,northing\n1778749200,664000,5904000\n",
             "without columns of latitude.*: time, easting, north",
         ),
+        (
+            "time,lat,lon\n2026-10-25 02:59:50,53,0\n2026-10-25 02:00:00,53,0\n",
+            "go back from 2026-10-25 02:59:50 to",
+        ),
         ("%  GPST  x-ecef(m) y-ecef(m) z-ecef(m) Q\n", "from the centre of the earth"),
         ("2026/05/14 09:00:18.000   53.268   -0.5245   31.5   1  18  0.0\n", "RTKLIB without its header"),
         ("2418 378018.000   53.268   -0.5245   31.5   1  18  0.0\n", "RTKLIB without its header"),
