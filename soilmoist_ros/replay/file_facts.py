@@ -109,8 +109,8 @@ def field_findings(field: Field) -> Iterator[Finding]:
         yield Finding("covariates", ", ".join(covered))
         for unused in filter(None, map(unused_parts, field.covariates)):
             yield Finding("covariates", unused)
-    if swapped := _looks_swapped(field.centre):
-        yield _doubt(swapped)
+    if swapped := looks_swapped(field.centre):
+        yield _doubt(f"{swapped}: in lists and GeoJSON, longitude comes first")
     if not MIN_USUAL_M2 <= shape.area <= MAX_USUAL_M2:
         size = (
             "smaller than the footprint of the sensor" if shape.area < MIN_USUAL_M2 else "very large for a survey"
@@ -123,7 +123,7 @@ def field_findings(field: Field) -> Iterator[Finding]:
         )
 
 
-def _looks_swapped(place: LatLon) -> str:
+def looks_swapped(place: LatLon) -> str:
     """Doubt about the order of coordinates: far from any town, but near one with the two swapped."""
     latitude, longitude = place
     if abs(longitude) > 90:
@@ -132,8 +132,8 @@ def _looks_swapped(place: LatLon) -> str:
     if here_m is None or there_m is None or here_m < MAX_FROM_TOWN_M or there_m > here_m / 10:
         return ""
     return (
-        f"the field lies {distance_text(here_m)} from any town; with latitude and longitude swapped it is "
-        f"{town_text((longitude, latitude))}: in lists and GeoJSON, longitude comes first"
+        f"the place lies {distance_text(here_m)} from any town; with latitude and longitude swapped it is "
+        f"{town_text((longitude, latitude))}"
     )
 
 
@@ -319,6 +319,8 @@ def log_findings(
         latitude, longitude = np.median(places, axis=0).tolist()
         of = f" of {len(records)}" if len(places) < len(records) else ""
         yield Finding("place", f"{len(places)}{of} records at {place_text((latitude, longitude))}")
+        if swapped := looks_swapped((latitude, longitude)):
+            yield _doubt(swapped)
         if of and track is not None:
             missing = len(records) - len(places)
             yield _doubt(f"the receiver has no position at the time of {missing} records: {track.heard.span}")

@@ -33,7 +33,7 @@ from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
 from soilmoist_ros.recording.run_folder import is_bag, message_files
-from soilmoist_ros.replay.file_facts import far_from_site, position_notes
+from soilmoist_ros.replay.file_facts import far_from_site, looks_swapped, position_notes
 from soilmoist_ros.reporting.earlier.earlier_runs import (
     EarlierRun,
     Target,
@@ -79,6 +79,8 @@ MAX_EXTENT_M = 300_000.0
 """Extent of a track beyond which some of its positions are wrong [m]."""
 MAX_APART_M = 2.0
 """Greatest distance of the positions of two files at the same time [m]."""
+MAX_APART_AT_ONCE_M = 10.0
+"""Greatest distance of positions of one file with one time: a fast vehicle, with times in whole seconds [m]."""
 MIN_COMMON = 5
 """Least number of common times at which two files are compared."""
 COMMON_GAP_S = 10.0
@@ -235,6 +237,7 @@ def map_logs(
     ):
         message = f"{placement.words()}, beyond the correlation range of {range_m:.0f} m: the map would be a guess"
         raise InputError(message, "give the field file of the place that was surveyed", field_file)
+    swapped = looks_swapped((survey.frame.latitude_deg, survey.frame.longitude_deg))
     run = make_run(
         soil_map,
         sorted([*field_map.track, *survey.quarantined], key=attrgetter("stamp_s")),
@@ -268,6 +271,7 @@ def map_logs(
         notes=[
             *(Note(NoteCode.FAR_FROM_SITE, f"{one}.") for one in far_from_site(site, places, source)),
             *(Note(NoteCode.POSITIONS, f"{one}.") for one in position_notes(track_problems, track)),
+            *([Note(NoteCode.POSITIONS, f"{swapped[0].upper()}{swapped[1:]}.")] if swapped else []),
             *([Note(NoteCode.SKIPPED_FILES, f"{skipped_text(skipped)}.")] if skipped else []),
             *count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),
         ],
@@ -576,7 +580,19 @@ def shifted_track(fixes: Sequence[Fix], shift_s: float, path: Path) -> tuple[Che
     """A track whose times are later by ``shift_s``, and a note on that.
 
     :param path: what the fixes were read from
+    :raises InputError: if it has several positions of one time, far apart
     """
+    known = sorted((fix for fix in fixes if fix.no_place is None), key=attrgetter("stamp_s"))
+    first, apart_m = next(iter(known), None), []
+    for fix in known:
+        if first is not None and fix.stamp_s == first.stamp_s and fix is not first:
+            apart_m.append(distance_m(first.position, fix.position))
+        else:
+            first = fix
+    if len(apart_m) >= MIN_COMMON and (median_m := float(np.median(apart_m))) > MAX_APART_AT_ONCE_M:
+        message = f"has {len(apart_m)} times with several positions, {distance_text(median_m)} apart (median)"
+        remedy = "give the positions of one receiver; or the times have no seconds: export them with seconds"
+        raise InputError(message, remedy, path)
     track = CheckedTrack([replace(fix, stamp_s=fix.stamp_s + shift_s) for fix in fixes])
     track.heard.shifted_s = shift_s
     if not shift_s:

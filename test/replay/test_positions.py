@@ -291,6 +291,20 @@ def test_files_of_two_receivers_are_not_mixed(tmp_path, log):
     code, said = run("check", "--log", log, "--nmea", tmp_path / "a", "--nmea", tmp_path / "b")
     assert (code, "its positions are 6 m from those of a at the same times (median)" in said) == (2, True)
     assert run("check", "--log", log, "--nmea", tmp_path / "a", "--nmea", tmp_path / "a")[0] == 0
+    types = Types(2)
+    both = bag(
+        tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, T0 + n - n % 2, where=(53 + n % 2, 0.1))}
+    )
+    code, said = run("check", "--log", both)
+    assert (code, "has 60 times with several positions, 111 km apart (median)" in said) == (2, True)
+
+
+def test_swapped_coordinates_are_doubted(tmp_path, log):
+    rows = [f"{T0 + n:.0f},{place(n)[1]},{place(n)[0]}" for n in range(SECONDS)]
+    (tmp_path / "a").write_text("\n".join(["time,lat,lon", *rows]))
+    for command in (("check", "--log", log), ("map", log, "--out", tmp_path / "out")):
+        code, said = run(*command, "--nmea", tmp_path / "a")
+        assert (code, "with latitude and longitude swapped it is near Nettleham" in said) == (0, True), said
 
 
 def test_a_file_without_its_metadata_has_lines_and_positions(tmp_path):
