@@ -211,7 +211,7 @@ class _Table(NamedTuple):
     :param header: number of the line with their names
     :param columns: index of each column, -1 without one
     :param sides: letters of the hemispheres that the header states
-    :param fields: number of fields of a row
+    :param names: names of the fields of a row
     :param scale: of its times: ``GPS``, ``UTC``, or empty
     :param rtklib: whether it is a solution of RTKLIB
     :param zero_is_no_fix: whether 0 in the column of states means that there is no fix
@@ -221,7 +221,7 @@ class _Table(NamedTuple):
     header: int
     columns: dict[str, int]
     sides: dict[str, str]
-    fields: int
+    names: Sequence[str]
     scale: str
     rtklib: bool
     zero_is_no_fix: bool
@@ -286,12 +286,11 @@ def _table(lines: Sequence[bytes], path: Path) -> _Table | None:
                     )
             its = [names[at] for at in (found["time"], found["date"]) if at >= 0]
             scale = "GPS" if "gpst" in its else "UTC" if any("utc" in name for name in its) else ""
-            fields = len(names)
             if rtklib and delimiter == " ":  # date and time are two fields, one name
                 found = {key: at + (at > 0) for key, at in found.items()}
                 found["date"], found["time"] = 0, 1
-                fields += 1
-            return _Table(delimiter, number, found, sides, fields, scale, rtklib, zero)
+                names = ["", *names]
+            return _Table(delimiter, number, found, sides, names, scale, rtklib, zero)
     return None
 
 
@@ -306,10 +305,13 @@ def _side(name: str) -> str:
 def _letter_columns(rows: Sequence[tuple[int, list[str]]], table: _Table) -> dict[str, int]:
     """Columns whose fields are letters of hemispheres."""
     found: dict[str, int] = {}
-    for at in range(table.fields):
+    for at, name in enumerate(table.names):
         letters = {cells[at].strip().upper() for _, cells in rows if at < len(cells)} - {""}
         for key, sides in (("lat", {"N", "S"}), ("lon", {"E", "W"})):
-            if letters and letters <= sides:
+            named = re.search(
+                r"^(n_?s|e_?w)|lat|lon|lng|hemi", name
+            )  # directions of travel have these letters, too
+            if letters and letters <= sides and (named or len(letters) == 1):
                 found.setdefault(key, at)
     return found if "lon" in found else {}
 
@@ -330,9 +332,9 @@ def _read_table(
     fixes, zones = [], _Zones(path, formats)
     shift_s = _LEAP_S * (scale == "GPS")
     for number, cells in rows:
-        if any(cell.strip() for cell in cells[table.fields :]):
+        if any(cell.strip() for cell in cells[len(table.names) :]):
             remedy = "give each column a name; write decimal points, or semicolons between the columns"
-            message = f"has {len(cells)} fields, the header names {table.fields}"
+            message = f"has {len(cells)} fields, the header names {len(table.names)}"
             raise InputError([Mistake(message, remedy, path, number)])
         text = {key: cells[at].strip() if 0 <= at < len(cells) else "" for key, at in columns.items()}
         if re.fullmatch(r"\d{3,4}", text["date"]) and (of_week_s := read_number(text["time"])) is not None:

@@ -116,6 +116,12 @@ def test_what_cannot_be_read_is_named(tmp_path, text, message):
         read(tmp_path, text)
 
 
+def test_letters_of_hemispheres_are_told_from_directions_of_travel(tmp_path):
+    for name, longitudes in (("E/W", [0.0001, -0.0001]), ("heading", [0.0001, 0.0001])):
+        fixes, _ = read(tmp_path, f"time,lat,lon,{name}\n1778749200,53,0.0001,E\n1778749201,53,0.0001,W\n")
+        assert [fix.position.longitude_deg for fix in fixes] == pytest.approx(longitudes)
+
+
 @pytest.mark.parametrize(
     ("column", "value", "said"),
     [
