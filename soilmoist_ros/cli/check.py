@@ -16,6 +16,7 @@ import click
 
 from soilmoist_ros.cli.answers.answer import answering, current, put, say, warn, wrote
 from soilmoist_ros.cli.options.names import FILE, InputFile, Name
+from soilmoist_ros.cli.options.position_options import position_options
 from soilmoist_ros.foundation.errors import InputError, Mistake
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ Value = TypeVar("Value")
               help="Log of the probe of --site, or a folder or ZIP archive of logs. Repeatable.")  # fmt: skip
 @click.option("--nmea", "--track", type=FILE, multiple=True,
               help="Positions of --log: NMEA, GPX, CSV, RTKLIB or a bag. Repeatable.")  # fmt: skip
+@position_options
 @answering
 def command(
     logger: tuple[str, ...],
@@ -58,6 +60,9 @@ def command(
     graphs: tuple[Path, ...],
     logs: tuple[Path, ...],
     nmea: tuple[Path, ...],
+    logger_topic: str,
+    fix_topic: str,
+    gnss_shift_s: float,
 ) -> None:
     """Check configuration files and report every mistake in them.
 
@@ -70,8 +75,10 @@ def command(
         raise click.UsageError("give one --site and one --logger at most with --log")
     if graphs and len(field) != 1:
         raise click.UsageError("give one --field with --graph")
-    if nmea and not logs:
-        raise click.UsageError("--nmea requires --log")
+    of_logs = {"nmea": nmea, "logger-topic": logger_topic, "fix-topic": fix_topic, "gnss-shift": gnss_shift_s}
+    for option, given in of_logs.items():
+        if given and not logs:
+            raise click.UsageError(f"--{option} requires --log")
     mistakes: list[Mistake] = []
     for name in logger:
         _checked(name, partial(_logger, name), mistakes)
@@ -81,7 +88,8 @@ def command(
         for graph in graphs:
             _checked(graph.name, partial(_graph, place, graph), mistakes)
     if not mistakes and len(sites) < 2:
-        _compare(next(iter(sites), None), list(zip(field, fields, strict=True)), logger, logs, nmea, mistakes)
+        pairs, topics = list(zip(field, fields, strict=True)), (logger_topic, fix_topic)
+        _compare(next(iter(sites), None), pairs, logger, logs, nmea, topics, gnss_shift_s, mistakes)
     if mistakes:
         raise InputError(mistakes)
 
@@ -147,6 +155,8 @@ def _compare(
     logger: Sequence[str],
     logs: Sequence[Path],
     nmea: Sequence[Path],
+    topics: tuple[str, str],
+    gnss_shift_s: float,
     mistakes: list[Mistake],
 ) -> None:
     """Check logs, and compare files that are given together."""
@@ -173,10 +183,16 @@ def _compare(
         def check() -> tuple[None, list[Finding]]:
             nonlocal places, source
             skipped: list[Mistake] = []
-            found = read_logs(logs, next(iter(logger), None), chosen, skipped=skipped)
+            found = read_logs(logs, next(iter(logger), None), chosen, topic=topics[0], skipped=skipped)
             if skipped:
                 warn(f"warning: {skipped_text(skipped)}")
-            track, faults = read_track(nmea, [] if nmea else logs, "", log_times(found))
+            track, faults = read_track(
+                nmea,
+                [] if nmea else [one.path for one in found],
+                topics[1],
+                log_times(found),
+                gnss_shift_s,
+            )
             places, source = log_positions(found, track, chosen), position_source(found, nmea, chosen, None)
             notes = position_findings(found, track, faults, chosen)
             findings = log_findings(found, places, site, time.time(), track, reading_of(found))

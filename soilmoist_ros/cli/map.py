@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.answers.answer import answering, say, wrote
-from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_notes
+from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_losses, print_notes
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
 from soilmoist_ros.cli.options.map_options import crs_option, map_options
 from soilmoist_ros.cli.options.names import InputFile, Name
 from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
-from soilmoist_ros.cli.options.times import Moment, Shift
+from soilmoist_ros.cli.options.position_options import position_options
+from soilmoist_ros.cli.options.times import Moment
 from soilmoist_ros.simulation.mission.settings import PRESETS
 
 if TYPE_CHECKING:
@@ -49,12 +50,7 @@ if TYPE_CHECKING:
               help="Map records after this time, such as 2026-05-02T14:30+02:00; UTC without a zone.")  # fmt: skip
 @click.option("--to", "end", type=Moment(), metavar="TIME",
               help="Map records up to this time; UTC without a zone.")  # fmt: skip
-@click.option("--gnss-shift", "gnss_shift_s", type=Shift(), metavar="DURATION", default=0.0, show_default=False,
-              help="Time added to that of the positions, such as 1024w, 2h or -18s. Default: none.")  # fmt: skip
-@click.option("--logger-topic", default="", metavar="TOPIC",
-              help="In bags: topic with the logger's lines. Default: raw/logger, or the only text.")  # fmt: skip
-@click.option("--fix-topic", default="", metavar="TOPIC",
-              help="In bags: topic with positions, fixes or NMEA. Default: raw/gnss, or fix.")  # fmt: skip
+@position_options
 @click.option(
     "--preset",
     type=click.Choice(tuple(PRESETS)),
@@ -152,6 +148,7 @@ def _print_summary(run: MapRun) -> None:
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
     out = f"{len(run.quarantined)} quarantined, {lost} lost"
     say(f"records    {len(run.track)} used, {out}; {len(soil_map.samples)} samples after merging")
+    print_losses(run)
     inside, placed = run.inside
     where = place_text((run.frame.latitude_deg, run.frame.longitude_deg))
     say(f"place      {inside} of {placed} records inside the field, {where}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from soilmoist_ros.cli.answers.answer import answering, say, wrote
-from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_notes, rate_error
+from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_losses, print_notes, rate_error
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
 from soilmoist_ros.cli.options.map_options import crs_option, map_options
@@ -22,6 +22,7 @@ from soilmoist_ros.cli.options.output_options import (
     prepare_output,
     reported_failure,
 )
+from soilmoist_ros.cli.options.position_options import gnss_shift_option
 
 if TYPE_CHECKING:
     from soilmoist_ros.replay import Replay
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
               help="Topic with the logger's lines; implies --source raw. Default: raw/logger.")  # fmt: skip
 @click.option("--fix-topic", default="", metavar="TOPIC",
               help="Topic with positions for raw lines, fixes or NMEA. Default: raw/gnss, or fix.")  # fmt: skip
+@gnss_shift_option
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
 @earlier_option(" Default: as in the run; none for a map without.")
 @reference_option
@@ -123,6 +125,7 @@ def print_replay(replay: Replay) -> None:
             say(f"moisture   RMSE {100 * last.vwc_rmse:.2f} % by volume")
     for run, comparison in zip(replay.run.properties, replay.comparisons, strict=True):
         say(f"property   {run.name}, {len(run.track)} records merged into {len(run.soil_map.samples)} samples")
+        print_losses(run)
         if run.truth_rate is not None:
             score = truth_score(run.soil_map, run.truth_rate)
             say(f"rate       {rate_error(score.rmse**2, score.coverage95)}")

@@ -14,6 +14,7 @@ from soilmoist_ros.recording.bag.storage import recorder_notes
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, message_files, read_parameters
 from soilmoist_ros.replay.bag_lines import logger_topic
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
+from soilmoist_ros.replay.file_facts import position_notes
 from soilmoist_ros.replay.log_map import loss_rows, read_reference, reference_error, with_reference
 from soilmoist_ros.replay.mission import RobotMission, replay_mission
 from soilmoist_ros.replay.no_map import no_map
@@ -178,9 +179,11 @@ def _read(
         ]
         arms = LeverArms.of(read_parameters(configuration, "sensor_driver"))
         raw = read_raw(
-            robots[0], survey.site, survey.field.frame, chosen.logger, arms, chosen.logger_topic, chosen.fix_topic
-        )
+            robots[0], survey.site, survey.field.frame, chosen.logger, arms, chosen.logger_topic, chosen.fix_topic,
+            chosen.gnss_shift_s,
+        )  # fmt: skip
         counted = [(robots[0].counts, record) for record in raw.records]
+        remarks += [Note(NoteCode.POSITIONS, f"{one}.") for one in position_notes(raw.position_problems, None)]
     else:
         if "/" not in chosen.counts_topic:
             together = read_parameters(configuration, "mapper").get("others", ())

@@ -112,8 +112,8 @@ def field_findings(field: Field) -> Iterator[Finding]:
         yield Finding("covariates", ", ".join(covered))
         for unused in filter(None, map(unused_parts, field.covariates)):
             yield Finding("covariates", unused)
-    if swapped := _looks_swapped(field.centre):
-        yield _doubt(swapped)
+    if swapped := looks_swapped(field.centre):
+        yield _doubt(f"{swapped}: in lists and GeoJSON, longitude comes first")
     if not MIN_USUAL_M2 <= shape.area <= MAX_USUAL_M2:
         size = (
             "smaller than the footprint of the sensor" if shape.area < MIN_USUAL_M2 else "very large for a survey"
@@ -142,7 +142,7 @@ def truth_findings(known: SurrogateField) -> Iterator[Finding]:
         yield _doubt("no soil has these rates: check N0, units, and whether the data are rates or moistures")
 
 
-def _looks_swapped(place: LatLon) -> str:
+def looks_swapped(place: LatLon) -> str:
     """Doubt about the order of coordinates: far from any town, but near one with the two swapped."""
     latitude, longitude = place
     if abs(longitude) > 90:
@@ -151,8 +151,8 @@ def _looks_swapped(place: LatLon) -> str:
     if here_m is None or there_m is None or here_m < MAX_FROM_TOWN_M or there_m > here_m / 10:
         return ""
     return (
-        f"the field lies {distance_text(here_m)} from any town; with latitude and longitude swapped it is "
-        f"{town_text((longitude, latitude))}: in lists and GeoJSON, longitude comes first"
+        f"the place lies {distance_text(here_m)} from any town; with latitude and longitude swapped it is "
+        f"{town_text((longitude, latitude))}"
     )
 
 
@@ -340,7 +340,13 @@ def log_findings(
         yield _doubt(f"{finding.message}: {finding.remedy}")
     if len(places):
         latitude, longitude = np.median(places, axis=0).tolist()
-        yield Finding("place", f"{len(places)} records at {place_text((latitude, longitude))}")
+        of = f" of {len(records)}" if len(places) < len(records) else ""
+        yield Finding("place", f"{len(places)}{of} records at {place_text((latitude, longitude))}")
+        if swapped := looks_swapped((latitude, longitude)):
+            yield _doubt(swapped)
+        if of and track is not None:
+            missing = len(records) - len(places)
+            yield _doubt(f"the receiver has no position at the time of {missing} records: {track.heard.span}")
     elif track is None:
         yield _doubt(
             "no record has a position: give --nmea, or the location of a stationary probe in the site file"
@@ -362,11 +368,7 @@ def position_findings(
         if (why := why_unplaced(records, track, site.logger_clock is not None)) is not None:
             yield _doubt(f"{why.message}; {why.remedy}")
         elif track.heard.without:
-            (reason, said), count = track.heard.without.most_common(1)[0]
-            lost = track.heard.epochs - track.heard.placed
-            yield Finding(
-                "positions", f"{lost} of {track.heard.epochs} epochs have none, {count} by {said}: {reason.text}"
-            )
+            yield Finding("positions", track.heard.gaps)
     for note in position_notes(problems, track):
         yield _doubt(note)
 

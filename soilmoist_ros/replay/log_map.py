@@ -33,7 +33,7 @@ from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
 from soilmoist_ros.recording.run_folder import is_bag, message_files
-from soilmoist_ros.replay.file_facts import far_from_site, position_notes
+from soilmoist_ros.replay.file_facts import far_from_site, looks_swapped, position_notes
 from soilmoist_ros.reporting.earlier.earlier_runs import (
     EarlierRun,
     Target,
@@ -58,7 +58,7 @@ from soilmoist_ros.sensing.formats.logger_reader import (
 from soilmoist_ros.sensing.formats.notation import UndecidedOrderError
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site, load_site
-from soilmoist_ros.sensing.position.checked_track import CheckedTrack
+from soilmoist_ros.sensing.position.checked_track import CheckedTrack, distance_m
 from soilmoist_ros.sensing.position.heard import utc_text
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.position.track_file import read_positions
@@ -77,6 +77,14 @@ REFERENCE_KNOTS = 25
 """Times at which the error of a reference sensor is known; it is linear between them."""
 MAX_EXTENT_M = 300_000.0
 """Extent of a track beyond which some of its positions are wrong [m]."""
+MAX_APART_M = 2.0
+"""Greatest distance of the positions of two files at the same time [m]."""
+MAX_APART_AT_ONCE_M = 10.0
+"""Greatest distance of positions of one file with one time: a fast vehicle, with times in whole seconds [m]."""
+MIN_COMMON = 5
+"""Least number of common times at which two files are compared."""
+COMMON_GAP_S = 10.0
+"""Time between two fixes of a file up to which those of another file are compared with it [s]."""
 Progress = Callable[[str, float], None]
 """Called with the current step and its finished share [0..1]."""
 
@@ -171,7 +179,11 @@ def map_logs(
     logs = read_logs(paths, settings.logger, site, progress, settings.logger_topic, skipped)
     part = within(logs, settings.times_s)
     track, track_problems = read_track(
-        settings.nmea, [] if settings.nmea else paths, settings.fix_topic, log_times(part), settings.gnss_shift_s
+        settings.nmea,
+        [] if settings.nmea else [log.path for log in logs],
+        settings.fix_topic,
+        log_times(part),
+        settings.gnss_shift_s,
     )
     placement, places = None, log_positions(part, track, site)
     source = position_source(part, settings.nmea, site, field_file)
@@ -182,7 +194,9 @@ def map_logs(
     try:
         survey = process_logs(logs, site, field.frame if field else None, track, times_s=settings.times_s)
     except InputError as fault:
-        doubts = (one.mistake for one in track_problems if one.kind is Kind.DOUBTFUL_POSITIONS)
+        doubts = (
+            one.mistake for one in track_problems if one.kind in (Kind.DOUBTFUL_POSITIONS, Kind.ASSUMED_TIME)
+        )
         raise InputError([*fault.mistakes, *doubts]) from None
     require_crs(settings.crs, survey.frame)
     radius_m = site.footprint_radius_m / 4 if settings.merge_radius_m is None else settings.merge_radius_m
@@ -223,6 +237,7 @@ def map_logs(
     ):
         message = f"{placement.words()}, beyond the correlation range of {range_m:.0f} m: the map would be a guess"
         raise InputError(message, "give the field file of the place that was surveyed", field_file)
+    swapped = looks_swapped((survey.frame.latitude_deg, survey.frame.longitude_deg))
     run = make_run(
         soil_map,
         sorted([*field_map.track, *survey.quarantined], key=attrgetter("stamp_s")),
@@ -256,6 +271,7 @@ def map_logs(
         notes=[
             *(Note(NoteCode.FAR_FROM_SITE, f"{one}.") for one in far_from_site(site, places, source)),
             *(Note(NoteCode.POSITIONS, f"{one}.") for one in position_notes(track_problems, track)),
+            *([Note(NoteCode.POSITIONS, f"{swapped[0].upper()}{swapped[1:]}.")] if swapped else []),
             *([Note(NoteCode.SKIPPED_FILES, f"{skipped_text(skipped)}.")] if skipped else []),
             *count_notes(survey.problems, len(survey.records) + len(survey.quarantined)),
         ],
@@ -514,7 +530,7 @@ def read_track(
     fixes: list[Fix] = []
     problems: list[Problem] = []
     used: list[Path] = []
-    for path in [*paths, *filter(is_bag, others)]:
+    for path in [*paths, *filter(is_bag, dict.fromkeys(others))]:
         if is_bag(path):
             from soilmoist_ros.recording.bag.reader import BagReader
             from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes, unread_positions
@@ -532,18 +548,57 @@ def read_track(
                 continue
         else:
             found, faults = read_positions(path, log_s)
+        _require_one_place(fixes, found, used, path)
         fixes, problems, used = fixes + found, problems + faults, [*used, path]
     if not used:
         return None, problems
-    if shift_s:
-        fixes = [replace(fix, stamp_s=fix.stamp_s + shift_s) for fix in fixes]
-        message = f"the times of the positions are shifted by {shift_s:+.0f} s (--gnss-shift)"
-        problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", used[0])))
-    track = CheckedTrack(fixes)
+    track, noted = shifted_track(fixes, shift_s, used[0])
+    problems += noted
     if (why := track.heard.why_none()) is not None:
         chosen = (one.mistake for one in problems if one.kind is Kind.CHOSEN_POSITIONS)
         raise InputError([replace(why, path=used[0]), *chosen])
     return track, problems
+
+
+def _require_one_place(fixes: Sequence[Fix], found: Sequence[Fix], used: Sequence[Path], path: Path) -> None:
+    """Check that positions of several files are of one receiver, where they are of the same time.
+
+    :raises InputError: if they are not
+    """
+    if not fixes:
+        return
+    track = Track(fixes)
+    pairs = [(fix.position, track.at(fix.stamp_s, COMMON_GAP_S)) for fix in found if fix.no_place is None]
+    apart_m = [distance_m(one, other) for one, other in pairs if other is not None]
+    if len(apart_m) >= MIN_COMMON and (median_m := float(np.median(apart_m))) > MAX_APART_M:
+        names = ", ".join(one.name for one in used)
+        message = f"its positions are {distance_text(median_m)} from those of {names} at the same times (median)"
+        raise InputError(message, "give the positions of one receiver", path)
+
+
+def shifted_track(fixes: Sequence[Fix], shift_s: float, path: Path) -> tuple[CheckedTrack, list[Problem]]:
+    """A track whose times are later by ``shift_s``, and a note on that.
+
+    :param path: what the fixes were read from
+    :raises InputError: if it has several positions of one time, far apart
+    """
+    known = sorted((fix for fix in fixes if fix.no_place is None), key=attrgetter("stamp_s"))
+    first, apart_m = next(iter(known), None), []
+    for fix in known:
+        if first is not None and fix.stamp_s == first.stamp_s and fix is not first:
+            apart_m.append(distance_m(first.position, fix.position))
+        else:
+            first = fix
+    if len(apart_m) >= MIN_COMMON and (median_m := float(np.median(apart_m))) > MAX_APART_AT_ONCE_M:
+        message = f"has {len(apart_m)} times with several positions, {distance_text(median_m)} apart (median)"
+        remedy = "give the positions of one receiver; or the times have no seconds: export them with seconds"
+        raise InputError(message, remedy, path)
+    track = CheckedTrack([replace(fix, stamp_s=fix.stamp_s + shift_s) for fix in fixes])
+    track.heard.shifted_s = shift_s
+    if not shift_s:
+        return track, []
+    message = f"the times of the positions are shifted by {shift_s:+.0f} s (--gnss-shift)"
+    return track, [Problem(Kind.ASSUMED_TIME, Mistake(message, "", path))]
 
 
 def _grid(field: Field | None, survey: SurveyRecords, site: Site, cell_m: float | None) -> FieldGrid:

@@ -12,14 +12,13 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.replay.bag_lines import fix_topic, logger_topic, read_fixes, text_lines, unread_positions
-from soilmoist_ros.replay.log_map import log_times
+from soilmoist_ros.replay.log_map import log_times, shifted_track
 from soilmoist_ros.replay.topics import FIX, TEXT, RunTopics
 from soilmoist_ros.sensing.formats.log_file import matching_formats
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import parse_log
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.checked_track import CheckedTrack
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord
@@ -33,11 +32,13 @@ class RawSurvey:
     :param records: corrected records at their places, in order of time, quarantined ones included
     :param problems: problems of the lines
     :param format_title: title of the logger's format
+    :param position_problems: those of them that concern the positions
     """
 
     records: Sequence[CountRecord]
     problems: Sequence[Problem]
     format_title: str
+    position_problems: Sequence[Problem] = ()
 
 
 def read_raw(
@@ -48,6 +49,7 @@ def read_raw(
     arms: LeverArms = NO_ARMS,
     logger_name: str = "",
     fix_name: str = "",
+    gnss_shift_s: float = 0.0,
 ) -> RawSurvey:
     """Process the raw lines of a robot.
 
@@ -58,6 +60,7 @@ def read_raw(
     :param arms: where antenna and sensor sat on the robot
     :param logger_name: topic with the lines of the logger; ``raw/logger`` if empty
     :param fix_name: topic with positions; ``raw/gnss``, or ``fix``, if empty
+    :param gnss_shift_s: time added to those of the positions [s]
     :raises InputError: if the lines contain no usable record
     """
     reader = topics.reader
@@ -76,16 +79,17 @@ def read_raw(
     if gnss is None:
         problems = unread_positions(reader)
     else:
-        fixes, problems = read_fixes(reader, gnss, log_times([log]))
-        track = CheckedTrack(fixes)
+        fixes, problems = read_fixes(reader, gnss, log_times([log]), gnss_shift_s)
+        track, noted = shifted_track(fixes, gnss_shift_s, _place(gnss))
+        problems += noted
         if (why := track.heard.why_none()) is not None:
             raise InputError(f"{gnss} {why.message}", f"{why.remedy}; or map its counts instead", reader.path)
     try:
         survey = process_logs([log], site, frame, track, arms)
     except InputError as fault:
-        doubts = (one.mistake for one in problems if one.kind is Kind.DOUBTFUL_POSITIONS)
+        doubts = (one.mistake for one in problems if one.kind in (Kind.DOUBTFUL_POSITIONS, Kind.ASSUMED_TIME))
         raise InputError([*fault.mistakes, *doubts]) from None
-    return RawSurvey(survey.all_records, [*survey.problems, *problems], log.format_title)
+    return RawSurvey(survey.all_records, [*survey.problems, *problems], log.format_title, problems)
 
 
 def says_simulated(reader: BagReader, logger: str) -> bool:

@@ -47,6 +47,7 @@ class ReplaySettings:
         places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
     :param logger_topic: topic with the raw lines of the logger, which are the source then; ``raw/logger`` if empty
     :param fix_topic: topic with the positions of the raw lines: fixes or NMEA; ``raw/gnss``, or ``fix``, if empty
+    :param gnss_shift_s: time added to those of the positions of the raw lines [s]
     :param logger: format of the raw lines of the logger; detected from their header if ``None``
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`; ``None`` for those of the robot
     :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
@@ -72,6 +73,7 @@ class ReplaySettings:
     logger: str | None = None
     logger_topic: str = ""
     fix_topic: str = ""
+    gnss_shift_s: float = 0.0
     crs: str | None = None
     earlier: Sequence[Path | str] | None = None
     covariates: Sequence[str] | None = None

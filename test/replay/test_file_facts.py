@@ -127,7 +127,7 @@ def test_a_log_has_dates_tubes_place_and_rate(log):
     found = facts_of(log)
     assert texts(found, "time") == ["2018-05-01 14:14 to 2018-05-01 17:34 UTC (3 h 20 min), a record every 60 s"]
     assert texts(found, "tubes")[0].startswith("8, counting 0.71, 0.72")
-    assert texts(found, "place")[0].startswith("200 records at 38.73 N, 97.42 W")
+    assert texts(found, "place")[0].startswith("200 of 201 records at 38.73 N, 97.42 W")
     assert texts(found, "rate")[0].startswith("mean 5.4")
     assert "0.25" in texts(found, "rate")[0]
     assert not texts(found, "doubt")

@@ -255,6 +255,64 @@ def test_which_topic_has_the_positions_is_shown_or_asked_for(tmp_path):
     code, said = run("check", "--log", bag(tmp_path / "b.mcap", types, topics))
     assert code == 2
     assert "name one with --fix-topic: /a/fix, /b/fix" in said
+    code, said = run("check", "--log", tmp_path / "b.mcap", "--fix-topic", "/a/fix")
+    assert (code, "12 records at 53.27 N" in said) == (0, True)
+
+
+def test_options_that_a_remedy_names_are_there(tmp_path):
+    types = Types(2)
+    old = bag(tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, T0 + n - 1024 * 604_800)})
+    field = GOLDEN / "one_stop" / "configuration" / "field.yaml"
+    replay = ("replay", old, "--field", field, "--logger-topic", "/crns/line", "--out", tmp_path / "out")
+    for command in (replay, ("check", "--log", old)):
+        _, said = run(*command)
+        assert "with --gnss-shift 1024w" in said
+        code, said = run(*command, "--gnss-shift", "1024w")
+        assert (code, "shifted by +619315200 s (--gnss-shift)" in said) == (0, True), said
+    assert run("check", "--site", "example", "--gnss-shift", "1h")[0] == 2
+
+
+@pytest.mark.parametrize("command", ["map", "replay"])
+def test_records_that_are_lost_have_their_reason(tmp_path, command):
+    types = Types(2)
+    path = bag(tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, T0 + n, status=-1 if n > 60 else 2)})
+    field = GOLDEN / "one_stop" / "configuration" / "field.yaml"
+    named = ("--field", field, "--logger-topic", "/crns/line", "--out", tmp_path / "out")
+    code, said = run(command, path, *named)
+    assert code == 0, said
+    assert "lost       5 by no position, such as " in said
+    assert "60 of 121 epochs have none, 60 by status -1: no fix" in said
+
+
+def test_files_of_two_receivers_are_not_mixed(tmp_path, log):
+    for name, south_deg in (("a", 0.0), ("b", 5e-5)):
+        rows = [f"{T0 + n:.0f},{place(n)[0] - south_deg},{place(n)[1]}" for n in range(SECONDS)]
+        (tmp_path / name).write_text("\n".join(["time,lat,lon", *rows]))
+    code, said = run("check", "--log", log, "--nmea", tmp_path / "a", "--nmea", tmp_path / "b")
+    assert (code, "its positions are 6 m from those of a at the same times (median)" in said) == (2, True)
+    assert run("check", "--log", log, "--nmea", tmp_path / "a", "--nmea", tmp_path / "a")[0] == 0
+    types = Types(2)
+    both = bag(
+        tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, T0 + n - n % 2, where=(53 + n % 2, 0.1))}
+    )
+    code, said = run("check", "--log", both)
+    assert (code, "has 60 times with several positions, 111 km apart (median)" in said) == (2, True)
+
+
+def test_swapped_coordinates_are_doubted(tmp_path, log):
+    rows = [f"{T0 + n:.0f},{place(n)[1]},{place(n)[0]}" for n in range(SECONDS)]
+    (tmp_path / "a").write_text("\n".join(["time,lat,lon", *rows]))
+    for command in (("check", "--log", log), ("map", log, "--out", tmp_path / "out")):
+        code, said = run(*command, "--nmea", tmp_path / "a")
+        assert (code, "with latitude and longitude swapped it is near Nettleham" in said) == (0, True), said
+
+
+def test_a_file_without_its_metadata_has_lines_and_positions(tmp_path):
+    types = Types(2)
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    bag(folder / "a.mcap", types, {"/fix": KINDS["fix"](types)})
+    assert "12 records at 53.27 N" in run("check", "--log", folder)[1]
 
 
 def test_positions_of_a_type_that_cannot_be_read_are_named(tmp_path):
@@ -288,7 +346,8 @@ def test_quality_9_and_a_part_of_the_track_and_no_date(tmp_path, log):
     nmea.write_text("\n".join(gga(n, quality=9) for n in range(62)))
     code, said = run("check", "--log", log, "--nmea", nmea)
     assert code == 0
-    assert "place       6 records at 53.27 N" in said
+    assert "place       6 of 12 records at 53.27 N" in said
+    assert "no position at the time of 6 records: its positions are from 2026-05-14 09:00:00 to" in said
     assert "no date (neither RMC nor ZDA): the day is that of the log, 2026-05-14" in said
     code, said = run("map", log, "--nmea", nmea, "--out", tmp_path / "out")
     assert code == 0, said

@@ -11,6 +11,9 @@ from soilmoist_ros.cli.answers.answer import say, warn
 if TYPE_CHECKING:
     from soilmoist_ros.reporting.run import MapRun
 
+MAX_REASONS = 3
+"""Number of reasons for lost records that are printed."""
+
 
 def rate_error(mse: float, coverage95: float) -> str:
     """Error of a rate map: mean squared error [(counts/s)^2] and share of the cells within their interval."""
@@ -45,6 +48,13 @@ def print_knowledge(run: MapRun) -> None:
             f"covariate  {part.name}: {effect.value:+.3f} counts/s per standard deviation "
             f"({effect.p025:+.3f} to {effect.p975:+.3f}), {100 * share95.value:.0f} % of the variance"
         )
+
+
+def print_losses(run: MapRun) -> None:
+    """Print why records were lost, the most frequent reasons first."""
+    for row in [row for row in run.losses if row.consequence == "lost"][:MAX_REASONS]:
+        remedy = f" -> {row.remedy}" if row.remedy else ""
+        warn(f"lost       {row.count} by {row.kind}, such as {row.example}{remedy}")
 
 
 def print_notes(run: MapRun) -> None:

@@ -50,12 +50,17 @@ def mcap_files(path: Path) -> list[Path]:
         found = [inside(path, file) for file in sorted(path.glob("*.mcap"), key=_split_number)]
         if found:
             return found
-        if any(path.glob("*.db3")):
-            raise InputError("is an SQLite bag, which needs no recovery", "use ros2 bag reindex", path)
         if any(path.glob("*.mcap.zstd")):
             raise InputError("its files are compressed", "unpack them with unzstd first", path)
     if not path.exists():
         raise InputError("there is no such bag", "give the folder of a bag or an MCAP file", path)
+    names = [path.name, *(file.name for file in path.glob("*"))]
+    if any(re.search(r"\.db3(\.zstd)?$", name) for name in names):
+        message = "is an SQLite bag, which needs no recovery and has no checksums: this command is for MCAP"
+        raise InputError(message, "see soilmoist bag info; without metadata.yaml: ros2 bag reindex", path)
+    if any(name.endswith(".bag") for name in names):
+        message = "is a bag of ROS 1: this command is for MCAP"
+        raise InputError(message, "see soilmoist bag info; if it was not closed: rosbag reindex (ROS 1)", path)
     raise InputError("holds no MCAP file", "give the folder of a bag or an MCAP file", path)
 
 

@@ -122,6 +122,9 @@ class Ros1File:
         position = _unpacked("<Q", head, b"index_pos")
         if not position:
             raise InputError("was not closed: its recorder was killed", "rosbag reindex FILE (ROS 1)", path)
+        if position >= len(self._data):
+            message = f"is cut off: its index would begin at byte {position}, it ends at byte {len(self._data)}"
+            raise InputError(message, "copy it again, or rosbag reindex FILE (ROS 1)", path)
         chunks: dict[int, _ChunkInfo] = {}
         while position < len(self._data):
             head, (begin, end), position = self._record(position)

@@ -85,18 +85,18 @@ class _Motion:
 
     def distance_m(self, position: Position) -> float:
         """Distance from the last position [m], infinite without one."""
-        return _distance_m(self._last[1], position) if self._last else math.inf
+        return distance_m(self._last[1], position) if self._last else math.inf
 
     def takes(self, stamp_s: float, position: Position) -> bool:
         """Add a position if the vehicle can be there; returns whether it can."""
         if self._last is not None and stamp_s > self._last[0]:
-            spent_s, distance_m = stamp_s - self._last[0], _distance_m(self._last[1], position)
+            spent_s, driven_m = stamp_s - self._last[0], distance_m(self._last[1], position)
             reach_m = self._speed_mps * spent_s + MAX_ACCELERATION_MPS2 / 2 * spent_s**2
             sd_m = max(self._last[1].horizontal_sd_m, position.horizontal_sd_m)
             margin_m = max(MARGIN_M, MARGIN_SDS * sd_m) if math.isfinite(sd_m) else MARGIN_M
-            if distance_m > margin_m + min(reach_m, MAX_SPEED_MPS * spent_s):
+            if driven_m > margin_m + min(reach_m, MAX_SPEED_MPS * spent_s):
                 return False
-            self._speed_mps = min(distance_m / spent_s, MAX_SPEED_MPS)
+            self._speed_mps = min(driven_m / spent_s, MAX_SPEED_MPS)
         if self._last is None:
             self._begin_s = stamp_s
         self._last = (stamp_s, position)
@@ -104,7 +104,7 @@ class _Motion:
         return True
 
 
-def _distance_m(one: Position, other: Position) -> float:
+def distance_m(one: Position, other: Position) -> float:
     """Distance on a sphere, good for short ones [m]."""
     north = other.latitude_deg - one.latitude_deg
     east = (other.longitude_deg - one.longitude_deg + 180.0) % 360.0 - 180.0

@@ -16,6 +16,8 @@ EARLIEST_DATE_S = 946_684_800.0
 """2000-01-01: receivers without a date start in 1980, and simulated time in 1970 [s since 1970 UTC]."""
 ROLLOVER_S = 1024 * 7 * DAY_S
 """Period of the week number of GPS, after which old receivers begin again [s]."""
+SINCE_1980_S = 315_964_782.0
+"""Seconds since 1970 UTC minus seconds of GPS time since 1980, with 18 leap seconds [s]."""
 MAX_EDGE_S = 120.0
 """Largest difference of the ends of two spans of one survey [s]."""
 MAX_ZONE_H = 14.0
@@ -42,6 +44,8 @@ class Heard:
         what the topic has instead of positions, in words; empty if it is not known to have anything else
     first_s, last_s : float
         times of the first and the last epoch with a position and a time [s since 1970 UTC]
+    shifted_s : float
+        time by which they were shifted already, which remedies include [s]
     """
 
     def __init__(self) -> None:
@@ -50,6 +54,7 @@ class Heard:
         self.by_quality: Counter[int] = Counter()
         self.other_type = ""
         self.first_s, self.last_s = math.inf, -math.inf
+        self.shifted_s = 0.0
 
     def add(self, fix: Fix) -> None:
         """An epoch has come."""
@@ -74,6 +79,21 @@ class Heard:
             if quality in what
         ]
         return ", ".join(found)
+
+    @property
+    def gaps(self) -> str:
+        """Number and most frequent reason of the epochs without a position, in words; empty if there are none."""
+        if not self.without:
+            return ""
+        (reason, said), count = self.without.most_common(1)[0]
+        lost = self.epochs - self.placed
+        return f"{lost} of {self.epochs} epochs have none, {count} by {said}: {reason.text}"
+
+    @property
+    def span(self) -> str:
+        """Times of the positions, and why there are none in between, in words."""
+        times = f"{utc_text(self.first_s)} to {utc_text(self.last_s)} UTC"
+        return f"its positions are from {times}{f'; {self.gaps}' if self.gaps else ''}"
 
     def why_none(self) -> Mistake | None:
         """Why there is no position with a time, ``None`` if there is one."""
@@ -113,29 +133,47 @@ class Heard:
                 f"{both}: the same survey, {abs(hours)} h {'later' if hours > 0 else 'earlier'} by the logger's "
                 "clock, or two surveys that overlap",
                 f"say in the site file which time the logger's clock shows: 'logger_utc_offset_hours: {hours}', "
-                "or 0 for UTC",
+                f"or 0 for UTC; if the positions are in local time: {self._shift(3600 * hours)}",
             )
         for weeks in (1, 2):
             if self._overlap_s(first_s, last_s, weeks * ROLLOVER_S) > 0:
                 words = ROLLED_OVER.replace("1024", str(1024 * weeks))
-                remedy = f"correct the times of the positions with --gnss-shift {1024 * weeks}w"
+                remedy = f"correct the times of the positions with {self._shift(weeks * ROLLOVER_S)}"
                 return Mistake(f"{both}: {words}", f"{remedy}; new firmware of the receiver may cure it")
         if self.last_s < EARLIEST_DATE_S:
             remedy = (
                 "record positions and logger by one clock, or correct the times of the positions: --gnss-shift"
             )
             return Mistake(f"{both}: {SIMULATED}", remedy)
+        if self._overlap_s(first_s, last_s, SINCE_1980_S) > 0:
+            remedy = f"correct the times of the positions with {self._shift(SINCE_1980_S)}"
+            return Mistake(f"{both}: seconds of GPS time, which begins in 1980", remedy)
         if zones := self._zones(first_s, last_s):
-            fit = " or ".join(f"{zone:+g}" for zone in zones[:3])
+            fits = " or ".join(f"{zone:+g}" for zone in zones[:3])
+            of_positions = " or ".join(f"{-zone:+g}" for zone in zones[:3])
+            remedy = f"if it is the positions: {self._shift(3600 * zones[0])}"
+            if not clock_known:
+                of_logger = f"'logger_utc_offset_hours: {zones[0]:g}'"
+                remedy = f"if it is the logger, say so in the site file: {of_logger}; {remedy}"
             return Mistake(
-                f"{both}: they fit if the logger's clock shows local time, UTC {fit} h",
-                f"say so in the site file: 'logger_utc_offset_hours: {zones[0]:g}'",
+                f"{both}: they fit if the logger's clock shows local time, UTC {fits} h, "
+                f"or the positions have local time, UTC {of_positions} h",
+                remedy,
             )
         days = round((first_s - self.first_s) / DAY_S)
         if days and self._overlap_s(first_s, last_s, days * DAY_S) >= 0.8 * self._shorter_s(first_s, last_s):
-            remedy = f"give the positions of the same day; if a date is wrong: --gnss-shift {days}d"
+            remedy = f"give the positions of the same day; if a date is wrong: {self._shift(days * DAY_S)}"
             return Mistake(f"{both}: {abs(days)} days apart, at the same time of day", remedy)
         return Mistake(f"{both}: they do not overlap", "give the positions of the same survey")
+
+    def _shift(self, shift_s: float) -> str:
+        """The option that makes positions later by ``shift_s`` than they are now."""
+        total_s = round(self.shifted_s + shift_s)
+        if not total_s:
+            return "no --gnss-shift"
+        units = (7 * DAY_S, "w"), (DAY_S, "d"), (3600.0, "h"), (60.0, "min")
+        size_s, unit = next((one for one in units if total_s % one[0] == 0), (1.0, "s"))
+        return f"--gnss-shift {total_s / size_s:.0f}{unit}"
 
     def _overlap_s(self, first_s: float, last_s: float, shift_s: float) -> float:
         """Time in common when the positions are later by ``shift_s`` [s]; 1 for a single epoch inside."""

@@ -24,7 +24,7 @@ from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.weather import WeatherSeries
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.heard import Heard, utc_text
+from soilmoist_ros.sensing.position.heard import Heard
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind, Problem
@@ -308,7 +308,9 @@ class Survey:
         except UnusableRecordError as error:
             if position is None and self.heard.first_s < math.inf:
                 error = UnusableRecordError(
-                    error.kind, "the receiver has no position at the time of this record", _span(self.heard)
+                    error.kind,
+                    "the receiver has no position at the time of this record",
+                    f"{self.heard.span}: check the receiver, or give its whole log",
                 )
             self._report(error, waiting.raw, waiting.path, lost=not self._keep_unplaced)
             if not self._keep_unplaced:
@@ -335,8 +337,3 @@ class Survey:
 
     def _report(self, error: UnusableRecordError, record: LoggerRecord, path: Path | None, lost: bool) -> None:
         self._on_problem(Problem(error.kind, Mistake(error.message, error.remedy, path, record.line), lost))
-
-
-def _span(heard: Heard) -> str:
-    times = f"{utc_text(heard.first_s)} to {utc_text(heard.last_s)} UTC"
-    return f"its positions are from {times}: check the receiver, or give its whole log"

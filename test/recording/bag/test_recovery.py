@@ -336,6 +336,8 @@ def test_the_bag_of_a_recorder_that_loses_everything_says_so(tmp_path):
     ("name", "message"),
     [
         ("a.db3", "SQLite"),
+        ("a.db3.zstd", "SQLite"),
+        ("a.bag", "ROS 1"),
         ("a.mcap.zstd", "files are compressed"),
         ("a.txt", "holds no MCAP file"),
         ("", "no such bag"),

@@ -88,6 +88,13 @@ def test_a_bag_that_was_not_closed_is_refused_with_what_to_do(tmp_path):
     assert "rosbag reindex" in str(error.value)
 
 
+def test_a_bag_that_was_cut_off_is_not_empty(tmp_path):
+    path = write(tmp_path / "run.bag", [("/a", TEXT, 1, text("x" * 1000))])
+    path.write_bytes(path.read_bytes()[:4600])
+    with pytest.raises(InputError, match="is cut off: its index would begin at byte"):
+        BagReader(path)
+
+
 def test_a_bag_that_becomes_shorter_while_it_is_read_is_refused(tmp_path):
     words = [("/a", TEXT, number, text("x" * 10_000)) for number in range(20)]
     path = write(tmp_path / "run.bag", words, chunk_bytes=10_000)

@@ -3,6 +3,7 @@
 """Why there is no position, and why positions and records do not belong together."""
 
 import math
+import re
 
 import pytest
 
@@ -47,8 +48,13 @@ def test_without_a_position_the_reasons_are_counted():
         (-1024 * WEEK, "exactly 1024 weeks earlier: the receiver's date has rolled over", "--gnss-shift 1024w"),
         (-1024 * WEEK - 300.0, "exactly 1024 weeks earlier", "--gnss-shift 1024w"),
         (-T0, "simulated time", "--gnss-shift"),
-        (-2 * HOUR, "local time, UTC +2 h", "logger_utc_offset_hours: 2"),
-        (5.5 * HOUR, "local time, UTC -5.5 h", "logger_utc_offset_hours: -5.5"),
+        (
+            -2 * HOUR,
+            "local time, UTC +2 h, or the positions have local time, UTC -2 h",
+            "_hours: 2'; .* --gnss-shift 2h",
+        ),
+        (5.5 * HOUR, "local time, UTC -5.5 h", "logger_utc_offset_hours: -5.5'; .* --gnss-shift -330min"),
+        (18.0 - 315_964_800.0, "seconds of GPS time, which begins in 1980", "--gnss-shift 315964782s"),
         (-30 * DAY, "30 days apart, at the same time of day", "--gnss-shift 30d"),
         (-30 * DAY - 7 * HOUR, "they do not overlap", "same survey"),
     ],
@@ -60,14 +66,21 @@ def test_another_time_base_is_named_with_both_times(shift_s, message, remedy):
         return
     assert message in why.message
     assert "the records from 2026-05-14 09:00:00 to 2026-05-14 10:00:00 (UTC)" in why.message
-    assert remedy in why.remedy
+    assert re.search(remedy, why.remedy)
+
+
+def test_a_remedy_includes_the_shift_that_was_given():
+    shifted = heard(T0 + 4 * HOUR, T0 + 5 * HOUR)
+    shifted.shifted_s = 2 * HOUR
+    why = shifted.why_not_at(T0, T0 + HOUR, clock_known=True)
+    assert why.remedy == "if it is the positions: --gnss-shift -2h"
 
 
 def test_local_time_that_overlaps_is_asked_for_unless_the_clock_is_known():
     shifted = heard(T0 - 2 * HOUR, T0 + 3 * HOUR)
     why = shifted.why_not_at(T0, T0 + 5 * HOUR)
     assert "the same survey, 2 h later by the logger's clock, or two surveys" in why.message
-    assert "'logger_utc_offset_hours: 2', or 0 for UTC" in why.remedy
+    assert "'logger_utc_offset_hours: 2', or 0 for UTC; if the positions are in local time: --gnss" in why.remedy
     assert shifted.why_not_at(T0, T0 + 5 * HOUR, clock_known=True) is None
     assert shifted.why_not_at(T0, T0 + 3.3 * HOUR) is None  # the receiver was on before the logger
 

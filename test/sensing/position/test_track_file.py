@@ -27,7 +27,23 @@ FILES = {
     "2026/05/14 09:00:18.000   53.268   -0.5245   31.5   1  18   0.006   0.008\n",
     "RTKLIB by week": "%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m)\n"
     "2418 378018.000   53.268   -0.5245   31.5   1  18   0.006   0.008\n",
+    "day before month": "Date,Time,Lat,Long,Ele\n14/05/2026,09:00:00,53.268,-0.5245,31.5\n",
+    "month before day": "time,lat,lon,alt\n05/14/2026 09:00:00 AM,53.268,-0.5245,31.5\n",
+    "local time, too": "date,time,utc,lat,lon,alt\n2026-05-14,11:00:00,2026-05-14T09:00:00Z,53.268,-0.5245,31.5\n",
+    "rostopic": "%time,field.status.status,field.latitude,field.longitude,altitude\n"
+    "1778749200000000000,0,53.268,-0.5245,31.5\n",
+    "PlotJuggler": "__time,/fix/latitude,/fix/longitude,alt\n1778749200.000,53.268,-0.5245,31.5\n",
+    "letters in columns": "time,lat,N/S,lon,E/W,alt\n2026-05-14T09:00:00Z,53.268,N,0.5245,W,31.5\n",
+    "letters in fields": "time,lat,lon,alt\n2026-05-14T09:00:00Z,53.268 N,0.5245W,31.5\n",
+    "letters in the header": "time,lat (N),lon (W),alt\n2026-05-14T09:00:00Z,53.268,0.5245,31.5\n",
+    "degrees and minutes": "time,lat,lon,alt\n"
+    "2026-05-14T09:00:00Z,53\N{DEGREE SIGN}16.08'N,0\N{DEGREE SIGN}31.47'W,31.5\n",
+    "columns of minutes": "time,lat_deg,lat_min,lon_deg,lon_min,side,alt\n"
+    "2026-05-14T09:00:00Z,53,16.08,0,31.47,W,31.5\n",
+    "RTKLIB, degrees and minutes": "%  GPST  latitude(d'\") longitude(d'\") height(m) Q ns sdn(m) sde(m)\n"
+    "2026/05/14 09:00:18.000   53 16 04.80000   -0 31 28.20000   31.5   1  18   0.006   0.008\n",
 }
+NO_ZONE = ("day before month", "month before day")
 
 
 def read(tmp_path, text):
@@ -41,13 +57,15 @@ def test_a_track_is_known_by_its_content(tmp_path, form):
     (fix,), problems = read(tmp_path, FILES[form])
     assert fix.stamp_s == T0
     place = fix.position
-    assert (place.latitude_deg, place.altitude_m) == (53.268, 31.5)
+    assert (place.latitude_deg, place.altitude_m) == (pytest.approx(53.268, abs=1e-12), 31.5)
     assert place.longitude_deg == pytest.approx(-0.5245, abs=1e-12)
     rtklib = "RTKLIB" in form
     assert (
         place.horizontal_sd_m == pytest.approx(0.00707, abs=1e-5) if rtklib else math.isnan(place.horizontal_sd_m)
     )
-    assert [one.kind for one in problems] == [Kind.ASSUMED_TIME] * form.startswith("RTKLIB") * ("UTC" not in form)
+    assert [one.kind for one in problems] == [Kind.ASSUMED_TIME] * (
+        form in NO_ZONE or (rtklib and "UTC" not in form)
+    )
 
 
 def test_times_without_a_zone_are_said_once_and_rows_without_a_place_are_no_fix(tmp_path):
@@ -65,9 +83,26 @@ def test_times_without_a_zone_are_said_once_and_rows_without_a_place_are_no_fix(
     ("text", "message"),
     [
         (
-            "time,lat,lon\n14/05/2026 09:00:00,53.2,-0.5\n",
-            r"track:2: '14/05/2026 09:00:00' is no time .*not guessed",
+            "time,lat,lon\n05/06/2026 09:00:00,53.2,-0.5\n",
+            "two meanings: 2026-0(5-06 or 2026-06-05|6-05 or 2026-05-06)",
         ),
+        ("time,lat,lon,latitude\n2026-05-14T09:00:00Z,53.2,-0.5,54.2\n", "several columns .*: lat, latitude"),
+        ("time,lat,lon\n2026-05-14T09:00:00Z,53,268,-0,5245\n", "track:2: has 5 fields, the header names 3"),
+        ("time,lat_deg,lat_min,lon\n2026-05-14T09:00:00Z,53,61.0,0\n", r"'53 61.0' is no latitude"),
+        ("<gpx><trk><trkpt lat='53' lon='0'/></trk></gpx>", "has 1 points, but not one time"),
+        ("time,lat,lon\n,53,0\n", "has 1 points, but not one time"),
+        (
+            "time,easting,northing\n1778749200,664000,5904000\n",
+            "without columns of latitude.*: time, easting, north",
+        ),
+        (
+            "time,lat,lon\n2026-10-25 02:59:50,53,0\n2026-10-25 02:00:00,53,0\n",
+            "go back from 2026-10-25 02:59:50 to",
+        ),
+        ("%  GPST  x-ecef(m) y-ecef(m) z-ecef(m) Q\n", "from the centre of the earth"),
+        ("2026/05/14 09:00:18.000   53.268   -0.5245   31.5   1  18  0.0\n", "RTKLIB without its header"),
+        ("2418 378018.000   53.268   -0.5245   31.5   1  18  0.0\n", "RTKLIB without its header"),
+        ("<TrainingCenterDatabase></TrainingCenterDatabase>", "TCX"),
         ("time,lat,lon\n2026-05-14T09:00:00Z,5316.08,-0.5\n", r"track:2: '5316.08' is no latitude in degrees"),
         ("lat,lon\n53.2,-0.5\n", "no column of times"),
         ("<gpx></gpx>", "without points"),
@@ -79,6 +114,45 @@ def test_times_without_a_zone_are_said_once_and_rows_without_a_place_are_no_fix(
 def test_what_cannot_be_read_is_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         read(tmp_path, text)
+
+
+def test_letters_of_hemispheres_are_told_from_directions_of_travel(tmp_path):
+    for name, longitudes in (("E/W", [0.0001, -0.0001]), ("heading", [0.0001, 0.0001])):
+        fixes, _ = read(tmp_path, f"time,lat,lon,{name}\n1778749200,53,0.0001,E\n1778749201,53,0.0001,W\n")
+        assert [fix.position.longitude_deg for fix in fixes] == pytest.approx(longitudes)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "said"),
+    [
+        ("fix_type", "NONE", "'NONE'"),
+        ("fix", "0", "'0'"),
+        ("status", "-1", "'-1'"),
+        ("valid", "V", "'V'"),
+        ("Q", "", ""),
+    ],
+)
+def test_rows_without_a_fix_are_no_positions(tmp_path, column, value, said):
+    fixes, _ = read(tmp_path, f"time,lat,lon,{column}\n1778749200,53.2,-0.5,{value}\n1778749201,53.2,-0.5,3D\n")
+    assert [fix.said for fix in fixes] == [said, ""]
+
+
+def test_the_quality_of_rtklib_is_read(tmp_path):
+    header = "%  UTC  latitude(deg) longitude(deg) height(m) Q\n"
+    rows = [f"2026/05/14 09:00:0{q}.000   53.268   -0.5245   31.5   {q}\n" for q in range(8)]
+    fixes, _ = read(tmp_path, header + "".join(rows))
+    assert [fix.said for fix in fixes] == ["quality 0", *[""] * 6, "quality 7"]
+    assert [fix.quality for fix in fixes] == [0, 4, 5, 9, 2, 1, 2, 0]
+
+
+def test_the_log_decides_between_day_and_month(tmp_path):
+    path = tmp_path / "track.csv"
+    path.write_text("time,lat,lon\n05/06/2026 09:00:00,53.2,-0.5\n05/06/2026 09:00:01,53.2,-0.5\n")
+    june_s = T0 + 22 * 86_400  # 2026-06-05 09:00 UTC
+    for log_s, words in ((june_s, "day before month"), (june_s - 30 * 86_400, "month before day")):
+        fixes, problems = read_positions(path, (log_s, log_s + 60.0))
+        assert [fix.stamp_s for fix in fixes] == [log_s, log_s + 1]
+        assert words in problems[0].mistake.message
 
 
 @settings(deadline=None, max_examples=200)
