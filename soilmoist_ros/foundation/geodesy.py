@@ -63,6 +63,8 @@ class LocalFrame:
             raise ValueError(f"latitude must be within -90..90 deg, got {self.latitude_deg}")
         if not -180 <= self.longitude_deg <= 180:
             raise ValueError(f"longitude must be within -180..180 deg, got {self.longitude_deg}")
+        for name in ("latitude_deg", "longitude_deg"):  # numbers of numpy have a name in their text
+            object.__setattr__(self, name, float(getattr(self, name)))
 
     @cached_property
     def crs(self) -> CRS:

@@ -118,3 +118,8 @@ def test_squared_distances_are_those_of_scipy():
     np.testing.assert_array_equal(squared_distances(xy, others), cdist(xy, others, "sqeuclidean"))
     np.testing.assert_array_equal(np.sqrt(squared_distances(xy, others)), cdist(xy, others))
     assert squared_distances(xy[:0], others).shape == (0, 30)
+
+
+def test_a_datum_of_numpy_numbers_is_a_plane_for_proj():
+    frame = LocalFrame(np.float64(51.3508), np.float64(12.4315))
+    assert frame.crs == LocalFrame(51.3508, 12.4315).crs
