@@ -146,21 +146,25 @@ def zones_layer(source: RunSource, one: PropertyMap, settings: ExportSettings) -
     :raises InputError: if the settings are out of range
     """
     about: Mapping[str, Any] = source.run.summary.get("irrigation") or {}
-    moist, absolute = one.quantity is MOISTURE and not one.name, one.calibration in ("own", "simulated")
+    moist, usable = one.quantity is MOISTURE and not one.name, about.get("moisture_usable") is not False
+    absolute = one.calibration in ("own", "simulated") and usable
     limits = [100 * limit for limit in about.get("zone_limits_vwc") or ()] if moist and absolute else []
     full = about.get("field_capacity_vwc") if moist and absolute else None
     smallest = None if settings.min_zone_ha is None else 1e4 * settings.min_zone_ha
     zones = management_zones(
         one, source.boundary, settings.zones, smallest, limits or None, None if full is None else 100 * full
     )
+    known = usable or not moist
+    if not known:
+        source.notes.append("the moisture is impossible on much of the area, see the report: no zone is certain")
     names = [str(zone["name"]) for zone in about.get("zones") or ()] if limits else []
     source.notes.extend(_lost(one, source.boundary.area, zones, limits, names))
     columns: dict[str, NDArray[Any]] = {
         "ZONE": np.array([zone.number for zone in zones], np.int32),
         one.quantity.column: np.round([zone.mean for zone in zones], 3),
         "SD": np.round([zone.sd for zone in zones], 3),
-        "CERTAIN": np.array([zone.certainty.certain for zone in zones], np.int32),
-        "SURE_PCT": np.round([100 * zone.certainty.sure for zone in zones], 1),
+        "CERTAIN": np.array([zone.certainty.certain and known for zone in zones], np.int32),
+        "SURE_PCT": np.round([100 * zone.certainty.sure * known for zone in zones], 1),
         "OTHER_PCT": np.round([100 * zone.other for zone in zones], 1),
         "AREA_HA": np.round([zone.area_ha for zone in zones], 4),
     }

@@ -19,14 +19,13 @@ from soilmoist_ros.exploration.travel.travel import polyline_length_m
 from soilmoist_ros.foundation.plain_values import shown_path
 from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
 from soilmoist_ros.mapping.knowledge.drift import Drift
-from soilmoist_ros.reporting.certainty import absolute
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
 from soilmoist_ros.reporting.page.covariates import Importance, covariate_importance
 from soilmoist_ros.reporting.page.earlier_section import relations
-from soilmoist_ros.reporting.page.irrigation import absolute_limits, irrigation
+from soilmoist_ros.reporting.page.irrigation import absolute_limits, has_level, irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import (
     TruthScore,
@@ -34,6 +33,7 @@ from soilmoist_ros.reporting.page.statistics import (
     beyond_limits_share,
     calibration_sd,
     explained_share,
+    is_usable,
     leave_one_out,
     mean_moisture,
     mean_sd,
@@ -415,7 +415,8 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
     ]  # fmt: skip
     return {
         "root_depth_mm": limits.root_depth_mm,
-        "field_capacity_vwc": limits.field_capacity if absolute(run) else None,
+        "field_capacity_vwc": limits.field_capacity if has_level(run) else None,
+        "moisture_usable": is_usable(run.soil_map) if run.calibrated else None,
         "zone_limits_vwc": absolute_limits(run),
         "zones": zones,
         "advice": found.advice,

@@ -15,7 +15,7 @@ from soilmoist_ros.reporting.certainty import CERTAIN, Certainty, absolute, cert
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.numbers import part_of_area, percent, volume
-from soilmoist_ros.reporting.page.statistics import calibration_sd, mean_moisture
+from soilmoist_ros.reporting.page.statistics import calibration_sd, is_usable, mean_moisture, unusable_share
 from soilmoist_ros.reporting.run import IrrigationLimits, MapRun
 
 Array = NDArray[np.float64]
@@ -149,26 +149,36 @@ def stress_point(limits: IrrigationLimits) -> float | None:
     return limits.field_capacity - limits.depletion * (limits.field_capacity - limits.wilting_point)
 
 
+def has_level(run: MapRun) -> bool:
+    """Whether limits, amounts of water and advice may rest on the moisture of a map."""
+    return absolute(run) and is_usable(run.soil_map)
+
+
+def _of_moisture(run: MapRun) -> bool:
+    """Whether the zones are of the moisture, else of the count rate."""
+    return run.calibrated and is_usable(run.soil_map)
+
+
 def _values(run: MapRun) -> Array:
-    """Moisture, or minus the rate without a calibration: more is moister. NaN outside the field."""
+    """Moisture, or minus the rate where none can be used: more is moister. NaN outside the field."""
     soil_map = run.soil_map
-    return np.where(soil_map.grid.mask, soil_map.vwc if run.calibrated else -soil_map.rate, np.nan)
+    return np.where(soil_map.grid.mask, soil_map.vwc if _of_moisture(run) else -soil_map.rate, np.nan)
 
 
 def _probability(run: MapRun, number: Array, edges: Array, relative: bool) -> Array:
     """Probability of a zone in each cell; of a rate map the zones count from many to few neutrons."""
     soil_map = run.soil_map
-    if soil_map.curve is None:
+    if not _of_moisture(run):
         return class_probability(soil_map.rate, soil_map.rate_sd, 2 - number, -edges[::-1], None, relative)
     return class_probability(soil_map.rate, soil_map.rate_sd, number, edges, soil_map.curve, relative)
 
 
 def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
     """Names of the zones, the two limits between them, and their origin."""
-    limits, stress = run.irrigation, stress_point(run.irrigation)
-    if absolute(run) and limits.dry_below is not None and limits.moist_above is not None:
+    limits, stress, holds = run.irrigation, stress_point(run.irrigation), has_level(run)
+    if holds and limits.dry_below is not None and limits.moist_above is not None:
         return BY_USER, np.array([limits.dry_below, limits.moist_above]), "The limits are those of the site file."
-    if absolute(run) and stress is not None and limits.field_capacity is not None:
+    if holds and stress is not None and limits.field_capacity is not None:
         basis = (
             f"Plants lack water below {volume(stress)} %: there, {percent(limits.depletion)} of the water between "
             f"field capacity ({volume(limits.field_capacity)} %) and wilting point "
@@ -181,7 +191,9 @@ def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
         "The zones only compare places of this field: each is about a third of the area, however dry or wet it is."
     )
     given = stress is not None or limits.dry_below is not None
-    if given and not absolute(run):
+    if given and absolute(run) and not holds:
+        basis += " The limits of the site file need a moisture that this soil can have."
+    elif given and not holds:
         basis += " The limits of the site file need a calibrated sensor."
     elif not given:
         basis += (
@@ -197,7 +209,7 @@ def _zone(
     share = np.count_nonzero(chosen) / np.count_nonzero(soil_map.grid.mask)
     depth, full = run.irrigation.root_depth_mm, run.irrigation.field_capacity
     known: dict[str, float] = {}
-    if absolute(run) and chosen.any():
+    if has_level(run) and chosen.any():
         known["water_mm"] = float(values[chosen].mean()) * depth
         if full is not None:
             bands = {"missing_mm": values, "missing_mm_p05": soil_map.vwc_p95, "missing_mm_p95": soil_map.vwc_p05}
@@ -226,7 +238,7 @@ def missing_mm(vwc: Array, field_capacity: float, root_depth_mm: float) -> float
 
 def _range_text(run: MapRun, index: int, edges: Array) -> str:
     """Range of a zone: moisture, or rates, which fall towards moist soil."""
-    if run.calibrated:
+    if _of_moisture(run):
         first, second = (volume(edge) for edge in edges.tolist())
         return (f"below {first} %", f"{first} to {second} %", f"above {second} %")[index]
     first, second = (f"{-edge:.2f}" for edge in edges.tolist())
@@ -235,9 +247,9 @@ def _range_text(run: MapRun, index: int, edges: Array) -> str:
 
 def _water(run: MapRun) -> str:
     """Water in the root zone with its 90 % interval."""
-    if absolute(run) and at_one_place(run):
+    if has_level(run) and at_one_place(run):
         return _water_at_the_end(run)
-    mean = mean_moisture(run.soil_map) if absolute(run) else None
+    mean = mean_moisture(run.soil_map) if has_level(run) else None
     if mean is None or not math.isfinite(mean.value):
         return ""
     depth = run.irrigation.root_depth_mm
@@ -267,6 +279,8 @@ def _level(run: MapRun) -> str:
             "Illustrative: the calibration is a guess. Trust where it is drier and wetter, but not the "
             "percentages and millimetres."
         )
+    if not is_usable(run.soil_map) and not run.simulated:
+        return "The count rate does not fit the calibration: do not use the percentages and millimetres."
     if run.simulated:
         return "Simulated: no real field was measured."
     source = f" ({run.calibration.source})" if run.calibration and run.calibration.source else ""
@@ -285,6 +299,15 @@ def _steps(run: MapRun, found: Irrigation) -> Iterator[str]:
         yield "Next: take soil cores and calibrate the sensor, so that the map shows water."
     elif not absolute(run):
         yield "Next: take soil cores and calibrate the sensor, so that the amounts of water can be used."
+    elif not is_usable(run.soil_map):
+        share = percent(unusable_share(run.soil_map))
+        todo = (
+            f"count longer or at more places; the moisture is not sure enough on {share} of the area"
+            if run.simulated
+            else "check N0, the bulk density and the tubes that were counted, then map again; on "
+            f"{share} of the area the moisture is impossible"
+        )
+        yield f"Next: {todo}. Until then the map says where it is drier and wetter, not if water is needed."
     elif at_one_place(run):
         yield from [] if found.relative else _on_place(run, found)
         yield "Next: for a map of the surroundings, drive the sensor over the field or move it between places."

@@ -20,6 +20,8 @@ from soilmoist_ros.mapping.samples.spread import footprint_spread
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import PoissonKriging, SoilMap
 
+MAX_UNUSABLE = 0.25
+"""Largest share of impossible or undefined moisture in the area at which zones and advice rest on the moisture."""
 MAX_SAMPLES = 1000
 MAX_CELLS, MAX_PAIRED_CELLS = 1500, 500
 INTERVAL_SD = 1.96
@@ -120,6 +122,16 @@ def implausible_shares(soil_map: SoilMap) -> tuple[float, float]:
         return 0.0, 0.0
     vwc = soil_map.curve.vwc(soil_map.rate[mask])
     return float(np.mean(vwc > soil_map.limits.saturation)), float(np.mean(vwc < soil_map.limits.dryness))
+
+
+def unusable_share(soil_map: SoilMap) -> float:
+    """Share of the field's cells whose moisture is impossible or not defined [0..1]; 1 without a calibration."""
+    return undefined_share(soil_map) + sum(implausible_shares(soil_map))
+
+
+def is_usable(soil_map: SoilMap) -> bool:
+    """Whether zones, water and advice may rest on the moisture: most of the area has a possible one."""
+    return not unusable_share(soil_map) > MAX_UNUSABLE
 
 
 @dataclass(frozen=True)

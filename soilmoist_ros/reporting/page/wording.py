@@ -17,18 +17,17 @@ from soilmoist_ros.reporting.page.numbers import area, duration, length, percent
 from soilmoist_ros.reporting.page.statistics import (
     band_statistics,
     calibration_sd,
-    implausible_shares,
+    is_usable,
     mean_sd,
     resolution_m,
     uncertain_share,
     undefined_share,
+    unusable_share,
 )
 from soilmoist_ros.reporting.page.statistics import mean_moisture as field_moisture
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.survey_times import local_time
 
-MAX_UNUSABLE = 0.25
-"""Largest share of impossible or undefined moisture in the area at which the report shows average moisture."""
 _CHECK_ALL = "Check N0 and whether all tubes were counted."
 _UNFIT = (
     "Do not use the soil moisture before N0, the bulk density and the tubes that were counted have been checked; "
@@ -169,11 +168,10 @@ def headline(run: MapRun) -> list[str]:
             f"{value} {unit} were mapped, but the count rate lies below the calibration curve everywhere, so no "
             f"soil moisture could be computed. {_UNCERTAIN if run.simulated else _CHECK_ALL}"
         ]
-    unusable = undefined_share(soil_map) + sum(implausible_shares(soil_map))
-    if unusable > MAX_UNUSABLE:
+    if not is_usable(soil_map):
         return [
-            f"{value} {unit} were mapped, but on {percent(unusable)} of the area the soil moisture is impossible "
-            "or not defined: the count rate does not fit the calibration. "
+            f"{value} {unit} were mapped, but on {percent(unusable_share(soil_map))} of the area the soil "
+            "moisture is impossible or not defined: the count rate does not fit the calibration. "
             f"{_UNCERTAIN if run.simulated else _UNFIT}"
         ]
     sentences = [

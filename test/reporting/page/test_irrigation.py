@@ -212,3 +212,15 @@ def test_the_missing_water_has_an_interval(advised):
 def test_a_calibration_without_its_error_is_no_ground_for_certainty_unsaid(advised):
     assert "leave an error of the calibration out" in advised(0.15, 0.2, 0.1, n0_sd=0.0).level
     assert "leave an error" not in advised(0.15, 0.2, 0.1, n0_sd=0.1).level
+
+
+@pytest.mark.parametrize("share_of_n0", [0.38, 1.5], ids=["full pores", "less than dry"])
+def test_no_advice_rests_on_moisture_that_is_impossible(make_run, the_map, share_of_n0):
+    n0_cps = float(the_map.rate[the_map.grid.mask].mean()) / share_of_n0
+    wrong = dataclasses.replace(the_map, curve=dataclasses.replace(the_map.curve, n0_cps=n0_cps))
+    found = irrigation(make_run(soil_map=wrong, irrigation=IrrigationLimits(dry_below=0.2, moist_above=0.3)))
+    assert names(found) == RELATIVE
+    assert found.advice.startswith("Next: check N0, the bulk density and the tubes that were counted")
+    assert found.water == ""
+    assert all(math.isnan(zone.water_mm) and "counts/s" in zone.limits for zone in found.zones)
+    assert "do not use the percentages" in found.level

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.knowledge.change import FieldChange
-from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE, absolute, calibration_of
+from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts.chart import round_step, round_ticks
-from soilmoist_ros.reporting.page.irrigation import Irrigation
+from soilmoist_ros.reporting.page.irrigation import Irrigation, has_level
 from soilmoist_ros.reporting.page.numbers import percent, plain
 from soilmoist_ros.reporting.page.style import robust_range
 from soilmoist_ros.reporting.page.viewer.packing import pack, pack_bits, rounded, thinning
@@ -39,7 +39,7 @@ def viewer_data(run: MapRun, found: Irrigation) -> dict[str, Any]:
     return {
         "view": [round(edge, 2) for edge in (west, east, south, north)],
         "place": _place(run, (west + east) / 2, (south + north) / 2, max(east - west, north - south) / 2),
-        "rootDepth": run.irrigation.root_depth_mm if absolute(run) else 0,
+        "rootDepth": run.irrigation.root_depth_mm if has_level(run) else 0,
         "grids": [_grid(one) for one in run.properties],
         "layers": list(_layers(run, found)),
         "zones": [{"name": zone.name, "limits": zone.limits, "colour": zone.colour} for zone in found.zones],
