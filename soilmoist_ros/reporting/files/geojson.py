@@ -59,9 +59,10 @@ def _sample_features(run: MapRun) -> list[dict[str, Any]]:
     counts, exposure = np.asarray(samples.counts, float), np.asarray(samples.exposure_s, float)
     rate = counts / exposure
     rate_sd = np.where(counts > 0, np.sqrt(counts) / exposure, np.nan)
-    vwc = np.full_like(rate, np.nan) if curve is None else curve.vwc(rate)
     vwc_sd = np.full_like(rate, np.nan) if curve is None else curve.vwc_sd(rate, rate_sd, order=3)
     interval = make_bands(rate, rate_sd**2, curve)
+    # As on the map, no value leaves what the soil can hold; below the curve there is none.
+    vwc = interval.vwc if curve is None else np.where(np.isnan(curve.vwc(rate)), np.nan, interval.vwc)
     lon_lat = _lon_lat(run.frame, samples.xy)
     begin, end, n_records = sample_times(run).T
     calibrated = calibration_of(run)
