@@ -315,7 +315,9 @@ def log_findings(
     """
     records = [record for log in logs for record in log.records]
     lost = sum(log.records_lost for log in logs)
-    yield Finding("log", f"{logs[0].format_title}: {len(records)} records{f', {lost} lost' if lost else ''}")
+    repeated = len(records) - len({(one.stamp_s, one.record_number, str(one.tube_counts)) for one in records})
+    extra = "".join(f", {number} {what}" for number, what in ((lost, "lost"), (repeated, "repeated")) if number)
+    yield Finding("log", f"{logs[0].format_title}: {len(records)} records{extra}")
     for key, text in reading.items():
         yield Finding(key, text)
     if not records:
@@ -324,9 +326,8 @@ def log_findings(
         yield Finding("record", record_text(record))
     stamps_s = np.array([record.stamp_s for record in records])
     first_s, last_s = float(stamps_s.min()), float(stamps_s.max())
-    period_s = logs[0].period_s
-    if not math.isfinite(period_s) and len(records) > 1:
-        period_s = float(np.median(np.diff(np.sort(stamps_s))))
+    steps_s = np.diff(np.unique(stamps_s))
+    period_s = float(np.median(steps_s)) if len(steps_s) else logs[0].period_s
     every = f", a record every {period_s:g} s" if math.isfinite(period_s) else ""
     yield Finding("time", f"{_date(first_s)} to {_date(last_s)} UTC ({duration(last_s - first_s)}){every}")
     if first_s < EARLIEST_STAMP_S or last_s > now_s + MAX_AHEAD_S:

@@ -649,6 +649,7 @@ def count_notes(problems: Sequence[Problem], records: int) -> list[Note]:
         Kind.OVERDISPERSED: NoteCode.OVERDISPERSED,
         Kind.OVERLAP: NoteCode.DOUBTFUL_LOG,
         Kind.LIVE_TIME_UNIT: NoteCode.DOUBTFUL_LOG,
+        Kind.NOT_COUNTS: NoteCode.DOUBTFUL_LOG,
         Kind.MONTHS_APART: NoteCode.DOUBTFUL_LOG,
         Kind.OTHER_TUBE: NoteCode.DOUBTFUL_LOG,
     }

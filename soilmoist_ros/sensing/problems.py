@@ -57,6 +57,7 @@ class Kind(enum.StrEnum):
     CLOCK_BACKWARDS = "clock_backwards", "clock went backwards", Severity.WARNING
     OVERLAP = "overlap", "more counting time than time", Severity.WARNING
     LIVE_TIME_UNIT = "live_time_unit", "live time perhaps in another unit", Severity.WARNING
+    NOT_COUNTS = "not_counts", "numbers that may not be raw counts", Severity.WARNING
     MONTHS_APART = "months_apart", "days that lie months apart", Severity.WARNING
     OTHER_TUBE = "other_tube", "tube that may not be the moderated one", Severity.WARNING
     GAP = "gap", "records missing", Severity.NOTE

@@ -59,6 +59,8 @@ _UNITS: dict[str, dict[str, Callable[[float], float]]] = {
 """Units that a logger format has, and what it makes of their values [hPa, degC, fraction]."""
 MAX_FRACTION = 0.0101
 """Relative humidity that no air near the ground stays below; fractions that were read as per cent do [-]."""
+MIN_MEDIAN_HUMIDITY = 0.2
+"""Median relative humidity that the air of hardly any survey has; dry housings have it [-]."""
 MAX_MEDIAN_DEGC = 42.0
 """Median temperature that no survey exceeds; temperatures in Fahrenheit do [degC]."""
 
@@ -101,6 +103,12 @@ def unlikely_weather(records: Sequence[LoggerRecord]) -> list[Finding]:
     if len(humidity) >= FROZEN_RECORDS and 0 < max(humidity) <= MAX_FRACTION:
         message = f"the relative humidity is {100 * min(humidity):.2f} to {100 * max(humidity):.2f} %"
         remedy = "if it is a fraction, write 'unit: fraction' into the logger format"
+        found.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, remedy))
+    if len(humidity) >= FROZEN_RECORDS and MAX_FRACTION < statistics.median(humidity) < MIN_MEDIAN_HUMIDITY:
+        message = (
+            f"the relative humidity is {100 * statistics.median(humidity):.0f} % in the middle of the records"
+        )
+        remedy = "if it is absolute humidity [g/m3], or of the air in a housing, leave its column out"
         found.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, remedy))
     warmth = [record.temperature_degc for record in records if math.isfinite(record.temperature_degc)]
     if len(warmth) >= FROZEN_RECORDS and statistics.median(warmth) > MAX_MEDIAN_DEGC:

@@ -17,7 +17,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import listing
 from soilmoist_ros.sensing.formats import units
 from soilmoist_ros.sensing.formats.log_file import matching_formats, read_lines
-from soilmoist_ros.sensing.formats.log_layout import plain_name, split_text
+from soilmoist_ros.sensing.formats.log_layout import build_layout, plain_name, split_text
 from soilmoist_ros.sensing.formats.log_values import (
     decode_line,
     likely_time_formats,
@@ -25,23 +25,33 @@ from soilmoist_ros.sensing.formats.log_values import (
     read_number,
     read_time,
 )
-from soilmoist_ros.sensing.formats.logger_format import MISSING, order_of
+from soilmoist_ros.sensing.formats.logger_format import MISSING, load_logger_format, order_of
 
 MAX_LINES = 2_000
 """Number of lines from which a format is drafted."""
-_COUNT_NAME = re.compile(r"neutron|count|cts|(^|_)n\d*(_?c)?$|cps|cph|moderated|(^|_)mod(_|$)|epi|puls|crns")
+_COUNT_NAME = re.compile(
+    r"neutron|count|cts|unmo|(^|_)imp(_|/|$)|(^|_)n\d*(_?c)?$|cps|cph|moderated|(^|_)mod(_|$)|epi|puls|crns"
+)
 _NO_COUNT = re.compile(
     r"std|err|unc|flag|muon|gamma|light|strike|volt|^rn$|record|rain|prec|sat|drop|number|coeff|sqrt|_se$|_sd$|swc|swe|_z$"
 )
 _CHANGED = re.compile(r"corr|smooth|mov_?avg|filtered|norm")
-_BARE = re.compile(r"bare|(?<!epi)thermal|slow|unmod|_b$")
-_LIVE = re.compile(r"integration|et_?sec|livetime|live_?s|exposure|duration|counting|inttime|messzeit|_et|period")
-_PRESSURE = re.compile(r"press|baro|^p\d*(_|$|\()|_mb|ptb|luftdruck|druck|^bp|hpa|mbar")
-_TEMPERATURE = re.compile(r"temp|^t\d*(_|$|\()|airt|_degc|tair|^ta$")
+_BARE = re.compile(r"bare|(?<!epi)thermal|slow|unmo|_b$")
+_LIVE = re.compile(
+    r"integration|et_?sec|n\d+et|livetime|live_?s|exposure|duration|counting|inttime|messzeit|_et|period"
+)
+_PRESSURE = re.compile(r"press|baro|^pa$|^p\d*(_|$|\()|_mb|ptb|luftdruck|druck|^bp|hpa|mbar")
+_TEMPERATURE = re.compile(r"temp|^t\d*(_|$|\()|airt|_degc|tair|^ta$|^tem$")
 _HUMIDITY = re.compile(r"rh|hum|^ur(\(|%|_|$)|feuchte|hygro")
 _NO_WEATHER = re.compile(r"soil|vwc|moist|boden|probe|dew|panel|batt|abs|std|flag|vapo|tilt|wet")
 _OUTSIDE = re.compile(r"ext|out|cs215|air|ptb|hmp|2m")
 _INSIDE = re.compile(r"int|_in\b|in\(|inside|box|panel|ptemp|logger|n\d")
+_CREDIBLE: dict[units.Quantity, tuple[float, float]] = {
+    "pressure": (400, 1100),
+    "temperature": (-50, 60),
+    "humidity": (0, 1.05),
+}
+"""Medians that a log can have [hPa, degC, fraction]."""
 _SIDES = {"N", "S", "E", "W"}
 
 
@@ -114,9 +124,9 @@ def draft_format(path: Path, time: Sequence[str] = (), counts: Sequence[str] = (
         )
     draft = [f"# Draft of a logger format from {path.name}. Check each line, and answer each QUESTION."]
     if known := matching_formats(lines):
-        draft.append(
-            f"# The shipped format {known[0]} has the columns of this file as well: it may be all you need."
-        )
+        shipped = build_layout(load_logger_format(known[0]), names, [column.unit for column in table.columns])
+        but = f"; it does not read {listing(shipped.unused)}" if shipped.unused else ": it may be all you need"
+        draft.append(f"# The shipped format {known[0]} reads this file as well{but}.")
     draft += [f"title: {_quoted(path.stem)}", f"source: {_quoted(f'drafted from {path.name}')}"]
     draft += [f"{key}: {json.dumps(value)}" for key, value in table.keys.items() if key != "header"]
     draft.append(f"header: {json.dumps(header, ensure_ascii=False)}")
@@ -126,11 +136,12 @@ def draft_format(path: Path, time: Sequence[str] = (), counts: Sequence[str] = (
     stamps, used = _time(table, draft, time, path)
     used |= _counts(table, draft, counts, used, path)
     used |= _live_time(table, draft, stamps, used)
-    for quantity, name, check in (
+    weather: tuple[tuple[units.Quantity, re.Pattern[str], Callable[[list[float]], str]], ...] = (
         ("pressure", _PRESSURE, _pressure_unit),
         ("temperature", _TEMPERATURE, _temperature_unit),
         ("humidity", _HUMIDITY, _humidity_unit),
-    ):
+    )
+    for quantity, name, check in weather:
         used |= _sensors(table, draft, quantity, name, check, used)
     used |= _position(table, draft, used)
     if unused := [column.name for column in table.columns if column.name and column.name not in used]:
@@ -287,12 +298,21 @@ def _counts(table: Table, draft: list[str], given: Sequence[str], used: set[str]
     if not pattern and len(found) > 1:
         others = listing(one.name for one in found[1:])
         draft.append(f"  # QUESTION: only {first.name} is read; is it the moderated detector, and not {others}?")
-    if whole:
+    unit = units.rate_of(first.unit) or units.rate_of(first.name)
+    if whole and not unit:
         draft.append("  unit: counts  # all values are whole numbers")
+    elif whole:
+        draft.append(
+            f"  unit: {unit}  # QUESTION: the header says so. If these are counts of a record, write counts"
+        )
     else:
-        unit = _rate_unit(first.low + first.unit.casefold())
+        unit = unit or "counts_per_hour"
         draft.append(
             f"  unit: {unit}  # QUESTION: no whole numbers. Take raw counts if there are any; which unit?"
+        )
+    if _CHANGED.search(first.low):
+        draft.append(
+            "  # QUESTION: raw counts? By its name they are corrected or smoothed, and would be corrected twice"
         )
     if pattern and len(found) > 1:
         draft.append("  # QUESTION: is one of the tubes bare (thermal)? Then leave it out, such as: left_out: [2]")
@@ -315,12 +335,6 @@ def _pattern(names: Sequence[str], every: Sequence[str]) -> str:
         if {name for name in every if numbered.fullmatch(name)} == set(names):
             return f"{before}{{tube}}{after}"
     return ""
-
-
-def _rate_unit(text: str) -> str:
-    if re.search(r"cpm|per_?min|/min", text):
-        return "counts_per_minute"
-    return "counts_per_second" if re.search(r"cps|per_?s|/s|hz", text) else "counts_per_hour"
 
 
 def _live_time(table: Table, draft: list[str], stamps: Sequence[float], used: set[str]) -> set[str]:
@@ -367,13 +381,14 @@ def _live_time(table: Table, draft: list[str], stamps: Sequence[float], used: se
 
 
 def _pressure_unit(values: list[float]) -> str:
-    limits = {"hPa": (500, 1100), "kPa": (50, 110), "Pa": (50_000, 110_000)}
+    limits = {"hPa": (500, 1100), "kPa": (50, 110), "Pa": (50_000, 110_000), "inHg": (15, 32.5)}
     return next((unit for unit, (low, high) in limits.items() if low <= median(values) <= high), "")
 
 
 def _temperature_unit(values: list[float]) -> str:
     middle = median(values)
-    return "K" if 220 < middle < 330 else "degC" if -50 < middle < 60 else ""
+    limits = {"degC": (-50, 42), "degF": (42, 120), "K": (220, 330)}
+    return next((unit for unit, (low, high) in limits.items() if low < middle <= high), "")
 
 
 def _humidity_unit(values: list[float]) -> str:
@@ -383,23 +398,39 @@ def _humidity_unit(values: list[float]) -> str:
 def _sensors(
     table: Table,
     draft: list[str],
-    quantity: str,
+    quantity: units.Quantity,
     name: re.Pattern[str],
     unit_of: Callable[[list[float]], str],
     used: set[str],
 ) -> set[str]:
-    found = []
+    found, odd = [], []
     for column in table.columns:
         values = table.numbers(column)
         if column.name in used or not values or not name.search(column.low) or _NO_WEATHER.search(column.low):
             continue
-        guess, written = unit_of(values), units.canonical(column.unit or _unit_in(column.name))
-        reason = f"so its median, {median(values):.4g}, is credible"
-        if guess and written and units.measures(quantity, written):  # type: ignore[arg-type]
-            guess, reason = written, "unit of the header"
-        if guess:
+        middle, named = median(values), column.unit or _unit_in(column.name)
+        guess, written = unit_of(values), units.canonical(named)
+        reason = f"so its median, {middle:.4g}, is credible"
+        if written and units.measures(quantity, written):
+            low, high = _CREDIBLE[quantity]
+            if low <= units.converter(quantity, written)(middle) <= high:
+                guess, reason = written, "unit of the header"
+            else:
+                reason = f"QUESTION: the header says {named}, which does not fit its median, {middle:.4g}"
+        elif column.unit and not written:
+            reason = f"QUESTION: the unit {column.unit!r} is unknown; its median is {middle:.4g}"
+        elif quantity == "pressure" and 500 <= middle < 800:
+            reason = f"QUESTION: or mmHg? Its median is {middle:.4g}"
+        elif quantity == "humidity" and middle < 20 and guess == "percent":
+            reason = f"QUESTION: relative humidity of the outside air? Its median, {middle:.4g} %, is low"
+        if not guess:
+            odd.append(f"{column.name} ({middle:.4g})")
+        else:
             rank = bool(_INSIDE.search(column.low)) - bool(_OUTSIDE.search(column.low))
             found.append((rank, column.name, guess, reason))
+    if not found and odd:
+        draft.append(f"# QUESTION: which unit? No unit of the {quantity} fits the median of {listing(odd)}.")
+        return set()
     if not found:
         draft.append(
             f"# No column of the {quantity}: its correction needs one, or has to be switched off in the site file."

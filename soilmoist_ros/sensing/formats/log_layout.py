@@ -7,7 +7,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from soilmoist_ros.sensing.formats import units
 from soilmoist_ros.sensing.formats.logger_format import Humidity, LoggerFormat, Pressure, Temperature
@@ -95,6 +95,7 @@ class Layout:
     :param temperature: thermometers in order of preference
     :param humidity: hygrometers in order of preference
     :param position: columns of the position
+    :param count_rate: unit of a count rate in the header of the counts, empty without one
     :param remarks: differences between the units of the header and the format, with the name of the column
     """
 
@@ -108,6 +109,7 @@ class Layout:
     temperature: tuple[Source, ...]
     humidity: tuple[Source, ...]
     position: PositionLayout | None
+    count_rate: str = ""
     remarks: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -187,6 +189,10 @@ class _Columns:
             self.remarks.append((source.name, f"the header says {written}, the format {unit}: {found} is used"))
         return Source(source.index, source.name, units.converter(quantity, used))
 
+    def rate_of(self, source: Source) -> str:
+        """Unit of a count rate in the header of a column, empty without one."""
+        return units.rate_of(self._units[source.index]) or units.rate_of(source.name)
+
     def find_tubes(self, alternatives: Sequence[str]) -> dict[int, Source]:
         """Columns by tube number: those that match a pattern with ``{tube}``, or a plain name as tube 1."""
         for name in alternatives:
@@ -247,6 +253,7 @@ def build_layout(logger: LoggerFormat, names: Sequence[str], given_units: Sequen
         temperature=_sensors(columns, logger.temperature, "temperature"),
         humidity=_sensors(columns, logger.humidity, "humidity"),
         position=position,
+        count_rate=next(filter(None, map(columns.rate_of, counts.values())), ""),
         remarks=tuple(columns.remarks),
     )
 
@@ -269,6 +276,8 @@ def _find_live(columns: _Columns, logger: LoggerFormat, tubes: Sequence[int]) ->
     convert = units.to_seconds(live.unit)
     per_record = columns.find([name for name in live.columns if TUBE not in name], convert)
     per_tube = columns.find_tubes([name for name in live.columns if TUBE in name])
+    if len(per_tube) == 1:  # one clock for all tubes
+        per_record = per_record or replace(*per_tube.values(), convert=convert)
     found: list[Source | None] = []
     for tube in tubes:
         shared = [number for number in per_tube if number <= tube < number + live.covers]

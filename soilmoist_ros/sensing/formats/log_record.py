@@ -65,6 +65,7 @@ class Reading:
 
     :param key: number, time and counts as the line has them; a line that is repeated has the same
     :param notes: faults that do not drop the record
+    :param left_out: counts of the tubes that are left out, by number
     :param gnss_offset_s: logger's time of day minus the receiver's [s], NaN if unknown
     """
 
@@ -72,6 +73,7 @@ class Reading:
     key: int
     notes: list[Note] = field(default_factory=list)
     gnss_offset_s: float = NAN
+    left_out: dict[int, float] = field(default_factory=dict)
 
 
 class FieldReader:
@@ -91,8 +93,6 @@ class FieldReader:
         self._formats, self._clock = list(logger.time.used_formats), logger.time.clock
         self._rivals = logger.time.rivals if logger.time.date_order == "auto" else ()
         self._packed = False
-        self.left_out_counts: dict[int, float] = {}
-        """Counts of the tubes that are left out, by number."""
         self._previous_stamp_s, self._previous_number = NAN, -1
         self._usual_s, self._unusual_s = NAN, NAN
 
@@ -133,7 +133,12 @@ class FieldReader:
             line=line,
             record_number=number,
         )
-        return Reading(record, key, self._notes, self._gnss_offset(fields, record))
+        left_out = {
+            tube: max(self._read(fields[source.index]) or 0.0, 0.0)
+            for tube, source in zip(self.layout.tubes, self.layout.counts, strict=True)
+            if tube in self._logger.counts.left_out
+        }
+        return Reading(record, key, self._notes, self._gnss_offset(fields, record), left_out)
 
     def _note(self, kind: Kind, message: str, column: str = "", remedy: str = "") -> None:
         self._notes.append(Note(kind, message, column, remedy))
@@ -273,9 +278,6 @@ class FieldReader:
         left_out = self._logger.counts.left_out
         counts = []
         for tube, source, live_s in zip(self.layout.tubes, self.layout.counts, live, strict=True):
-            if tube in left_out:
-                written = self._read(fields[source.index]) or 0.0
-                self.left_out_counts[tube] = self.left_out_counts.get(tube, 0.0) + max(written, 0.0)
             count = NAN if tube in left_out else self._count(fields[source.index], source, live_s)
             if math.isnan(count) and tube not in left_out:
                 self._note(Kind.MISSING_TUBE, f"tube {tube} gave no counts", source.name, "check its cable")

@@ -26,9 +26,13 @@ _MIDNIGHT = re.compile(r"(?<![\d:])24:00(?P<seconds>:00(?:[.,]0+)?)?(?![\d:])")
 _ZONE = re.compile(r"(.*\d(?: ?[AaPp][Mm])?)\s*(UTC|GMT|Z|[+-]\d\d:?\d\d)", re.ASCII | re.IGNORECASE)
 _EXCEL_EPOCH_DAYS = 25_569
 _LAST_WALL_S = 2e11
+_THOUSANDS = {"auto": "", "point": ",", "comma": "."}
+"""Separator of thousands, besides blanks and apostrophes."""
 _GROUPED = {  # three digits after each separator, and never the decimal separator itself
-    "point": re.compile(r"[+-]?\d{1,3}(?:[,'\u00a0\u202f ]\d{3})+(?:\.\d*)?", re.ASCII),
-    "comma": re.compile(r"[+-]?\d{1,3}(?:[.'\u00a0\u202f ]\d{3})+(?:,\d*)?", re.ASCII),
+    decimal: re.compile(
+        rf"[+-]?\d{{1,3}}(?:[{more}' ]\d{{3}})+(?:{',' if decimal == 'comma' else '[.]'}\d*)?", re.ASCII
+    )
+    for decimal, more in _THOUSANDS.items()
 }
 _DEGREES = re.compile(
     r"([NSEW])?\s*([+-]?)\s*(\d{1,3})\s*[°d: ]\s*(\d{1,2}(?:\.\d+)?)\s*(?:['′m: ]\s*(\d{1,2}(?:\.\d+)?)?)?"
@@ -46,16 +50,19 @@ COMMON_TIME_FORMATS = (
     "%Y%m%d %H%M", "%Y%m%d %H:%M:%S", "%Y%m%d %H:%M", "%Y-%m-%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d",
 )  # fmt: skip
 """Formats of stamps that loggers and spreadsheets write."""
+_BLANKS = dict.fromkeys(map(ord, "\u00a0\u2007\u2009\u202f"), " ")
+"""Blanks that do not break a line, which spreadsheets write between thousands."""
 UTF8_BOM = b"\xef\xbb\xbf"
 
 
 def decode_line(line: bytes) -> str:
-    """Text of a line: UTF-8 (a byte order mark is dropped), else Latin-1."""
+    """Text of a line: UTF-8 (a byte order mark is dropped), else Latin-1; all blanks are ordinary ones."""
     line = line.removeprefix(UTF8_BOM)
     try:
-        return line.decode("utf-8")
+        text = line.decode("utf-8")
     except UnicodeDecodeError:
-        return line.decode("latin-1")
+        text = line.decode("latin-1")
+    return text if text.isascii() else text.translate(_BLANKS)
 
 
 def split_lines(data: bytes) -> tuple[list[bytes], bool]:
@@ -96,20 +103,23 @@ def strip_checksum(line: bytes) -> bytes | None:
 def read_number(text: str, decimal: Decimal = "auto") -> float | None:
     """A finite decimal number, or ``None``. Stricter than ``float``: no ``1_000``, ``inf`` or ``nan``.
 
-    >>> read_number("985,3"), read_number("985,3", "comma"), read_number("1,649", "point")
-    (None, 985.3, 1649.0)
+    >>> read_number("985,3"), read_number("985,3", "comma"), read_number("1,649", "point"), read_number("1 649")
+    (None, 985.3, 1649.0, 1649.0)
 
-    :param decimal: decimal separator of the file; with ``auto`` a point, and no separator of thousands
+    :param decimal: decimal separator of the file; with ``auto`` a point, and only blanks between thousands
     """
     text = text.strip()
     if len(text) > 40:
         return None
-    if decimal != "auto":
-        if _GROUPED[decimal].fullmatch(text):
-            text = re.sub(r"[.'\u00a0\u202f ]" if decimal == "comma" else r"[,'\u00a0\u202f ]", "", text)
-        elif decimal == "comma" and "." in text:
-            return None
-        text = text.replace(",", ".") if decimal == "comma" else text
+    if not text.isascii():
+        text = text.translate(_BLANKS)
+    if decimal != "comma" and _NUMBER.fullmatch(text):
+        pass
+    elif _GROUPED[decimal].fullmatch(text):
+        text = re.sub(rf"[{_THOUSANDS[decimal]}' ]", "", text)
+    elif decimal == "comma" and "." in text:
+        return None
+    text = text.replace(",", ".") if decimal == "comma" else text
     if not _NUMBER.fullmatch(text):
         return None
     value = float(text)

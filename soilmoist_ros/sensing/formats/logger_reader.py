@@ -83,6 +83,7 @@ class LogFile:
     :param unused: names of the columns that the format does not read
     :param tubes: name of the column of each tube, by number
     :param left_out_counts: counts of the tubes that the format leaves out, by number
+    :param count_rate: unit of a count rate in the header of the counts, empty without one
     """
 
     path: Path
@@ -103,6 +104,7 @@ class LogFile:
     unused: tuple[str, ...] = ()
     tubes: Mapping[int, str] = field(default_factory=dict)
     left_out_counts: Mapping[int, float] = field(default_factory=dict)
+    count_rate: str = ""
 
     def __repr__(self) -> str:
         return f"LogFile({self.path.name!r}, {len(self.records)} records, {self.records_lost} lost)"
@@ -155,6 +157,8 @@ class RecordParser:
         self._seen: dict[int, None] = {}
         self._stamps: dict[float, None] = {}
         self._previous: LoggerRecord | None = None
+        self.left_out_counts: dict[int, float] = {}
+        """Counts of the tubes that the format leaves out, by number."""
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -188,11 +192,6 @@ class RecordParser:
         if not left_out or self.layout is None:
             return frozenset()
         return frozenset(index for index, tube in enumerate(self.layout.tubes) if tube in left_out)
-
-    @property
-    def left_out_counts(self) -> dict[int, float]:
-        """Counts of the tubes that the format leaves out, by number."""
-        return dict(self._reader.left_out_counts) if self._reader else {}
 
     @property
     def missing_columns(self) -> tuple[str, ...]:
@@ -361,6 +360,8 @@ class RecordParser:
         self._remember(self._seen, key)
         self._remember(self._stamps, record.stamp_s)
         self._previous = record
+        for tube, counts in reading.left_out.items():
+            self.left_out_counts[tube] = self.left_out_counts.get(tube, 0.0) + counts
         self._take_clock_offset(reading)
         for note in notes:
             self._report(note, lost=False)
@@ -453,6 +454,7 @@ def parse_log(
         unused=parser.layout.unused,
         tubes=dict(zip(parser.layout.tubes, (one.name for one in parser.layout.counts), strict=True)),
         left_out_counts=parser.left_out_counts,
+        count_rate=parser.layout.count_rate,
     )
 
 

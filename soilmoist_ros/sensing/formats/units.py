@@ -26,6 +26,9 @@ _SPELLINGS = {
     "pa": "Pa",
     "pascal": "Pa",
     "kpa": "kPa",
+    "mmhg": "mmHg",
+    "torr": "mmHg",
+    "inhg": "inHg",
     "c": "degC",
     "degc": "degC",
     "celsius": "degC",
@@ -51,6 +54,11 @@ _SPELLINGS = {
     "m/s": "m/s",
     "w/m2": "W/m2",
 }
+_RATE = re.compile(
+    r"cp([smh])(?![a-z])|(?:/|per)_?(s|sec|seconds?|min|minutes?|h|hrs?|hours?|heure)(?![a-z])"
+    r"|(?<![a-z])(h|s|min)_?\^?(?:-1|⁻¹)"
+)
+_RATES = {"s": "counts_per_second", "m": "counts_per_minute", "h": "counts_per_hour"}
 
 
 def canonical(text: str) -> str:
@@ -65,6 +73,17 @@ def canonical(text: str) -> str:
 def measures(quantity: Quantity, unit: str) -> bool:
     """Whether a unit is one of a quantity."""
     return unit in _SCALES[quantity]
+
+
+def rate_of(text: str) -> str:
+    """Unit of a count rate in the name or the unit of a column, such as counts_per_hour; empty without one.
+
+    >>> rate_of("Neutrons [1/h]"), rate_of("CPM"), rate_of("n_per_sample"), rate_of("counts/15min")
+    ('counts_per_hour', 'counts_per_minute', '', '')
+    """
+    plain = re.sub(r"[\s._]+", "_", text.casefold()).replace("hz", "cps").replace("stunde", "h")
+    match = _RATE.search(plain)
+    return _RATES[next(filter(None, match.groups()))[0]] if match else ""
 
 
 def same(one: str, other: str) -> bool:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from itertools import pairwise
@@ -12,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from soilmoist_ros.foundation.errors import Mistake
+from soilmoist_ros.foundation.suggestions import listing
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import LoggerRecord
@@ -30,6 +32,9 @@ CHANCE_SD = 4.0
 """Standard deviations of a count that chance explains: a log of minutes shows no bare tube."""
 BARE_SHARE = 0.7
 """Counts of a tube relative to the others below which it may be bare: a thermal tube counts about half."""
+MIN_ALIKE = 20
+"""Number of records from which common factors of all counts are no chance."""
+_CHANGED = re.compile(r"corr|smooth|mov_?avg|filtered|norm")
 
 
 def log_doubts(logs: Sequence[LogFile]) -> Iterator[Problem]:
@@ -38,9 +43,35 @@ def log_doubts(logs: Sequence[LogFile]) -> Iterator[Problem]:
     records = sorted(unique.values(), key=lambda record: record.stamp_s)
     if not records:
         return
-    found = [*_overlaps(records), *_units(records), *_months(records), *_tubes(logs)]
+    found = [*_rates(records, logs), *_overlaps(records), *_units(records), *_months(records), *_tubes(logs)]
     for kind, message, remedy in found:
         yield Problem(kind, Mistake(message, remedy, logs[0].path))
+
+
+def _rates(records: Sequence[LoggerRecord], logs: Sequence[LogFile]) -> Iterator[tuple[Kind, str, str]]:
+    """Numbers that are read as counts, and seem to be a rate, or corrected."""
+    log = logs[0]
+    if log.logger is None:
+        return
+    names = listing(name for number, name in log.tubes.items() if number not in log.left_out_counts)
+    if _CHANGED.search(names.casefold()):
+        message = f"by their name, {names} are corrected or smoothed: they would be corrected twice"
+        yield Kind.NOT_COUNTS, message, "take the raw counts, whose counting statistics hold"
+    if log.logger.counts.unit != "counts":
+        return
+    unit, factor = log.count_rate, 0
+    if not unit and len(records) >= MIN_ALIKE:
+        numbers = [count for record in records for count in record.tube_counts if count > 0]
+        factor = math.gcd(*(int(count) for count in numbers))
+        unit = "counts_per_hour" if len(set(numbers)) > 3 and factor % 60 == 0 else ""
+    if unit:
+        why = f"all are multiples of {factor}" if factor else "so the header says"
+        message = f"the counts of {names} may be a rate, {unit.replace('_', ' ')}: {why}"
+        yield (
+            Kind.NOT_COUNTS,
+            message,
+            f"if it is, write 'unit: {unit}' below 'counts' in a copy of the logger format",
+        )
 
 
 def _overlaps(records: Sequence[LoggerRecord]) -> Iterator[tuple[Kind, str, str]]:

@@ -125,3 +125,35 @@ def test_the_command_writes_a_draft_that_check_reads(tmp_path):
         "record      line 2: 2024-05-01 00:00:00 UTC; 1600 counts in 3600 s; 985.0 hPa; 12.5 degC; 60%"
         in result.output
     )
+
+
+@pytest.mark.parametrize(
+    ("names", "unit_row", "expected"),
+    [
+        (("neutrons [1/h]", "P (inHg)", "Temp (F)", "RH"), "", ("counts_per_hour", "inHg", "degF")),
+        (("neutron_counts_per_hour", "press", "temp", "RH"), "", ("counts_per_hour", "inHg", "degF")),
+        (("n_counts", "pressure", "temp", "RH"), "UTC,1/h,inHg,°F,%", ("counts_per_hour", "inHg", "degF")),
+    ],
+)
+def test_units_of_the_header_decide_and_rates_are_no_counts(tmp_path, names, unit_row, expected):
+    row = "2024-05-{day:02d} {hour:02d}:00:00,{count},29.53,50.0,55"
+    draft, log = read(
+        tmp_path,
+        table(("time", *names), row, head="").replace("RH\n", f"RH\n{unit_row}\n" if unit_row else "RH\n"),
+    )
+    first = log.records[0]
+    assert all(f"unit: {unit}" in draft for unit in expected)
+    assert (first.tube_counts, first.tube_live_s) == ((1600,), (3600,))
+    assert first.pressure_hpa == pytest.approx(1000.0, abs=0.1)
+    assert first.temperature_degc == pytest.approx(10.0)
+
+
+def test_a_draft_doubts_corrected_counts_dry_air_and_units_that_fit_nothing(tmp_path):
+    names = ("time_utc", "CTS_MOD_CORR", "P (psi)", "RH", "T")
+    draft, _ = read(
+        tmp_path, table(names, "2024-05-{day:02d} {hour:02d}:00:00,{count},14.5,9.7,12"), counts=["CTS_MOD_CORR"]
+    )
+    assert "QUESTION: raw counts? By its name they are corrected" in draft
+    assert "QUESTION: relative humidity of the outside air? Its median, 9.7 %, is low" in draft
+    assert "QUESTION: which unit? No unit of the pressure fits the median of P (psi) (14.5)" in draft
+    assert "switched off" not in draft

@@ -141,3 +141,15 @@ def test_units_are_known_by_their_spellings() -> None:
         "kPa",
         "",
     ]
+
+
+def test_one_live_time_holds_for_all_tubes(tmp_path) -> None:
+    path = tmp_path / "table.dat"
+    head = [
+        '"TOA5","a","b","1","os","p","s","t"',
+        '"TIMESTAMP","N1Cts","N2Cts","N1ET_sec"',
+        '"TS","","",""',
+        '"","Tot","Tot",""',
+    ]
+    path.write_text("\n".join([*head, *(f'"2024-05-01 0{hour}:00:00",900,880,3598' for hour in range(3))]) + "\n")
+    assert [record.tube_live_s for record in read_log(path).records] == [(3598.0, 3598.0)] * 3

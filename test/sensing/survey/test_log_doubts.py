@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.survey.log_doubts import log_doubts
@@ -54,3 +55,31 @@ def test_the_tube_that_is_left_out_counts_more(tmp_path, second, n_doubts):
     found = doubts(tmp_path, CRS1000 + rows)
     assert len(found) == n_doubts
     assert all("tube 2, which the format leaves out, counts 1.96 times what tube 1" in one for _, one in found)
+
+
+def test_a_repeated_record_counts_once_in_the_tube_that_is_left_out(tmp_path):
+    rows = "".join(f"{n}, 2018/01/08 {n:02d}:03:00, 1000, 9, 80, 91, 178, 900, 900\n" for n in range(8))
+    (found,) = doubts(tmp_path, CRS1000 + rows + rows)
+    assert "tube 2, which the format leaves out, counts 1.96 times what tube 1" in found[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "why"),
+    [("neutrons", 60, "all are multiples of 60"), ("neutrons/h", 1, "so the header says"), ("neutrons", 1, "")],
+)
+def test_counts_that_are_a_rate(tmp_path, name, factor, why):
+    form = load_logger_format("finapp")
+    counts = form.counts.model_copy(update={"columns": [name]})
+    rows = "".join(f"2024-05-01 00:{n:02d}:00,{factor * (230 + n * n % 31)},60,1000\n" for n in range(25))
+    text = FINAPP.replace("neutrons", name) + rows
+    found = doubts(tmp_path, text, logger=form.model_copy(update={"counts": counts}))
+    assert [kind for kind, _ in found] == [Kind.NOT_COUNTS] * bool(why)
+    assert all(why in text and "write 'unit: counts_per_hour' below 'counts'" in text for _, text in found)
+
+
+def test_corrected_counts_are_doubted_though_they_are_whole(tmp_path):
+    form = load_logger_format("finapp")
+    form = form.model_copy(update={"counts": form.counts.model_copy(update={"columns": ["CTS_MOD_CORR"]})})
+    text = night(f"28 {hour:02d}" for hour in range(9)).replace("neutrons", "CTS_MOD_CORR")
+    (found,) = doubts(tmp_path, text, logger=form)
+    assert "by their name, CTS_MOD_CORR are corrected or smoothed: they would be corrected twice" in found[1]
