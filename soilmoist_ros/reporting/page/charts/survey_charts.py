@@ -151,11 +151,10 @@ def time_axis(time_s: ArrayLike) -> tuple[Limits, list[tuple[float, str]], str]:
     if low < EARLIEST_STAMP_S:
         return (low, low + span), [(v, f"{v / 60:g}") for v in values], "Time [min]"
     days = step >= 86400
-    form = "%d %b" if days else "%H:%M"
+    first, last = (datetime.fromtimestamp(v, UTC) for v in (low, high))
+    form = "%H:%M" if not days else "%d %b" if first.year == last.year else "%Y-%m-%d"
     ticks = [(float(v), f"{datetime.fromtimestamp(v, UTC):{form}}") for v in values]
-    first = datetime.fromtimestamp(low, UTC)
-    return (
-        (low, low + span),
-        ticks,
-        f"Day of {first:%Y}" if days else f"Time (UTC), from {first.day} {first:%B %Y}",
-    )
+    name = f"Time (UTC), from {first.day} {first:%B %Y}"
+    if days:
+        name = f"Day of {first:%Y}" if first.year == last.year else "Day"
+    return (low, low + span), ticks, name

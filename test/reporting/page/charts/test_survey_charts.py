@@ -47,6 +47,8 @@ def test_clock_times_or_minutes_on_the_time_axis():
     _, ticks, label = time_axis([10.0, 3600.0])
     assert (ticks[0][1], label) == ("10", "Time [min]")
     assert "Day of 2020" in time_axis([1.6e9, 1.6e9 + 9 * 86400])[2]
+    _, ticks, name = time_axis([1483137480.0, 1515779280.0])  # 2016-12-30 to 2018-01-12
+    assert (name, ticks[0][1]) == ("Day", "2017-02-02")
 
 
 def test_constant_factors_do_not_look_like_a_pattern():
