@@ -70,6 +70,19 @@ def moisture_series(track: Sequence[CountRecord], curve: MoistureCurve | None) -
     return MoistureSeries(step_s, steps * step_s, np.bincount(index), summed, time, bands)
 
 
+def interrupted(
+    time_s: NDArray[np.float64], longest_s: float, *values: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], ...]:
+    """Times and values with NaN values in each gap, so that no line is drawn where nothing was counted.
+
+    :param time_s: rising times [s]
+    :param longest_s: longest step that is no gap [s]
+    """
+    gaps = np.flatnonzero(np.diff(time_s) > longest_s) + 1
+    middle = (time_s[gaps - 1] + time_s[gaps]) / 2
+    return np.insert(time_s, gaps, middle), *(np.insert(each, gaps, np.nan) for each in values)
+
+
 def mean_moisture(track: Sequence[CountRecord], curve: MoistureCurve | None) -> Bands:
     """Rate and moisture of all records together, with the interval of counting and calibration, shape ()."""
     counts = float(sum(record.raw_counts for record in track))

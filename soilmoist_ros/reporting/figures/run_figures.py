@@ -22,7 +22,7 @@ from soilmoist_ros.reporting.figures.style import (
     key,
 )
 from soilmoist_ros.reporting.geometry import map_extent, rings
-from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series
+from soilmoist_ros.reporting.moisture_series import at_one_place, interrupted, moisture_series
 from soilmoist_ros.reporting.page.charts.sample_variogram import mean_spread, model_curve, sample_variogram
 from soilmoist_ros.reporting.page.style import BLUE, FAINT, INK, ORANGE, SOFT, colour_map, robust_range
 from soilmoist_ros.reporting.run import MapRun
@@ -146,15 +146,19 @@ def _errors_figure(mission: MissionResult) -> Figure:
 def _moisture_figure(run: MapRun) -> Figure:
     """Moisture, or rate, at one place over time."""
     series = moisture_series(run.track, run.soil_map.curve)
-    days = (series.begin_s + series.step_s / 2 - series.begin_s[0]) / DAY_S
+    bands = series.bands
+    time_s, low, vwc, high, rate = interrupted(
+        series.begin_s, 1.5 * series.step_s, bands.vwc_p05, bands.vwc, bands.vwc_p95, bands.rate
+    )
+    days = (time_s + series.step_s / 2 - time_s[0]) / DAY_S
     figure, axes = column_figure(0.6)
     if run.calibrated:
-        axes.fill_between(days, series.bands.vwc_p05, series.bands.vwc_p95, color=FAINT, linewidth=0, label="90 %")
-        axes.plot(days, series.bands.vwc, color=BLUE, linewidth=1.0, label="soil moisture")
+        axes.fill_between(days, low, high, color=FAINT, linewidth=0, label="90 %")
+        axes.plot(days, vwc, color=BLUE, linewidth=1.0, label="soil moisture")
         caption_axes(axes, "Time [d]", MOISTURE)
         key(axes)
     else:
-        axes.plot(days, series.bands.rate, color=BLUE, linewidth=1.0)
+        axes.plot(days, rate, color=BLUE, linewidth=1.0)
         caption_axes(axes, "Time [d]", RATE_TITLE)
     return figure
 

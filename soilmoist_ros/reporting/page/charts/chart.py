@@ -51,7 +51,7 @@ class Dots:
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """A band between two lines; bars of a histogram are an area above 0 with steps."""
+    """A band between two lines; NaN interrupts it. Bars of a histogram are an area above 0 with steps."""
 
     x: ArrayLike
     low: ArrayLike
@@ -159,10 +159,10 @@ class Chart:
             dash = " dash" if mark.dashed else ""
             yield Path(self._line(mark.x, mark.y), f"s-{mark.colour}{dash}", mark.width_px)
         elif isinstance(mark, Area):
-            there, back = self._points(mark.x, mark.high), self._points(mark.x, mark.low)
-            good = np.isfinite(there).all(axis=1) & np.isfinite(back).all(axis=1)
-            if good.any():
-                yield Path(_joined(np.vstack([there[good], back[good][::-1]])) + "Z", f"f-{mark.colour}")
+            edges = np.hstack([self._points(mark.x, mark.high), self._points(mark.x, mark.low)])
+            pieces = (np.vstack([piece[:, :2], piece[::-1, 2:]]) for piece in _pieces(edges))
+            if d := "".join(f"{_joined(piece)}Z" for piece in pieces):
+                yield Path(d, f"f-{mark.colour}")
         else:
             yield from self._dots(mark)
 
@@ -188,10 +188,7 @@ class Chart:
         return np.clip(BOX * np.column_stack([across, 1 - up]), -9 * BOX, 10 * BOX)
 
     def _line(self, x: ArrayLike, y: ArrayLike) -> str:
-        points = self._points(x, y)
-        good = np.isfinite(points).all(axis=1)
-        pieces = np.split(points, np.flatnonzero(~good))
-        return "".join(_joined(piece[np.isfinite(piece).all(axis=1)]) for piece in pieces)
+        return "".join(_joined(piece) for piece in _pieces(self._points(x, y)))
 
 
 def _key_class(mark: Mark) -> str:
@@ -202,8 +199,16 @@ def _key_class(mark: Mark) -> str:
     return f"k-dot b-{mark.colour}{' hollow' if mark.hollow else ''}"
 
 
+def _pieces(points: Array) -> Iterator[Array]:
+    """Runs of points between NaN."""
+    good = np.isfinite(points).all(axis=1)
+    for piece in np.split(points, np.flatnonzero(~good)):
+        if len(found := piece[np.isfinite(piece).all(axis=1)]):
+            yield found
+
+
 def _joined(points: Array) -> str:
-    return "" if not len(points) else "M" + "L".join(_xy(point) for point in points)
+    return "M" + "L".join(_xy(point) for point in points)
 
 
 def _xy(point: Array) -> str:

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.reporting.moisture_series import MoistureSeries
+from soilmoist_ros.reporting.moisture_series import MoistureSeries, interrupted
 from soilmoist_ros.reporting.page.charts.chart import Area, Chart, Dots, Limits, Line, limits_of
 from soilmoist_ros.reporting.page.numbers import duration, number, percent
 from soilmoist_ros.reporting.page.statistics import LeaveOneOut
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 MAX_BINS = 240
 MAX_POINTS = 1500
+MAX_STEPS = 10
+"""Longest step of a line, in usual ones; longer ones are gaps."""
 TIME_STEPS_S = (10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400)
 
 
@@ -52,6 +54,7 @@ def rate_chart(track: Sequence[CountRecord]) -> Chart:
     """Corrected rate over time; the band is one standard deviation of the counting noise."""
     time, counts, exposure, width_s = binned(track)
     rate, sd = counts / exposure, np.sqrt(np.maximum(counts, 1)) / exposure
+    time, rate, sd = _without_gaps(time, rate, sd)
     name = "each record" if not width_s else f"records added up over {duration(width_s)}"
     x, ticks, label = time_axis(time)
     return Chart(
@@ -64,8 +67,8 @@ def rate_chart(track: Sequence[CountRecord]) -> Chart:
 
 def moisture_chart(series: MoistureSeries) -> Chart:
     """Soil moisture of one place over time; the band is the 90 % interval."""
-    middle_s = series.begin_s + series.step_s / 2
-    low, vwc, high = (100 * values for values in (series.bands.vwc_p05, series.bands.vwc, series.bands.vwc_p95))
+    bands = (100 * values for values in (series.bands.vwc_p05, series.bands.vwc, series.bands.vwc_p95))
+    middle_s, low, vwc, high = interrupted(series.begin_s + series.step_s / 2, 1.5 * series.step_s, *bands)
     x, ticks, label = time_axis(middle_s)
     name = f"mean of {duration(series.step_s)}"
     return Chart(
@@ -77,14 +80,20 @@ def moisture_chart(series: MoistureSeries) -> Chart:
     )  # fmt: skip
 
 
+def _without_gaps(time_s: Array, *values: Array) -> tuple[Array, ...]:
+    """Times and values, interrupted where a step is much longer than usual."""
+    steps_s = np.diff(time_s)
+    return interrupted(time_s, MAX_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0, *values)
+
+
 def factor_chart(track: Sequence[CountRecord]) -> Chart:
     """The correction factors over time."""
     shown = track[:: max(1, -(-len(track) // MAX_POINTS))]
-    time = np.array([record.stamp_s for record in shown])
-    pressure, humidity, intensity = (
+    factors = (
         np.array([getattr(record, name) for record in shown])
         for name in ("f_pressure", "f_humidity", "f_intensity")
     )
+    time, pressure, humidity, intensity = _without_gaps(np.array([record.stamp_s for record in shown]), *factors)
     product = pressure * humidity * intensity
     low, high = limits_of(pressure, humidity, intensity, product)
     away = max(0.005 - (high - low) / 2, 0.0)

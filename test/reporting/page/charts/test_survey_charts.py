@@ -7,15 +7,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from soilmoist_ros.reporting.moisture_series import moisture_series
 from soilmoist_ros.reporting.page.charts.survey_charts import (
     binned,
     cross_validation_chart,
     factor_chart,
     histogram_chart,
+    moisture_chart,
     rate_chart,
     time_axis,
 )
 from soilmoist_ros.reporting.page.statistics import leave_one_out
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
 
 
@@ -38,6 +41,14 @@ def test_a_gap_interrupts_the_line():
     track = [*records(300), *records(300, first_s=1.6e9 + 90_000)]
     assert np.isnan(binned(track)[2]).any()
     assert rate_chart(track).paths[1].d.count("M") == 2
+
+
+def test_no_line_is_drawn_where_nothing_was_counted():
+    days = [*range(9), *range(107, 116)]
+    track = [CountRecord(1.6e9 + 86_400 * day, 0.0, 0.0, 0.0, 10_000 + day, 86_400.0, 86_000.0) for day in days]
+    series = moisture_series(track, CalibrationCurve(0.2, 1.4))
+    for chart in (moisture_chart(series), rate_chart(track), factor_chart(track)):
+        assert {path.d.count("M") for path in chart.paths} == {2}
 
 
 def test_clock_times_or_minutes_on_the_time_axis():
