@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from soilmoist_ros.sensing.checks.weather import unlikely_weather
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.problems import Kind
@@ -83,3 +84,12 @@ def test_corrected_counts_are_doubted_though_they_are_whole(tmp_path):
     text = night(f"28 {hour:02d}" for hour in range(9)).replace("neutrons", "CTS_MOD_CORR")
     (found,) = doubts(tmp_path, text, logger=form)
     assert "by their name, CTS_MOD_CORR are corrected or smoothed: they would be corrected twice" in found[1]
+
+
+@pytest.mark.parametrize(("humidity", "doubt"), [(9.7, "if it is absolute humidity"), (55, "")])
+def test_air_that_is_too_dry_for_a_survey(tmp_path, humidity, doubt):
+    path = tmp_path / "some.csv"
+    rows = "".join(f"2023-10-28 {hour:02d}:00:00,1700,3600,1000,{humidity}\n" for hour in range(12))
+    path.write_text(FINAPP.replace(")\n", "),ur(%)\n") + rows)
+    found = unlikely_weather(read_log(path).records)
+    assert [doubt in one.remedy for one in found] == [True] * bool(doubt)
