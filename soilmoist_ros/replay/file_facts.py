@@ -287,9 +287,7 @@ def logger_findings(logger: LoggerFormat) -> Iterator[Finding]:
         )
         place = f"positions{signs}"
     yield Finding("quantities", f"{', '.join(weather) or 'no weather'}, {place}")
-    offset = f" {logger.time.utc_offset_hours:+g} h" if logger.time.utc_offset_hours else ""
-    clock = logger.time.zone or f"UTC{offset}"
-    yield Finding("clock", f"{clock}, stamped at the {logger.time.marks} of the interval")
+    yield Finding("clock", f"{logger.time.clock_text}, stamped at the {logger.time.marks} of the interval")
     if logger.counts.left_out or logger.counts.note:
         left_out = ", ".join(map(str, logger.counts.left_out))
         out = f"tube {left_out} is left out. " if left_out else ""

@@ -449,8 +449,7 @@ def reading_of(logs: Sequence[LogFile]) -> dict[str, str]:
         out = f"; left out: {', '.join(left)}" if left else ""
         note = f". {form.counts.note.strip().rstrip('.')}" if form.counts.note else ""
         texts["counts of"][f"{listing(used)}{unit}{out}{note}"] = None
-        clock = form.time.zone or f"UTC{form.time.utc_offset_hours:+g} h" if form.time.clock else "UTC"
-        texts["clock"][f"{clock}, stamped at the {form.time.marks} of the interval"] = None
+        texts["clock"][f"{form.time.clock_text}, stamped at the {form.time.marks} of the interval"] = None
         texts["notation"] |= dict.fromkeys(log.choices)
         texts["not used"] |= dict.fromkeys(log.unused)
     return {key: ("; " if key != "not used" else ", ").join(found) for key, found in texts.items() if found}

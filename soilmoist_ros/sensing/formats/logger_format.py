@@ -139,6 +139,22 @@ class Time(Section):
         return ZoneInfo(self.zone) if self.zone else self.utc_offset_hours
 
     @property
+    def clock_text(self) -> str:
+        """Logger's clock in words: what the format or the site states, or that UTC is an assumption."""
+        if self.zone:
+            return self.zone
+        if self.utc_offset_hours:
+            return f"UTC{self.utc_offset_hours:+g} h"
+        is_unix = all(name.startswith("unix") for name in self.formats)
+        if (
+            "utc_offset_hours" in self.model_fields_set
+            or is_unix
+            or all("utc" in one.lower() for one in self.columns)
+        ):
+            return "UTC"
+        return "UTC is assumed where stamps name no zone (else logger_utc_offset_hours of the site)"
+
+    @property
     def rivals(self) -> tuple[str, ...]:
         """Formats that stand in the list in both orders of day and month."""
         return tuple(name for name in self.formats if _swapped(name) != name and _swapped(name) in self.formats)

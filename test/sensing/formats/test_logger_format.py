@@ -127,3 +127,18 @@ def test_columns_of_the_robot_are_those_of_its_format_file() -> None:
 
     assert load_logger_format(FORMAT_NAME).header.columns == COLUMNS
     assert ",".join(COLUMNS[:6]) in (config_folder() / "loggers" / f"{FORMAT_NAME}.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "clock", "text"),
+    [
+        ("toa5", None, "UTC is assumed where stamps name no zone (else logger_utc_offset_hours of the site)"),
+        ("toa5", 0.0, "UTC"),
+        ("toa5", -6.0, "UTC-6 h"),
+        ("toa5", "Europe/Berlin", "Europe/Berlin"),
+        ("hydroinnova_rover", None, "UTC"),  # its header says so
+        ("styx", None, "UTC"),  # seconds since 1970
+    ],
+)
+def test_a_clock_that_nobody_states_is_shown_as_an_assumption(name, clock, text):
+    assert load_logger_format(name).on_clock(clock).time.clock_text == text
