@@ -214,20 +214,20 @@ def _on_change(soil_map: SoilMap) -> Iterator[Note]:
     change = soil_map.change
     if not change.text:
         return
-    allowed = "The map is of the field at the end"
     jump = change.jump
     if jump is not None and jump.is_certain and jump.change_cps < 0:
         yield Note(
             NoteCode.RAIN_LIKELY,
-            f"Rain is likely during the survey{_at(jump.since_s)}: {jump.text}. {allowed}; if it rained, visits "
-            "to some of the first stops after it make the map better.",
+            f"Rain is likely during the survey{_at(jump.since_s)}: {jump.text}. The map is of the field at "
+            "the end; if it rained, visits to some of the first stops after it make the map better.",
         )
         return
     sure = "The field changed during the survey, as by drying"
     what = sure if change.is_seen else "The field may have changed in between"
     yield Note(
         NoteCode.RATE_CHANGED,
-        f"{what}: {change.text}. {allowed}; visits to some of the first stops at the end make the map better.",
+        f"{what}: {change.text}. The map is of the field at the end; visits to some of the first stops at the end "
+        "make the map better.",
     )
 
 
