@@ -47,6 +47,9 @@ Value = TypeVar("Value")
     help="Field file: a shipped name or a YAML file. Repeatable.",
 )
 @click.option("--graph", "graphs", type=FILE, multiple=True, help="Topological map of --field. Repeatable.")
+@click.option("--home", default="", metavar="NODE", help="Home of the robot in --graph.")
+@click.option("--robot-radius", "robot_radius_m", type=click.FloatRange(min=0), default=0.75, show_default=True,
+              help="robot_radius_m of the planner [m].")  # fmt: skip
 @click.option("--log", "logs", type=InputFile(), multiple=True,
               help="Log of the probe of --site, or a folder or ZIP archive of logs. Repeatable.")  # fmt: skip
 @click.option("--nmea", "--track", type=FILE, multiple=True,
@@ -58,6 +61,8 @@ def command(
     site: tuple[str, ...],
     field: tuple[str, ...],
     graphs: tuple[Path, ...],
+    home: str,
+    robot_radius_m: float,
     logs: tuple[Path, ...],
     nmea: tuple[Path, ...],
     logger_topic: str,
@@ -75,6 +80,8 @@ def command(
         raise click.UsageError("give one --site and one --logger at most with --log")
     if graphs and len(field) != 1:
         raise click.UsageError("give one --field with --graph")
+    if home and not graphs:
+        raise click.UsageError("--home requires --graph")
     of_logs = {"nmea": nmea, "logger-topic": logger_topic, "fix-topic": fix_topic, "gnss-shift": gnss_shift_s}
     for option, given in of_logs.items():
         if given and not logs:
@@ -83,10 +90,10 @@ def command(
     for name in logger:
         _checked(name, partial(_logger, name), mistakes)
     sites = [_checked(name, partial(_site, name), mistakes) for name in site]
-    fields = [_checked(name, partial(_field, name), mistakes) for name in field]
+    fields = [_checked(name, partial(_field, name, robot_radius_m), mistakes) for name in field]
     for place in (one for one in fields if one is not None):
         for graph in graphs:
-            _checked(graph.name, partial(_graph, place, graph), mistakes)
+            _checked(graph.name, partial(_graph, place, graph, robot_radius_m, home), mistakes)
     if not mistakes and len(sites) < 2:
         pairs, topics = list(zip(field, fields, strict=True)), (logger_topic, fix_topic)
         _compare(next(iter(sites), None), pairs, logger, logs, nmea, topics, gnss_shift_s, mistakes)
@@ -130,7 +137,7 @@ def _site(name: str) -> tuple[Site, Iterable[Finding]]:
     return site, site_findings(site)
 
 
-def _field(name: str) -> tuple[Field, Iterable[Finding]]:
+def _field(name: str, robot_radius_m: float) -> tuple[Field, Iterable[Finding]]:
     from soilmoist_ros.foundation.configuration import read_yaml, resource
     from soilmoist_ros.mapping.field import load_field
     from soilmoist_ros.replay.file_facts import field_findings, truth_findings
@@ -139,14 +146,14 @@ def _field(name: str) -> tuple[Field, Iterable[Finding]]:
     path = resource("fields", name)
     field = load_field(path)
     if "truth" in read_yaml(path):
-        return field, chain(field_findings(field), truth_findings(load_surrogate(path)))
-    return field, field_findings(field)
+        return field, chain(field_findings(field, robot_radius_m), truth_findings(load_surrogate(path)))
+    return field, field_findings(field, robot_radius_m)
 
 
-def _graph(field: Field, path: Path) -> tuple[None, Iterable[Finding]]:
+def _graph(field: Field, path: Path, robot_radius_m: float, home: str) -> tuple[None, Iterable[Finding]]:
     from soilmoist_ros.replay.file_facts import graph_findings
 
-    return None, graph_findings(field, path)
+    return None, graph_findings(field, path, robot_radius_m, home)
 
 
 def _compare(

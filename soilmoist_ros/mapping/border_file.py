@@ -46,6 +46,8 @@ MAX_EXTENT_DEG = 2.0
 """Extent from which on corners in degrees are rather metres [deg]."""
 MAX_UNZIPPED_BYTES = 100_000_000
 _SLIVER_M2 = 1.0
+_MIN_HOLE_M2 = 0.01
+"""Area below which a hole is an error of the drawing [m^2]; a post has more."""
 _NEAR_ORIGIN_M = 5000.0
 """Distance from the origin of a projection within which coordinates are rather metres from a datum [m]."""
 _BEYOND_USE_DEG = 1.0
@@ -218,7 +220,15 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
     unused = Counter(key for _, feature in numbered for key in feature.properties if key not in _USED_PROPERTIES)
     if unused:
         notes.append(f"properties that say nothing about the border are not used: {listing(unused)}")
-    return Border(rings[0], (*rings[1:], *(ring[0] for _, ring, _ in inside)), tuple(notes))
+    holes = [
+        ring for ring in rings[1:] if len(ring) >= 3 and make_valid(Polygon(ring * scale)).area >= _MIN_HOLE_M2
+    ]
+    if lost := len(rings) - 1 - len(holes):
+        notes.append(f"{lost} holes of less than {_MIN_HOLE_M2:g} m2 are left out")
+    filled = [name for _, ring, name in inside if len(ring) > 1]
+    if filled:
+        notes.append(f"holes of no-go areas are no-go, too: {listing(filled)}")
+    return Border(rings[0], (*holes, *(ring[0] for _, ring, _ in inside)), tuple(notes))
 
 
 def _several(

@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,16 +25,23 @@ from soilmoist_ros.mapping.covariates.source import CovariateSection, CovariateS
 from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 
 if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
     from soilmoist_ros.mapping.border_file import Border
 
 _log = logging.getLogger(__name__)
 
 MIN_AREA_M2, MAX_AREA_M2 = 1.0, 1e9
 """Areas beyond which a boundary is a mistake [m^2]."""
-MIN_NO_GO_M2 = 0.01
-"""Area below which a no-go area is a mistake; a post has more [m^2]."""
+MIN_NO_GO_M2 = 1.0
+"""Area below which a no-go area in metres is a mistake of units, such as degrees [m^2]."""
+MIN_POST_M2 = 0.01
+"""Area below which a no-go area in degrees is a mistake; a post has more [m^2]."""
 MAX_DATUM_DISTANCE_M = 50_000.0
 """Distance of the boundary from its datum beyond which it is a mistake: the plane stretches by 0.5 m there [m]."""
+_DEGREES = 1.0
+"""Numbers this close to the field's datum in degrees are degrees."""
+_FOOT_M = 0.3048
 Vertex = tuple[float, float]
 Ring = Annotated[list[Vertex], Setting(min_length=3)]
 
@@ -210,8 +218,8 @@ def load_field(path: Path) -> Field:
     _require_valid(polygon, "the boundary", shown)
     _require_plausible(polygon, lonlat, frame, shown, section is not None)
     for number, ring in enumerate(no_go, start=1):
-        _require_valid(ring, f"no-go area {number}", path)
-        _require_inside(ring, number, polygon, frame, path, number <= len(in_degrees))
+        require_no_go(ring, f"no-go area {number}", polygon, frame, path, number <= len(in_degrees))
+    _require_room(polygon, no_go, path)
     covariates = tuple(
         CovariateSource.parse(one, path.parent) if isinstance(one, str) else one.source(path.parent)
         for one in content.covariates
@@ -251,7 +259,7 @@ def _open_ring(vertices: Iterable[Any]) -> NDArray[np.float64]:
     return ring[:-1] if len(ring) > 3 and np.array_equal(ring[0], ring[-1]) else ring
 
 
-def _require_valid(ring: NDArray[np.float64], name: str, path: Path) -> None:
+def _require_valid(ring: NDArray[np.float64], name: str, path: Path | None) -> None:
     from shapely import Polygon
     from shapely.validation import explain_validity
 
@@ -261,48 +269,107 @@ def _require_valid(ring: NDArray[np.float64], name: str, path: Path) -> None:
     if not polygon.is_valid:
         raise InputError(
             f"{name} is not a simple polygon: {explain_validity(polygon)}",
-            "list the corners in order around the field, without crossing lines",
+            "list the corners in order around it, without crossing lines",
             path,
         )
     if polygon.area <= 0:
         raise InputError(f"{name} encloses no area", "give at least three corners not on one line", path)
 
 
-def _require_inside(
+class Misplaced(StrEnum):
+    """Likely cause of places that miss a field."""
+
+    LONLAT = "degrees, longitude first"
+    LATLON = "degrees, latitude first"
+    PROJECTED = "coordinates of a map projection"
+    SWAPPED = "x and y swapped"
+    FEET = "feet"
+
+
+def misplaced(shape: BaseGeometry, field: BaseGeometry, frame: LocalFrame) -> Misplaced | None:
+    """Likely cause of a shape that misses a field, ``None`` if none is known.
+
+    :param shape: what should be in the field, in its plane [m]
+    :param field: the field, in its plane [m]
+    :param frame: plane of the field
+    """
+    import shapely
+
+    corners = shapely.get_coordinates(shape)
+    datum = np.array([frame.longitude_deg, frame.latitude_deg])
+    if np.abs(corners - datum).max() < _DEGREES:
+        return Misplaced.LONLAT
+    if np.abs(corners - datum[::-1]).max() < _DEGREES:
+        return Misplaced.LATLON
+    if np.abs(corners).max() > 10 * MAX_DATUM_DISTANCE_M:
+        return Misplaced.PROJECTED
+    if shapely.transform(shape, lambda xy: xy[:, ::-1]).intersects(field):
+        return Misplaced.SWAPPED
+    return Misplaced.FEET if shapely.transform(shape, lambda xy: xy * _FOOT_M).intersects(field) else None
+
+
+_NO_GO_REMEDIES = {
+    Misplaced.LONLAT: "it looks like [longitude, latitude] in degrees: give it under 'no_go_lonlat'",
+    Misplaced.LATLON: "it looks like degrees, latitude first: give [longitude, latitude] under 'no_go_lonlat'",
+    Misplaced.PROJECTED: "give it in metres from the datum, not as coordinates of a map projection",
+    Misplaced.SWAPPED: "with x and y of each corner swapped it touches the field: x (east) comes first",
+    Misplaced.FEET: "give it in metres east and north of the datum: read as feet, it touches the field",
+    None: "give it in metres east and north of the datum, or remove it",
+}
+
+
+def require_no_go(
     ring: NDArray[np.float64],
-    number: int,
+    name: str,
     polygon: NDArray[np.float64],
     frame: LocalFrame,
-    path: Path,
-    lonlat: bool,
+    path: Path | None = None,
+    lonlat: bool = False,
 ) -> None:
-    """Check that a no-go area has the size of one, and touches the field: else it would fence off nothing.
+    """Check that a no-go area is an area, has the size of one, and touches the field: else it fences off nothing.
 
+    :param ring: its corners, shape (k, 2) [m]
+    :param name: its name in messages
+    :param polygon: boundary of the field, shape (k, 2) [m]
+    :param frame: plane of the field
+    :param path: file to name in messages
     :param lonlat: whether it was given in degrees
+    :raises InputError: if it is none, with its size or distance, and the likely cause
     """
     from shapely import Polygon
 
+    if not np.all(np.isfinite(ring)):
+        remedy = "check its corners: longitude comes first, east and north are positive"
+        raise InputError(f"{name} is not on the field's side of the earth", remedy, path)
+    _require_valid(ring, name, path)
     area, field = Polygon(ring), Polygon(polygon)
     distance_m = float(area.distance(field))
-    if distance_m == 0 and area.area >= MIN_NO_GO_M2:
+    smallest_m2 = MIN_POST_M2 if lonlat else MIN_NO_GO_M2
+    if distance_m == 0 and area.area >= smallest_m2:
         return
-    what = f"no-go area {number} lies {distance_text(distance_m)} from the field"
+    what = f"{name} lies {distance_text(distance_m)} from the field"
+    cause = misplaced(area, field, frame)
+    hint = _NO_GO_REMEDIES[cause]
     if distance_m == 0:
-        what = f"no-go area {number} encloses {area.area:.2g} m2"
-    flipped = Polygon(ring[:, ::-1])
+        what = f"{name} encloses {area.area:.2g} m2, less than {smallest_m2:g} m2"
+        if cause not in (Misplaced.LONLAT, Misplaced.LATLON):
+            hint = f"give metres; draw a post or well with {smallest_m2:g} m2 or more"
     if lonlat:
         hint = "check its corners: longitude comes first, east and north are positive"
-    elif np.all(np.hypot(*(ring - (frame.longitude_deg, frame.latitude_deg)).T) < 1):
-        hint = "it looks like [longitude, latitude] in degrees: give it under 'no_go_lonlat'"
-    elif np.all(np.hypot(*(ring - (frame.latitude_deg, frame.longitude_deg)).T) < 1):
-        hint = "it looks like degrees, latitude first: give [longitude, latitude] under 'no_go_lonlat'"
-    elif np.abs(ring).max() > 10 * MAX_DATUM_DISTANCE_M:
-        hint = "give it in metres from the datum, not as coordinates of a map projection"
-    elif distance_m > 0 and flipped.intersects(field):
-        hint = "with x and y of each corner swapped it touches the field: x (east) comes first"
-    else:
-        hint = "give it in metres east and north of the datum, or remove it"
+    elif path is None and cause in (Misplaced.LONLAT, Misplaced.LATLON):
+        hint = f"it looks like {cause}: give metres east and north of the field's datum"
     raise InputError(what, hint, path)
+
+
+def _require_room(polygon: NDArray[np.float64], no_go: Sequence[NDArray[np.float64]], path: Path) -> None:
+    """Check that no-go areas leave something of the field."""
+    import shapely
+
+    field, areas = shapely.Polygon(polygon), [shapely.Polygon(ring) for ring in no_go]
+    if areas and field.difference(shapely.union_all(areas)).area < MIN_AREA_M2:
+        alone = [number for number, area in enumerate(areas, 1) if field.difference(area).area < MIN_AREA_M2]
+        what = f"no-go area {alone[0]} covers" if alone else f"the {len(areas)} no-go areas cover"
+        raise InputError(f"{what} the whole field", "a no-go area is a part of the field to keep out of", path)
 
 
 def _require_plausible(

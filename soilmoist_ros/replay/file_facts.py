@@ -84,12 +84,15 @@ def _doubt(text: str) -> Finding:
     return Finding("doubt", text)
 
 
-def field_findings(field: Field) -> Iterator[Finding]:
+def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[Finding]:
     """Area, place, direction, cells and covariates of a field.
 
+    :param robot_radius_m: distance that a robot keeps from the border and no-go areas [m]
     :raises InputError: if a covariate cannot be used
     """
     import shapely
+
+    from soilmoist_ros.exploration.guard.fence import Fence
 
     shape = shapely.Polygon(field.polygon)
     left_out = shapely.union_all([shapely.Polygon(ring) for ring in field.no_go])
@@ -106,6 +109,12 @@ def field_findings(field: Field) -> Iterator[Finding]:
     yield Finding("map", f"{cells}{no_go}")
     for note in field.notes:
         yield Finding("border", note)
+    try:
+        divided = Fence(field, robot_radius_m).divided()
+    except InputError as error:  # a person may go there
+        divided = str(error)
+    if divided:
+        yield _doubt(divided)
     covariates = read_covariates(field.covariates, field.frame, grid)
     if covariates is not None:
         covered = [f"{name} ({share:.0%} of the field)" for name, share in coverage(covariates, grid).items()]
@@ -163,21 +172,28 @@ def _longest_side_deg(field: Field) -> int:
     return round(math.degrees(math.atan2(east, north))) % 180
 
 
-def graph_findings(field: Field, path: Path) -> Iterator[Finding]:
-    """Nodes of a topological map that lie in a field, and what the map says about its place.
+def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = "") -> Iterator[Finding]:
+    """Nodes of a topological map that the planner would use in a field, and its doubts about the map.
 
-    :raises InputError: if the map cannot be read, or none of its nodes lies in the field
+    :param robot_radius_m: distance that the robot keeps from no-go areas [m]
+    :param home: name of the node to return to; empty for none
+    :raises InputError: if the map cannot be read, none of its nodes lies in the field, or the home is not allowed
     """
-    from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map
+    from soilmoist_ros.exploration.control.mission_setup import AccessRules, FieldAccess
+    from soilmoist_ros.exploration.travel.topological_map import KNOWN_ACTIONS
+    from soilmoist_ros.exploration.travel.travel import RobotMotion
+    from soilmoist_ros.simulation.mission.mission_ground import mission_map
 
     found = mission_map(field, field.grid(), str(path))
-    fenced = fenced_map(field, found)
+    access = FieldAccess(field, RobotMotion(), found.graph, AccessRules(robot_radius_m=robot_radius_m), home=home)
     datum = "none: metres from the field's datum" if found.datum is None else "its own"
     total = len(found.graph.names)
     yield Finding(
-        "graph", f"{len(fenced.stops)} of {total} nodes are stops in {field.name}; datum of the map: {datum}"
+        "graph",
+        f"{len(access.stops)} of {total} nodes are stops in {field.name}; datum of the map: {datum}; frame: "
+        f"{found.frame or 'none'} (navigation_frame of the planner)",
     )
-    for doubt in filter(None, (fenced.warning, found.restrictions())):
+    for doubt in filter(None, (access.warning, *found.doubts(KNOWN_ACTIONS))):
         yield _doubt(doubt)
 
 

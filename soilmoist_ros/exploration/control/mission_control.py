@@ -283,7 +283,7 @@ class MissionControl:
         """An operator, known by name, asks for something; what cannot be used changes nothing."""
         mission = self._mission
         requests = Requests(
-            self._current.field.frame, self._access, self._settings, mission.current_rules, mission.state
+            self._current.field, self._access, self._settings, mission.current_rules, mission.state
         )
         try:
             command = requests.command(request, self._clock.now_s())

@@ -55,6 +55,8 @@ class AccessRules:
 
 
 NO_MARGIN = AccessRules()
+ROBOT_RADIUS_M = 0.75
+"""Half the width of Thorvald [m]."""
 MOVED_M = 2.0
 """A stop that a new map places this far away is another one [m]; frames of robot and field may differ by less."""
 
@@ -152,6 +154,7 @@ class FieldAccess:
         self._fenced: FencedGraph | None = None
         if graph is None:
             self.fence = Fence(field, rules.robot_radius_m)
+            self.warning = self.fence.divided()
             self.travel = FreeTravel(motion, (field.polygon,), field.no_go, rules.robot_radius_m)
             self._named = cell_stops(self.grid)
             self.stops = _inside(self._named, self.fence)

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+import numpy as np
+
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
 from soilmoist_ros.exploration.mission.events import Command
 from soilmoist_ros.exploration.mission.state import MissionState
@@ -18,8 +20,8 @@ from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import GraphTravel
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.suggestions import did_you_mean, listing
+from soilmoist_ros.mapping.field import Field, require_no_go
 
 Place = tuple[float, float]
 
@@ -111,14 +113,14 @@ class RequestError(InputError):
 class Requests:
     """Turns requests into commands.
 
-    :param frame: the field's plane
+    :param field: the field
     :param access: where the robot may go; ``None`` while that is not known
     :param settings: how stops are chosen
     :param rules: those of the mission
     :param state: the mission
     """
 
-    frame: LocalFrame
+    field: Field
     access: FieldAccess | None
     settings: ExplorerSettings
     rules: MissionRules
@@ -177,7 +179,7 @@ class Requests:
         if abs(given[0]) > 90 or abs(given[1]) > 180:
             remedy = "give the latitude (-90 .. 90) first, then the longitude (-180 .. 180)"
             raise RequestError(ReplyCode.BAD_PLACE, f"{name} is {list(given)}", remedy)
-        x_m, y_m = self.frame.to_local(given[0], given[1])[0]
+        x_m, y_m = self.field.frame.to_local(given[0], given[1])[0]
         return float(x_m), float(y_m)
 
     def _stop_at(self, access: FieldAccess, place: Place) -> Stop:
@@ -235,10 +237,12 @@ class Requests:
         if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
             message = f"the polygon has {len(corners)} different corners, or one is not a number"
             raise RequestError(ReplyCode.BAD_POLYGON, message, "give three corners or more in metres")
+        try:
+            require_no_go(np.array(corners), "the polygon", self.field.polygon, self.field.frame)
+        except InputError as error:
+            first = error.mistakes[0]
+            raise RequestError(ReplyCode.BAD_POLYGON, first.message, first.remedy) from None
         area = shapely.Polygon(corners)
-        if not area.is_valid or area.area <= 0:
-            message = f"the polygon is not an area ({shapely.is_valid_reason(area)})"
-            raise RequestError(ReplyCode.BAD_POLYGON, message, "give its corners in order, without crossings")
         if self.access is not None and not any(
             shapely.intersects_xy(area, stop.x_m, stop.y_m) for stop in self.access.stops
         ):

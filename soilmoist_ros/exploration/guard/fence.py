@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.travel.drivable_area import TOLERANCE_M, DrivableArea
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.foundation.suggestions import listing
+from soilmoist_ros.mapping.field import MIN_AREA_M2, Field
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -76,6 +77,22 @@ class Fence:
     def with_corridors(self, corridors: ArrayLike, corridor_m: float) -> Fence:
         """The fence with these corridors outside the field."""
         return Fence(self.field, self.margin_m, self.beyond_m, corridors, corridor_m)
+
+    def divided(self) -> str:
+        """Parts of the field between which no robot that keeps the margin can drive, in words; empty if it is whole."""
+        import shapely
+
+        parts = [part.area for part in shapely.get_parts(self.area.shape) if part.area >= MIN_AREA_M2]
+        if len(parts) < 2:
+            return ""
+        sizes = listing(
+            f"{size / 1e4:.2f} ha" if size >= 1000 else f"{size:.0f} m2" for size in sorted(parts)[::-1]
+        )
+        margin = f" by a robot that keeps {self.margin_m:g} m distance" if self.margin_m > 0 else ""
+        return (
+            f"border and no-go areas divide the field into {len(parts)} parts that cannot be reached from each other"
+            f"{margin} ({sizes}): only the part where the robot stands is surveyed"
+        )
 
     def avoids_no_go(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:
         """Whether each straight line stays out of the no-go areas, in the field or not, shape (k,).

@@ -23,6 +23,7 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.places import distance_text
 from soilmoist_ros.foundation.suggestions import listing
+from soilmoist_ros.mapping.field import Misplaced, misplaced
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -31,10 +32,8 @@ AT_NODE_M = 1.5
 """A robot this close to a node is at the node: the navigation plans from there [m]."""
 ON_EDGE_M = 1.5
 """The navigation may also plan from an end of an edge this close to the robot [m]."""
-_DEGREES = 0.5
-"""Numbers this close to the field's datum in degrees, and to each other, are degrees."""
-_PROJECTED_M = 50_000.0
-"""Distance of a map from its field from which its places are those of a map projection [m]."""
+_MAX_HOME_M = 5000.0
+"""Distance of the home from the field beyond which it is a mistake [m]."""
 _TIE_M = 1e-3
 """Routes whose lengths differ by less count as equally long [m]."""
 
@@ -76,6 +75,7 @@ class FencedGraph:
         start, end = whole.xy[whole.edges[:, 0]], whole.xy[whole.edges[:, 1]]
         within = fence.area.allows(start, end)
         clear = within if outside is Outside.NEVER else within | fence.avoids_no_go(start, end)
+        self._beyond = _home_outside(whole, fence, home) if home else ""
         self.whole = whole
         self._usable = inside if outside is Outside.NEVER else inside | fence.avoids_no_go(whole.xy, whole.xy)
         self._passable = _with_edges(whole, clear)
@@ -143,7 +143,7 @@ class FencedGraph:
         ways = [self._way(number, main, back) for back in (False, True)]
         if not ways[0] or (home and not ways[1]):
             name = self.whole.names[number]
-            what = f"the home {home}" if home else f"{name}, where the robot stands,"
+            what = f"the home {home}{self._beyond}" if home else f"{name}, where the robot stands,"
             raise InputError(
                 f"no way that is allowed leads between {what} and the nodes of the topological map in the field",
                 "check the no-go areas and the parameter outside, or choose another node",
@@ -162,7 +162,7 @@ class FencedGraph:
         return way if back else way[::-1]
 
     def _lost(self, inside: Flags, allowed: Flags) -> str:
-        """One sentence about nodes and edges that are not used; empty if all are."""
+        """Sentences about nodes and edges that are not used, and about a home outside; empty if there are none."""
         names, xy = np.array(self.whole.names), self.whole.xy
         no_go = ~inside & ~self.fence.avoids_no_go(xy, xy)
         outside = ~inside & ~no_go & ~self._nodes
@@ -180,7 +180,11 @@ class FencedGraph:
             said = listing(f"{start} - {end}" for start, end in edges)
             count = "1 edge" if len(edges) == 1 else f"{len(edges)} edges"
             found.append(f"{count} across the border or a no-go area ({said})")
-        return f"not used of the topological map: {'; '.join(found)}" if found else ""
+        if self.fence.margin_m > 0 and (no_go.any() or edges):
+            found.append(f"no-go areas with {self.fence.margin_m:g} m distance, the robot's radius")
+        unused = f"not used of the topological map: {'; '.join(found)}" if found else ""
+        home = f"the home lies outside{self._beyond}: the robot drives there" if self._beyond else ""
+        return ". ".join(filter(None, (unused, home)))
 
     # How to send the robot ------------------------------------------------------------------------------------
 
@@ -291,30 +295,51 @@ def _distance_m(place: Array, start: Array, end: Array) -> Array:
     return np.asarray(np.hypot(*(start + share[:, None] * along - place).T))
 
 
+def _home_outside(graph: TravelGraph, fence: Fence, home: str) -> str:
+    """How far a home lies outside the field, in words; empty if it lies in it.
+
+    :raises InputError: if it lies in a no-go area, or too far away
+    """
+    place = graph.xy[graph.index(home)]
+    if fence.contains(place)[0]:
+        return ""
+    if not fence.avoids_no_go(place, place)[0]:
+        raise InputError(f"the home {home} is not allowed: {fence.refusal(place)}", "choose another home")
+    away_m = fence.outside_m(place)
+    if away_m > _MAX_HOME_M:
+        what = f"the home {home} lies {distance_text(away_m)} from the field {fence.field.name!r}"
+        raise InputError(what, "choose a node near the field, and check the places of the map")
+    return f", {away_m:.1f} m from the field," if away_m < 10 else f", {distance_text(away_m)} from the field,"
+
+
+_METRES = "the map's places must be metres east and north of the field's datum, or of the one that the map names"
+_REMEDIES = {
+    Misplaced.LONLAT: "the places of its nodes are degrees: write metres east and north of the field's datum",
+    Misplaced.LATLON: "the places of its nodes are degrees: write metres east and north of the field's datum",
+    Misplaced.PROJECTED: "its places are those of a map projection, such as UTM: write metres from the field's datum",
+    Misplaced.SWAPPED: "with x and y swapped nodes are in the field: x is east, y north",
+    Misplaced.FEET: f"{_METRES}: read as feet, nodes are in the field",
+    None: _METRES,
+}
+
+
+def _cause(graph: TravelGraph, fence: Fence) -> Misplaced | None:
+    import shapely
+
+    return misplaced(shapely.MultiPoint(graph.xy), shapely.Polygon(fence.field.polygon), fence.field.frame)
+
+
 def _in_degrees(graph: TravelGraph, fence: Fence) -> bool:
     """Whether the places of a map are rather degrees: as numbers of metres, they may even lie in the field."""
-    frame = fence.field.frame
-    place = np.array([frame.longitude_deg, frame.latitude_deg])
-    near = any(np.abs(graph.xy - each).max() < _DEGREES for each in (place, place[::-1]))
-    return near and len(graph.xy) > 1 and bool(np.ptp(graph.xy, axis=0).max() < _DEGREES)
+    return len(graph.xy) > 1 and _cause(graph, fence) in (Misplaced.LONLAT, Misplaced.LATLON)
 
 
 def _elsewhere(graph: TravelGraph, fence: Fence) -> InputError:
     """The error of a map none of whose nodes is in the field, with its distance and the likely cause."""
     (west, south), (east, north) = graph.xy.min(axis=0), graph.xy.max(axis=0)
     away_m = min(map(fence.outside_m, graph.xy))
-    if _in_degrees(graph, fence):
-        remedy = "the places of its nodes are degrees: write metres east and north of the field's datum"
-    elif fence.contains(graph.xy[:, ::-1]).any():
-        remedy = "with x and y swapped nodes are in the field: x is east, y north"
-    elif away_m > _PROJECTED_M:
-        remedy = "its places are those of a map projection, such as UTM: write metres from the field's datum"
-    else:
-        remedy = (
-            "the map's places must be metres east and north of the field's datum, or of the one that the map names"
-        )
     return InputError(
         f"no node of the topological map lies in the field {fence.field.name!r} and outside its no-go areas: they "
         f"are at x {west:.0f} .. {east:.0f} m, y {south:.0f} .. {north:.0f} m, {distance_text(away_m)} away",
-        remedy,
+        _REMEDIES[_cause(graph, fence)],
     )

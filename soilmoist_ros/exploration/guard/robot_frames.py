@@ -153,9 +153,23 @@ class RobotFrames:
         self._unchecked = self._doubt(tf, now_s)
         return RobotPose(place, yaw_rad, fix.covariance_m2)
 
-    def take_map_datum(self, datum: LocalFrame | None) -> None:
-        """Take in the datum that the map of the navigation names, ``None`` if it names none."""
+    def take_map_datum(self, datum: LocalFrame | None, frame: str = "") -> None:
+        """Take in the datum and the frame that the map of the navigation names.
+
+        :param datum: its datum, ``None`` if it names none
+        :param frame: the frame of its places, empty if it names none
+        """
         self._map_fault = ""
+        own, navigation = (name.strip("/") for name in (self._settings.frame, self._settings.navigation_frame))
+        if (named := frame.strip("/")) not in ("", navigation):
+            apart = self.move is None or not self.move.is_identity
+            if named != own or apart:
+                who = f"the field's, {own!r}, and navigation_frame is" if named == own else "navigation_frame is"
+                self._map_fault = (
+                    f"the places of the navigation's map are in the frame {frame!r}, but {who} {navigation!r}: set "
+                    "navigation_frame to the frame of the map, or correct 'parent' in its transformation"
+                )
+                return
         if datum is None:
             if self._settings.datum == MAP:
                 self._map_fault = (

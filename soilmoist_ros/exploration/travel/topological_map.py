@@ -18,7 +18,7 @@ import numpy as np
 
 from soilmoist_ros.exploration.travel.stop import PLACE_DIGITS, Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.configuration import read_limited, read_yaml
+from soilmoist_ros.foundation.configuration import parse_yaml, read_limited, read_quickly
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
 from soilmoist_ros.foundation.plain_values import finite_number, read_json
@@ -33,6 +33,8 @@ MAX_TILT = 0.05
 """Sine of the angle between the vertical axes of a map and its parent frame beyond which it is a mistake."""
 _SAME_DATUM_M = 0.1
 """Distance between two spellings of a datum from which they contradict each other [m]."""
+KNOWN_ACTIONS = ("NavigateToPose", "NavigateThroughPoses", "DriveOnHeading", "row_traversal", "row_change")
+"""Actions of edges that the topological navigation has without a map that describes them."""
 ANY_HEADING_RAD = 6.283
 """Goal tolerance that lets the robot arrive at any heading [rad]."""
 
@@ -48,11 +50,13 @@ class TopologicalMap:
     :param document: the whole content, unknown keys included; not to be changed
     :param graph: its nodes and directed edges, in the frame that the map's transformation names as its parent [m]
     :param datum: origin of the places on the earth; ``None`` if the map names none
+    :param frame: name of the frame of the graph; empty if the map names none
     """
 
     document: Mapping[str, Any]
     graph: TravelGraph
     datum: LocalFrame | None = None
+    frame: str = ""
 
     @property
     def name(self) -> str:
@@ -70,8 +74,12 @@ class TopologicalMap:
         return str(self.document.get("pointset", ""))
 
     def has_ways_of(self, other: TopologicalMap) -> bool:
-        """Whether nodes, their places, edges and datum are those of another map; names and dates may differ."""
-        same = bool(self.document["nodes"] == other.document["nodes"]) and self.datum == other.datum
+        """Whether nodes, their places, edges, frame and datum are those of another map; names, dates may differ."""
+        same = (self.document["nodes"], self.datum, self.frame) == (
+            other.document["nodes"],
+            other.datum,
+            other.frame,
+        )
         return same and np.array_equal(self.graph.xy, other.graph.xy)  # the map's transformation moves nodes
 
     def unknown_actions(self, known: Sequence[str]) -> str:
@@ -79,8 +87,7 @@ class TopologicalMap:
 
         :param known: actions that the navigation knows, in addition to those that the map itself describes
         """
-        described = self.document.get("actions")
-        known = [*known, *(described if isinstance(described, Mapping) else ())]
+        known = [*known, *self._described_actions()]
         edges = [edge for entry in self.document["nodes"] for edge in entry["node"].get("edges") or []]
         refused = [edge for edge in edges if edge.get("action") and edge["action"] not in known]
         if not refused:
@@ -88,6 +95,28 @@ class TopologicalMap:
         actions = listing(sorted({str(edge["action"]) for edge in refused}))
         names = listing(str(edge.get("edge_id", edge["node"])) for edge in refused)
         return f"{len(refused)} of {len(edges)} edges have an action that is not known ({actions}): {names}"
+
+    def doubts(self, known_actions: Sequence[str]) -> list[str]:
+        """What of the map may keep a robot from driving, in words.
+
+        :param known_actions: as for :meth:`unknown_actions`; without any, actions are not looked at
+        """
+        unknown = self.unknown_actions(known_actions) if known_actions else ""
+        refused = (
+            f"the navigation may refuse to drive: {unknown}; see the parameter edge_actions" if unknown else ""
+        )
+        return list(filter(None, (refused, self.restrictions())))
+
+    def _described_actions(self) -> list[str]:
+        """Names of the actions that the map describes: keys, or a list of names or of entries with a name."""
+        definitions = self.document.get("definitions")
+        names = []
+        for holder in (self.document, definitions if isinstance(definitions, Mapping) else {}):
+            actions = holder.get("actions")
+            for one in actions if isinstance(actions, (Mapping, list)) else ():
+                name = (one.get("name") or one.get("action")) if isinstance(one, Mapping) else one
+                names.append(str(name))
+        return names
 
     def restrictions(self) -> str:
         """Which nodes and edges the navigation keeps robots from; empty if there are none."""
@@ -118,12 +147,16 @@ def read_topological_map(path: Path) -> TopologicalMap:
 
     :raises InputError: with every mistake in it, as :func:`parse_topological_map`
     """
+    try:
+        text = read_limited(path, limit=MAX_MAP_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 text (byte {error.start})", "save it as UTF-8", path) from None
     if path.suffix.lower() == ".json":
-        try:
-            return parse_topological_map(read_limited(path).decode("utf-8-sig"), path)
-        except UnicodeDecodeError as error:
-            raise InputError(f"is not UTF-8 text (byte {error.start})", "save it as UTF-8", path) from None
-    found = _checked(read_yaml(path, MAX_MAP_BYTES, MAX_MAP_VALUES), path)
+        return parse_topological_map(text, path)
+    try:
+        found = _checked(read_quickly(text, MAX_MAP_VALUES), path)
+    except InputError:  # the slow parser knows the lines of mistakes
+        found = _checked(parse_yaml(text, path, "rt", MAX_MAP_BYTES, MAX_MAP_VALUES), path)
     return replace(found, document=_plain(found.document))
 
 
@@ -289,7 +322,7 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
         raise InputError(mistakes or error.mistakes) from None
     if mistakes:
         raise InputError(mistakes)
-    return TopologicalMap(content, graph, datum)
+    return TopologicalMap(content, graph, datum, move.frame)
 
 
 def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
@@ -338,6 +371,12 @@ class _Move:
     child: str
     yaw_rad: float = 0.0
     shift: tuple[float, float] = (0.0, 0.0)
+    is_named: bool = True
+
+    @property
+    def frame(self) -> str:
+        """Name of the frame of the places; empty if the map names none."""
+        return self.parent if self.is_named else ""
 
     def apply(self, place: Sequence[float], node: Mapping[str, Any]) -> tuple[float, float]:
         """Place of a node in the parent frame.
@@ -374,7 +413,7 @@ def _transformation(content: Mapping[str, Any], path: Path | None) -> _Move:
         frames = [entry["node"] for entry in content["nodes"] if isinstance(entry, Mapping) and "node" in entry]
         named = [one.get("nav_frame") or one.get("parent_frame") for one in frames if isinstance(one, Mapping)]
         frame = str(next(filter(None, named), "map"))
-        return _Move({}, frame, frame)
+        return _Move({}, frame, frame, is_named=any(named))
     try:
         rotation, translation = found.get("rotation") or {}, found.get("translation") or {}
         w, x, y, z = (float(rotation.get(key, key == "w")) for key in "wxyz")

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
+from soilmoist_ros.exploration.control.mission_setup import ROBOT_RADIUS_M, AccessRules, ExplorerSettings
 from soilmoist_ros.exploration.guard.fenced_graph import Outside
 from soilmoist_ros.exploration.mission.types import (
     MAX_UNTIL_SD,
@@ -18,6 +18,7 @@ from soilmoist_ros.exploration.mission.types import (
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.topological_map import KNOWN_ACTIONS
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.foundation.errors import InputError
@@ -82,7 +83,7 @@ PARAMETERS: Final = (
     _row("map_topic", "/topological_map_2", "topic of the navigation's map"),
     _row(
         "robot_radius_m",
-        0.75,
+        ROBOT_RADIUS_M,
         "distance that the robot's centre keeps from no-go areas and, with graph: free, from the border; the "
         "default is half the width of Thorvald, 0 keeps none",
         "m",
@@ -140,7 +141,7 @@ PARAMETERS: Final = (
     ),
     _row(
         "edge_actions",
-        ["NavigateToPose", "NavigateThroughPoses", "DriveOnHeading", "row_traversal", "row_change"],
+        list(KNOWN_ACTIONS),
         "actions of edges that the navigation of goto_node knows: edges with others are named in a warning; empty "
         "for no check",
     ),

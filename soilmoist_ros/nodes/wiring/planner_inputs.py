@@ -152,7 +152,7 @@ class PlannerInputs:
         self._unreadable = ""
         if self._map is not None and found.has_ways_of(self._map):
             self._newer, self._map_fault = None, ""  # it is published again, or is back
-            self._frames.robot.take_map_datum(found.datum)  # an unusable one may have named another
+            self._frames.robot.take_map_datum(found.datum, found.frame)  # an unusable one may have named another
             return
         self._newer, self._map_fault = found, ""
         if not self._control.takes_graph:
@@ -164,9 +164,9 @@ class PlannerInputs:
 
         :raises InputError: if it does not fit the field
         """
-        if self._edge_actions and (unknown := found.unknown_actions(self._edge_actions)):
-            self._warn_once(f"the navigation may refuse to drive: {unknown}; see the parameter edge_actions")
-        self._frames.robot.take_map_datum(found.datum)
+        if doubts := found.doubts(self._edge_actions):
+            self._warn_once("; ".join(doubts))
+        self._frames.robot.take_map_datum(found.datum, found.frame)
         move = self._frames.robot.move
         self._newer = found if move is None else None
         if move is not None:

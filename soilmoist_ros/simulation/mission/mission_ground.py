@@ -48,6 +48,8 @@ def travel_and_stops(
     :raises InputError: if the graph cannot be used
     """
     if settings.travel == "free":
+        if divided := Fence(field).divided():
+            _log.warning(divided)
         return FreeTravel(motion, (field.polygon,), field.no_go), _cell_stops(grid)
     fenced = fenced_map(field, mission_map(field, grid, settings.graph))
     if fenced.warning:

@@ -55,7 +55,7 @@ def under_way(rules=RULES):
 def requests(**given):
     mission = under_way()
     return Requests(
-        **{"frame": FRAME, "access": FREE, "settings": SETTINGS, "rules": RULES, "state": mission.state, **given}
+        **{"field": FIELD, "access": FREE, "settings": SETTINGS, "rules": RULES, "state": mission.state, **given}
     )
 
 
@@ -514,7 +514,7 @@ def test_a_journal_restores_the_mission_bit_for_bit_after_any_requests(steps, ke
     for number, (request, wait_s) in enumerate(steps):
         now_s += wait_s
         take(Tick(now_s))
-        now = Requests(FRAME, FREE, SETTINGS, mission.current_rules, mission.state)
+        now = Requests(FIELD, FREE, SETTINGS, mission.current_rules, mission.state)
         try:
             take(now.command(request, now_s))
         except RequestError:
