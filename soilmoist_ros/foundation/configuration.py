@@ -180,7 +180,7 @@ def read_quickly(text: str, max_values: int) -> Any:
     except (ImportError, AttributeError):
         return None
 
-    class Loader(parser):  # type: ignore[misc]
+    class Loader(parser):  # type: ignore[misc, valid-type]
         """Refuses keys that are there twice, of which PyYAML takes the last."""
 
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:

@@ -79,7 +79,7 @@ class Fence:
         return Fence(self.field, self.margin_m, self.beyond_m, corridors, corridor_m)
 
     def divided(self) -> str:
-        """Parts of the field between which no robot that keeps the margin can drive, in words; empty if it is whole."""
+        """Parts of the field between which a robot with the margin cannot drive, in words; empty if it is whole."""
         import shapely
 
         parts = [part.area for part in shapely.get_parts(self.area.shape) if part.area >= MIN_AREA_M2]
@@ -90,8 +90,8 @@ class Fence:
         )
         margin = f" by a robot that keeps {self.margin_m:g} m distance" if self.margin_m > 0 else ""
         return (
-            f"border and no-go areas divide the field into {len(parts)} parts that cannot be reached from each other"
-            f"{margin} ({sizes}): only the part where the robot stands is surveyed"
+            f"border and no-go areas divide the field into {len(parts)} parts that cannot be reached from each "
+            f"other{margin} ({sizes}): only the part where the robot stands is surveyed"
         )
 
     def avoids_no_go(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:

@@ -316,7 +316,7 @@ _METRES = "the map's places must be metres east and north of the field's datum, 
 _REMEDIES = {
     Misplaced.LONLAT: "the places of its nodes are degrees: write metres east and north of the field's datum",
     Misplaced.LATLON: "the places of its nodes are degrees: write metres east and north of the field's datum",
-    Misplaced.PROJECTED: "its places are those of a map projection, such as UTM: write metres from the field's datum",
+    Misplaced.PROJECTED: "its places are those of a map projection, such as UTM: write metres from the datum",
     Misplaced.SWAPPED: "with x and y swapped nodes are in the field: x is east, y north",
     Misplaced.FEET: f"{_METRES}: read as feet, nodes are in the field",
     None: _METRES,

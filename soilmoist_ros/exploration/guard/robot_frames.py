@@ -166,7 +166,7 @@ class RobotFrames:
             if named != own or apart:
                 who = f"the field's, {own!r}, and navigation_frame is" if named == own else "navigation_frame is"
                 self._map_fault = (
-                    f"the places of the navigation's map are in the frame {frame!r}, but {who} {navigation!r}: set "
+                    f"the navigation's map is in the frame {frame!r}, but {who} {navigation!r}: set "
                     "navigation_frame to the frame of the map, or correct 'parent' in its transformation"
                 )
                 return

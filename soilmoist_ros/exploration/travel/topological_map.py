@@ -74,7 +74,7 @@ class TopologicalMap:
         return str(self.document.get("pointset", ""))
 
     def has_ways_of(self, other: TopologicalMap) -> bool:
-        """Whether nodes, their places, edges, frame and datum are those of another map; names, dates may differ."""
+        """Whether nodes, places, edges, frame and datum are those of another map; names and dates may differ."""
         same = (self.document["nodes"], self.datum, self.frame) == (
             other.document["nodes"],
             other.datum,
