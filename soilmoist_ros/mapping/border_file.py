@@ -44,7 +44,8 @@ MAX_INSIDE_SHARE = 0.5
 """Share of a field from which on polygons inside it are rather its parts than no-go areas."""
 MAX_EXTENT_DEG = 2.0
 """Extent from which on corners in degrees are rather metres [deg]."""
-MAX_UNZIPPED_BYTES = 100_000_000
+MAX_UNZIPPED_BYTES, MAX_MEMBERS = 100_000_000, 1000
+"""Size and number of files in an archive beyond which it is refused."""
 _SLIVER_M2 = 1.0
 _MIN_HOLE_M2 = 0.01
 """Area below which a hole is an error of the drawing [m^2]; a post has more."""
@@ -67,12 +68,14 @@ class BorderSource:
     :param layer: name of its layer; empty for the only one that has areas
     :param feature: number (from 1), or any property, of the feature that is the field; empty for the only one
     :param crs: reference system of a file that names none, such as ``EPSG:25832``; empty for WGS-84
+    :param takes_largest: whether the largest of several polygons is the field, where people look at the result
     """
 
     path: Path
     layer: str = ""
     feature: str = ""
     crs: str = ""
+    takes_largest: bool = False
 
 
 @dataclass(frozen=True)
@@ -197,8 +200,10 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
         else:
             apart.append((number, mine))
     rivals = [number for number, mine in apart if mine]
-    if rivals:
+    if rivals and not source.takes_largest:
         raise _several([chosen, *rivals], labels, source, dict(numbered))
+    if rivals:
+        notes.append(f"the largest of {len(rivals) + 1} polygons was taken")
     share = sum(shape.area for shape, *_ in inside) / outer.area
     if share > MAX_INSIDE_SHARE:
         raise InputError(
@@ -693,8 +698,9 @@ def _zipped(source: BorderSource) -> _Content:
     try:
         with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory() as folder:
             members = [one for one in archive.infolist() if not one.is_dir() and "__MACOSX" not in one.filename]
-            if sum(one.file_size for one in members) > MAX_UNZIPPED_BYTES:
-                raise InputError(f"holds more than {MAX_UNZIPPED_BYTES / 1e6:g} MB", "unpack it", path)
+            if sum(one.file_size for one in members) > MAX_UNZIPPED_BYTES or len(members) > MAX_MEMBERS:
+                limits = f"{MAX_UNZIPPED_BYTES / 1e6:g} MB or {MAX_MEMBERS} files"
+                raise InputError(f"holds more than {limits}", "give the file with the border alone", path)
             for one in members:
                 inside = Path(folder, PurePosixPath(one.filename.replace("\\", "/")).name)
                 inside.write_bytes(archive.read(one))
@@ -706,7 +712,7 @@ def _zipped(source: BorderSource) -> _Content:
                     else ("no file with a border")
                 )
                 raise InputError(f"holds {found}", "unpack it, and give the file with the border", path)
-            inner = BorderSource(files[0], source.layer, source.feature, source.crs)
+            inner = replace(source, path=files[0])
             try:
                 return _READERS.get(files[0].suffix.lower(), _vectors)(inner)
             except InputError as error:  # the archive has the fault, not its copy

@@ -79,19 +79,21 @@ class Fence:
         return Fence(self.field, self.margin_m, self.beyond_m, corridors, corridor_m)
 
     def divided(self) -> str:
-        """Parts of the field between which a robot with the margin cannot drive, in words; empty if it is whole."""
+        """Parts of the field between which a robot with the margin cannot drive, in words; empty if whole."""
         import shapely
 
-        parts = [part.area for part in shapely.get_parts(self.area.shape) if part.area >= MIN_AREA_M2]
+        parts = [part for part in shapely.get_parts(self.area.shape) if part.area >= MIN_AREA_M2]
         if len(parts) < 2:
             return ""
-        sizes = listing(
-            f"{size / 1e4:.2f} ha" if size >= 1000 else f"{size:.0f} m2" for size in sorted(parts)[::-1]
-        )
+        said = []
+        for part in sorted(parts, key=lambda part: -part.area):
+            size = f"{part.area / 1e4:.2f} ha" if part.area >= 1000 else f"{part.area:.0f} m2"
+            inside = part.representative_point()
+            said.append(f"{size} about ({inside.x:.0f}, {inside.y:.0f})")
         margin = f" by a robot that keeps {self.margin_m:g} m distance" if self.margin_m > 0 else ""
         return (
             f"border and no-go areas divide the field into {len(parts)} parts that cannot be reached from each "
-            f"other{margin} ({sizes}): only the part where the robot stands is surveyed"
+            f"other{margin} ({listing(said)}): only the part where the robot stands is surveyed"
         )
 
     def avoids_no_go(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:

@@ -99,6 +99,9 @@ class FencedGraph:
         self._forbidden = ~(within | used)
         self._known: dict[int, tuple[Array, Array]] = {}
         self.warning = self._lost(inside, within | used)
+        if self._beyond:
+            home_text = f"the home {home} lies {self._beyond}: the robot drives there and back outside"
+            self.warning = ". ".join(filter(None, (self.warning, home_text)))
 
     def serves(self, place: tuple[float, float]) -> bool:
         """Whether the part that is used is the one where the robot stands."""
@@ -143,7 +146,8 @@ class FencedGraph:
         ways = [self._way(number, main, back) for back in (False, True)]
         if not ways[0] or (home and not ways[1]):
             name = self.whole.names[number]
-            what = f"the home {home}{self._beyond}" if home else f"{name}, where the robot stands,"
+            outside = f", {self._beyond}," if self._beyond else ""
+            what = f"the home {home}{outside}" if home else f"{name}, where the robot stands,"
             raise InputError(
                 f"no way that is allowed leads between {what} and the nodes of the topological map in the field",
                 "check the no-go areas and the parameter outside, or choose another node",
@@ -162,7 +166,7 @@ class FencedGraph:
         return way if back else way[::-1]
 
     def _lost(self, inside: Flags, allowed: Flags) -> str:
-        """Sentences about nodes and edges that are not used, and about a home outside; empty if there are none."""
+        """One sentence about nodes and edges that are not used; empty if all are."""
         names, xy = np.array(self.whole.names), self.whole.xy
         no_go = ~inside & ~self.fence.avoids_no_go(xy, xy)
         outside = ~inside & ~no_go & ~self._nodes
@@ -174,17 +178,20 @@ class FencedGraph:
         found = [
             f"{flags.sum()} {what} ({listing(names[flags])})" for what, flags in groups.items() if flags.any()
         ]
-        lost = ~allowed & self._nodes[self.whole.edges].all(axis=1)
+        lost = ~allowed & (self._nodes | inside)[self.whole.edges].all(axis=1)
         edges = dict.fromkeys(tuple(sorted(pair)) for pair in names[self.whole.edges[lost]].tolist())
         if edges:
             said = listing(f"{start} - {end}" for start, end in edges)
             count = "1 edge" if len(edges) == 1 else f"{len(edges)} edges"
             found.append(f"{count} across the border or a no-go area ({said})")
-        if self.fence.margin_m > 0 and (no_go.any() or edges):
-            found.append(f"no-go areas with {self.fence.margin_m:g} m distance, the robot's radius")
-        unused = f"not used of the topological map: {'; '.join(found)}" if found else ""
-        home = f"the home lies outside{self._beyond}: the robot drives there" if self._beyond else ""
-        return ". ".join(filter(None, (unused, home)))
+        if self.fence.margin_m > 0 and (edges or no_go.any()):
+            bare = Fence(self.fence.field, 0.0, self.fence.beyond_m)
+            start, end = (names[self.whole.edges[lost, side]] for side in (0, 1))
+            free = bare.area.allows(*(xy[self.whole.edges[lost, side]] for side in (0, 1)))
+            narrow = {tuple(sorted(pair)) for pair in zip(start[free], end[free], strict=True)}
+            if count := int((no_go & bare.contains(xy)).sum()) + len(narrow):
+                found.append(f"{count} of them only for robot_radius_m, {self.fence.margin_m:g} m")
+        return f"not used of the topological map: {'; '.join(found)}" if found else ""
 
     # How to send the robot ------------------------------------------------------------------------------------
 
@@ -309,7 +316,7 @@ def _home_outside(graph: TravelGraph, fence: Fence, home: str) -> str:
     if away_m > _MAX_HOME_M:
         what = f"the home {home} lies {distance_text(away_m)} from the field {fence.field.name!r}"
         raise InputError(what, "choose a node near the field, and check the places of the map")
-    return f", {away_m:.1f} m from the field," if away_m < 10 else f", {distance_text(away_m)} from the field,"
+    return f"{away_m:.1f} m outside the field" if away_m < 10 else f"{distance_text(away_m)} outside the field"
 
 
 _METRES = "the map's places must be metres east and north of the field's datum, or of the one that the map names"

@@ -52,8 +52,6 @@ def travel_and_stops(
             _log.warning(divided)
         return FreeTravel(motion, (field.polygon,), field.no_go), _cell_stops(grid)
     fenced = fenced_map(field, mission_map(field, grid, settings.graph))
-    if fenced.warning:
-        _log.warning(fenced.warning)
     return GraphTravel(fenced.graph, motion, fenced.fence.area.allows), fenced.stops
 
 
@@ -93,11 +91,14 @@ def _on_field(found: TopologicalMap, field: Field) -> TopologicalMap:
 
 
 def fenced_map(field: Field, navigated: TopologicalMap) -> FencedGraph:
-    """The largest part of a topological map that stays in the field and out of its no-go areas.
+    """The largest part of a topological map that stays in the field and out of its no-go areas; logs the rest.
 
     :raises InputError: if no node does
     """
-    return FencedGraph(navigated.graph, Fence(field))
+    fenced = FencedGraph(navigated.graph, Fence(field))
+    if fenced.warning:
+        _log.warning(fenced.warning)
+    return fenced
 
 
 def start_stop(field: Field, stops: Sequence[Stop]) -> Stop:

@@ -20,6 +20,7 @@ from soilmoist_ros.console.plan import outline as module
 from soilmoist_ros.console.plan.outline import outline
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.border_file import MAX_MEMBERS, MAX_UNZIPPED_BYTES
 
 DATUM = [53.268, -0.5245]
 RING = [[0, 0], [40, 0], [40, 30], [0, 30]]
@@ -103,11 +104,11 @@ def test_a_path_of_google_earth_is_a_boundary_if_it_is_closed():
     kml = "<kml xmlns='http://www.opengis.net/kml/2.2'><Placemark><LineString><coordinates>{}</coordinates></LineString></Placemark></kml>"
     answer = read("path.kml", kml.format(text).encode())
     assert shapely.Polygon(answer["boundary"]).symmetric_difference(shapely.Polygon(RING)).area < 2
-    with pytest.raises(InputError, match="closed line"):
+    with pytest.raises(InputError, match="close the line"):
         read("path.kml", kml.format(text.rpartition(" ")[0]).encode())
 
 
-BOMB = zipped({"f.shp": b"\0" * (module.MAX_UNPACKED + 1)})
+BOMB = zipped({"f.shp": b"\0" * (MAX_UNZIPPED_BYTES + 1)})
 ENTITIES = b'<!DOCTYPE k [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><kml><coordinates>&b;</coordinates></kml>'
 LAYER = b"<OGRVRTLayer name='p'><SrcDataSource>/etc/passwd</SrcDataSource></OGRVRTLayer>"
 VRT = b"<OGRVRTDataSource>" + LAYER + b"</OGRVRTDataSource>"
@@ -117,19 +118,19 @@ VRT = b"<OGRVRTDataSource>" + LAYER + b"</OGRVRTDataSource>"
     ("name", "content", "said"),
     [
         ("a.exe", b"", "choose one of"),
-        ("a.zip", b"PK nothing", "cannot be read"),
-        ("a.zip", BOMB, "too large"),
-        ("a.zip", zipped({f"{n}.txt": b"" for n in range(module.MAX_MEMBERS + 1)}), "too large"),
-        ("a.zip", zipped({"f.shp": VRT, "f.prj": b""}), "damaged"),
-        ("a.zip", zipped({"../../f.txt": b"x"}), "no polygon"),
-        ("a.kml", b"<kml>", "cannot be read"),
-        ("a.kml", ENTITIES, "entities"),
+        ("a.zip", b"PK nothing", "cannot be unpacked"),
+        ("a.zip", BOMB, "100 MB"),
+        ("a.zip", zipped({f"{n}.txt": b"" for n in range(MAX_MEMBERS + 1)}), "1000 files"),
+        ("a.zip", zipped({"f.shp": VRT, "f.shx": b"", "f.prj": b""}), "something else"),
+        ("a.zip", zipped({"../../f.txt": b"x"}), "no file with a border"),
+        ("a.kml", b"<kml>", "not valid XML"),
+        ("a.kml", ENTITIES, "definitions of its own"),
         ("a.kml", VRT, "no polygon"),
         ("a.json", b"{}", "no polygon"),
-        ("a.json", b"[1]", "cannot be read"),
-        ("a.json", b"[" * 100_000, "cannot be read"),
-        ("a.geojson", b"\xff", "cannot be read"),
-        ("a.geojson", b'{"type": "Polygon", "coordinates": [[[1e9, 1], [2, 1], [2, 2], [1e9, 1]]]}', "longitudes"),
+        ("a.json", b"[1]", "no polygon"),
+        ("a.json", b"[" * 100_000, "not valid JSON"),
+        ("a.geojson", b"\xff", "not valid JSON"),
+        ("a.geojson", b'{"type": "Polygon", "coordinates": [[[1e9, 1], [2, 1], [2, 2], [1e9, 1]]]}', "of longitude"),
         ("a.geojson", b'{"type": "Polygon", "coordinates": [[[NaN, 1], [2, 1], [2, 2], [1, 1]]]}', "a.geojson"),
     ],
 )  # fmt: skip
