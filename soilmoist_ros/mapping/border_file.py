@@ -139,7 +139,7 @@ def read_border(source: BorderSource) -> Border:
     except ElementTree.ParseError as error:
         raise InputError(f"is not valid XML: {error}", "export the border again", path) from None
     notes: list[str] = []
-    _close_lines(content.features, notes)
+    _close_lines(content.features, notes, source)
     numbered = list(enumerate(content.features, start=1))
     if not any(feature.polygons for _, feature in numbered):
         raise _without_polygon(content.features, path)
@@ -270,8 +270,13 @@ def _pairs(feature: _Feature) -> list[str]:
     return [f"{key}={value}" for key, value in feature.properties.items()]
 
 
-def _close_lines(features: Iterable[_Feature], notes: list[str]) -> None:
-    """Make polygons of closed lines, in features of files without polygons."""
+def _close_lines(features: Iterable[_Feature], notes: list[str], source: BorderSource) -> None:
+    """Make polygons of closed lines, in features of files without polygons.
+
+    :raises InputError: if open lines go round all closed ones, which may then be ponds in a border in pieces
+    """
+    import shapely
+
     features = list(features)
     if any(feature.polygons for feature in features):
         return
@@ -283,6 +288,17 @@ def _close_lines(features: Iterable[_Feature], notes: list[str]) -> None:
                 feature.polygons.append([_open_ring(line)])
                 said = f", though its ends are apart by about {gap / length:.0%} of its length" if gap else ""
                 notes.append(f"the closed line of {feature.label(number)} is the border{said}")
+    pieces = [line for feature in features for line in feature.lines if len(line) > 1]
+    rings = [rings[0] for feature in features for rings in feature.polygons]
+    if source.feature or not (pieces and rings):
+        return
+    around = shapely.MultiLineString(pieces).convex_hull
+    if all(around.contains(shapely.MultiPoint(ring)) for ring in rings):
+        raise InputError(
+            f"has {len(pieces)} open lines around its closed one: is the border in pieces, and that a pond?",
+            f"join the lines to a polygon, or say which is the field: {{file: {source.path.name}, feature: ...}}",
+            source.path,
+        )
 
 
 def _without_polygon(features: Sequence[_Feature], path: Path) -> InputError:
@@ -594,20 +610,49 @@ def _placed(elements: Iterable[ElementTree.Element], lon: str, lat: str, path: P
 def _osm(source: BorderSource) -> _Content:
     root = _xml(source.path)
     nodes = {node.get("id"): node for node in root.iter("node")}
-    features = []
+    ways: dict[str, _Feature] = {}
     for way in root.iter("way"):
-        tags = {tag.get("k", ""): printable(tag.get("v", "")) for tag in way.iter("tag")}
         corners = [nodes[one.get("ref")] for one in way.iter("nd") if one.get("ref") in nodes]
         line = _placed(corners, "lon", "lat", source.path)
-        features.append(_Feature({"id": way.get("id", ""), **tags}, lines=[line]))
-    return _Content(features, WGS84)
+        ways[way.get("id", "")] = _Feature(_tags(way), lines=[line])
+    areas = []
+    for relation in root.iter("relation"):  # borders and ponds of several ways
+        members = [(one.get("role"), one.get("ref", "")) for one in relation.iter("member")]
+        parts = [(role, ref, line) for role, ref in members if ref in ways for line in ways[ref].lines]
+        rings = _joined([line for role, _, line in parts if role != "inner"])
+        if rings:
+            holes = _joined([line for role, _, line in parts if role == "inner"])
+            areas.append(_Feature(_tags(relation), [[ring] for ring in rings]))
+            areas += [_Feature({"name": "hole"}, [[hole]], is_no_go=True) for hole in holes]
+            for _, ref, _ in parts:
+                ways[ref].lines = []
+    return _Content([*areas, *(way for way in ways.values() if way.lines)], WGS84)
+
+
+def _tags(element: ElementTree.Element) -> dict[str, str]:
+    tags = {tag.get("k", ""): printable(tag.get("v", "")) for tag in element.iter("tag")}
+    return {"id": element.get("id", ""), **tags}
+
+
+def _joined(lines: Sequence[Array]) -> list[Array]:
+    """Rings that lines make together, such as the ways of a relation."""
+    import shapely
+
+    joined = shapely.line_merge(shapely.MultiLineString([line for line in lines if len(line) > 1]))
+    rings = [shapely.get_coordinates(part) for part in shapely.get_parts(joined) if part.is_closed]
+    return [_open_ring(ring) for ring in rings]
 
 
 def _isoxml(source: BorderSource) -> _Content:
     """Fields of a task controller (ISO 11783-10): partfields with their borders, and obstacles in them."""
     root, path = _xml(source.path), source.path
-    if root.tag == "osm":
-        return _osm(source)
+    if root.tag in ("osm", "kml"):
+        return _osm(source) if root.tag == "osm" else _kml(source)
+    if root.tag != "ISO11783_TaskData" and root.find(".//PFD") is None:
+        what = (
+            f"is XML with <{root.tag:.40}>, neither a task file (ISO 11783) nor of OpenStreetMap or Google Earth"
+        )
+        raise InputError(what, "convert it to GeoJSON in a GIS", path)
     features = []
     for partfield in root.iter("PFD"):
         name = printable(partfield.get("C", ""))

@@ -189,8 +189,8 @@ class FencedGraph:
             start, end = (names[self.whole.edges[lost, side]] for side in (0, 1))
             free = bare.area.allows(*(xy[self.whole.edges[lost, side]] for side in (0, 1)))
             narrow = {tuple(sorted(pair)) for pair in zip(start[free], end[free], strict=True)}
-            if count := int((no_go & bare.contains(xy)).sum()) + len(narrow):
-                found.append(f"{count} of them only for robot_radius_m, {self.fence.margin_m:g} m")
+            if close := int((no_go & bare.contains(xy)).sum()) + len(narrow):
+                found.append(f"{close} of them only for robot_radius_m, {self.fence.margin_m:g} m")
         return f"not used of the topological map: {'; '.join(found)}" if found else ""
 
     # How to send the robot ------------------------------------------------------------------------------------

@@ -130,7 +130,7 @@ VRT = b"<OGRVRTDataSource>" + LAYER + b"</OGRVRTDataSource>"
         ("a.json", b"[1]", "no polygon"),
         ("a.json", b"[" * 100_000, "not valid JSON"),
         ("a.geojson", b"\xff", "not valid JSON"),
-        ("a.geojson", b'{"type": "Polygon", "coordinates": [[[1e9, 1], [2, 1], [2, 2], [1e9, 1]]]}', "of longitude"),
+        ("a.geojson", b'{"type": "Polygon", "coordinates": [[[1e9, 1], [2, 1], [2, 2], [1e9, 1]]]}', "longitude"),
         ("a.geojson", b'{"type": "Polygon", "coordinates": [[[NaN, 1], [2, 1], [2, 2], [1, 1]]]}', "a.geojson"),
     ],
 )  # fmt: skip
