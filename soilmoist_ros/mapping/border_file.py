@@ -47,6 +47,8 @@ MAX_EXTENT_DEG = 2.0
 MAX_UNZIPPED_BYTES, MAX_MEMBERS = 100_000_000, 1000
 """Size and number of files in an archive beyond which it is refused."""
 _SLIVER_M2 = 1.0
+_MAX_SHARED = 0.1
+"""Share of another polygon in the field from which it is rather an obstacle than a neighbour."""
 _MIN_HOLE_M2 = 0.01
 """Area below which a hole is an error of the drawing [m^2]; a post has more."""
 _NEAR_ORIGIN_M = 5000.0
@@ -145,7 +147,9 @@ def read_border(source: BorderSource) -> Border:
         raise _without_polygon(content.features, path)
     to_degrees = _conversion(content, source, notes)
     for _, feature in numbered:
-        feature.polygons = [[to_degrees(ring) for ring in rings] for rings in feature.polygons]
+        feature.polygons = [
+            _outer_first([to_degrees(ring) for ring in rings], notes) for rings in feature.polygons
+        ]
         for rings in feature.polygons:
             if not all(np.isfinite(ring).all() for ring in rings):
                 raise InputError("has a corner that is no place on the earth", "export the border again", path)
@@ -195,10 +199,17 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
     for shape, ring, number, mine in areas:
         if shape is outer:
             continue
-        if reach.contains(shape):
+        shared = shape.intersection(outer).area / max(shape.area, _MIN_HOLE_M2)
+        obstacle = dict(numbered)[number].is_no_go and shared > 0
+        if reach.contains(shape) or obstacle:
             inside.append((shape, ring, labels[number]))
         else:
             apart.append((number, mine))
+            if shared > _MAX_SHARED:
+                notes.append(
+                    f"{labels[number]} lies in the field by {shared:.0%} and is not used: if it must not be "
+                    "entered, list it under 'no_go_lonlat'"
+                )
     rivals = [number for number, mine in apart if mine]
     if rivals and not source.takes_largest:
         raise _several([chosen, *rivals], labels, source, dict(numbered))
@@ -213,7 +224,7 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
             path,
         )
     for shape, _, name in inside:
-        notes.append(f"{name}, {shape.area:.0f} m2 inside the border, is a no-go area")
+        notes.append(f"{name}, {shape.area:.0f} m2 in the field, is a no-go area")
     if apart:
         others = dict.fromkeys(labels[number] for number, _ in apart)
         notes.append(f"not used, as they are not inside {label}: {listing(others)}")
@@ -437,6 +448,19 @@ def _each_in_degrees(corners: Array) -> NDArray[np.bool_]:
 
 def _in_degrees(corners: Array) -> bool:
     return bool(np.all(_each_in_degrees(corners)))
+
+
+def _outer_first(rings: list[Array], notes: list[str]) -> list[Array]:
+    """Rings of a polygon with the outer one first, as every format wants them, and not every program writes them."""
+    from shapely import MultiPoint, Polygon
+
+    if len(rings) < 2 or any(len(ring) < 3 or not np.isfinite(ring).all() for ring in rings):
+        return rings
+    largest = max(rings, key=lambda ring: Polygon(ring).area)
+    if largest is rings[0] or not Polygon(largest).is_valid or not Polygon(largest).covers(MultiPoint(rings[0])):
+        return rings
+    notes.append("a polygon has its outer ring after a hole: the largest ring, which holds it, is taken")
+    return [largest, *(ring for ring in rings if ring is not largest)]
 
 
 def _metres_per_degree(rings: Sequence[Array]) -> Array:

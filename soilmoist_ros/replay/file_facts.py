@@ -180,6 +180,7 @@ def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = 
     :raises InputError: if the map cannot be read, none of its nodes lies in the field, or the home is not allowed
     """
     from soilmoist_ros.exploration.control.mission_setup import AccessRules, FieldAccess
+    from soilmoist_ros.exploration.guard.robot_frames import FrameSettings, RobotFrames
     from soilmoist_ros.exploration.travel.topological_map import KNOWN_ACTIONS
     from soilmoist_ros.exploration.travel.travel import RobotMotion
     from soilmoist_ros.simulation.mission.mission_ground import mission_map
@@ -190,10 +191,13 @@ def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = 
     total = len(found.graph.names)
     yield Finding(
         "graph",
-        f"{len(access.stops)} of {total} nodes are stops in {field.name}; datum of the map: {datum}; frame: "
-        f"{found.frame or 'none'} (navigation_frame of the planner)",
+        f"{len(access.stops)} of {total} nodes are stops in {field.name}; datum of the map: {datum}; frame of its "
+        f"places: {found.frame or 'not named'}",
     )
-    for doubt in filter(None, (access.warning, *found.doubts(KNOWN_ACTIONS))):
+    frames = RobotFrames(field, FrameSettings())
+    frames.take_map_datum(found.datum, found.frame)
+    fault = f"with its default parameters, the planner does not drive: {frames.fault}" if frames.fault else ""
+    for doubt in filter(None, (access.warning, fault, *found.doubts(KNOWN_ACTIONS))):
         yield _doubt(doubt)
 
 
