@@ -451,7 +451,7 @@ def _in_degrees(corners: Array) -> bool:
 
 
 def _outer_first(rings: list[Array], notes: list[str]) -> list[Array]:
-    """Rings of a polygon with the outer one first, as every format wants them, and not every program writes them."""
+    """Rings of a polygon with the outer one first: not every program writes them so."""
     from shapely import MultiPoint, Polygon
 
     if len(rings) < 2 or any(len(ring) < 3 or not np.isfinite(ring).all() for ring in rings):
@@ -459,7 +459,7 @@ def _outer_first(rings: list[Array], notes: list[str]) -> list[Array]:
     largest = max(rings, key=lambda ring: Polygon(ring).area)
     if largest is rings[0] or not Polygon(largest).is_valid or not Polygon(largest).covers(MultiPoint(rings[0])):
         return rings
-    notes.append("a polygon has its outer ring after a hole: the largest ring, which holds it, is taken")
+    notes.append("a polygon has its outer ring after a hole: the ring that holds the hole is the border")
     return [largest, *(ring for ring in rings if ring is not largest)]
 
 

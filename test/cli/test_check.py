@@ -77,6 +77,43 @@ def test_the_command_compares_a_topological_map_with_a_field(tmp_path):
     assert check("--graph", graph).exit_code == 2
 
 
+def test_the_command_says_of_a_map_what_the_planner_says(tmp_path):
+    def node(name, x, y, *ends):
+        edges = [{"node": end, "edge_id": f"{name}-{end}", "action": "hop"} for end in ends]
+        return {"node": {"name": name, "pose": {"position": {"x": x, "y": y}}, "edges": edges}}
+
+    field, graph = tmp_path / "field.yaml", tmp_path / "map.json"
+    datum = {"latitude_deg": 53.268, "longitude_deg": -0.5245}
+    ditch = [[38, 1], [42, 1], [42, 60], [38, 60]]
+    shape = {"name": "plot", "datum": datum, "polygon": [[0, 0], [80, 0], [80, 60], [0, 60]], "no_go": [ditch]}
+    field.write_text(json.dumps(shape))
+    nodes = [node("a", 10, -5, "b"), node("b", 70, -5, "a", "yard"), node("yard", 120, -5, "b")]
+    graph.write_text(
+        json.dumps({"meta": {"origin": {"latitude": 53.26805, "longitude": -0.5245}}, "nodes": nodes})
+    )
+    narrow = check("--field", field, "--graph", graph).output
+    for said in (
+        "divide the field into 2 parts that cannot be reached from each other by a robot that keeps 0.75",
+        "1 of 3 nodes are stops in plot; datum of the map: its own; frame of its places: not named",
+        "1 edge across the border or a no-go area (a - b); 1 of them only for robot_radius_m, 0.75 m",
+        "the planner does not drive: the datum 53.2680500,-0.5245000 of the navigation's map lies 5.6 m north",
+        "4 of 4 edges have an action that is not known (hop)",
+    ):
+        assert said in narrow
+    wide = check("--field", field, "--graph", graph, "--robot-radius", "0", "--home", "yard").output
+    assert "2 of 3 nodes are stops in plot" in wide
+    assert "the home yard lies 40 m outside the field: the robot drives there and back outside" in wide
+    assert "divide" not in wide
+    cut_off = check("--field", field, "--graph", graph, "--home", "yard")
+    assert cut_off.exit_code == 2
+    assert "the home yard, 40 m outside the field, and the nodes" in cut_off.output
+    assert "(a - b); 1 of them only for robot_radius_m" in cut_off.output
+    assert check("--field", field, "--home", "yard").exit_code == 2
+    missing = check("--field", field, "--graph", graph, "--home", "yrad")
+    assert missing.exit_code == 2
+    assert "did you mean 'yard'" in missing.output
+
+
 SITE = """\
 location: {latitude_deg: 51.5, longitude_deg: -1.5, altitude_m: 190}
 corrections: {pressure: {reference_hpa: auto}, intensity: {reference: 150, file: monitor.txt}}

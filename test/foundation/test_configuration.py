@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from soilmoist_ros.foundation.configuration import parse_yaml, read_limited, read_yaml
+from soilmoist_ros.foundation.configuration import parse_yaml, read_limited, read_quickly, read_yaml
 from soilmoist_ros.foundation.errors import InputError
 
 LAUGHS = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -73,3 +73,15 @@ def test_usual_aliases_are_read_as_ever():
     text = "a: &a {x: 1, y: [2, 3]}\nb: *a\nc:\n  <<: *a\n  z: 4\nd: &a 5\ne: *a\n"
     shared = {"x": 1, "y": [2, 3]}
     assert parse_yaml(text) == {"a": shared, "b": shared, "c": {**shared, "z": 4}, "d": 5, "e": 5}
+
+
+def test_the_quick_parser_reads_what_is_harmless_and_leaves_the_rest_to_the_other():
+    pytest.importorskip("yaml")
+    assert read_quickly("a: &x [1, 2.5, on]\nb: *x\n", 100) == {"a": [1, 2.5, True], "b": [1, 2.5, True]}
+    assert read_quickly("[1, 2, 3]", 4) == [1, 2, 3]
+    assert read_quickly("[1, 2, 3]", 3) is None
+    for text in (
+        LAUGHS, MERGES, "a: &a [*a]", "a: 1\na: 2", "a: *b", "[" * 100_000, "- " * 300 + "a", "? [a]\n: 1",
+        "a: 2026-13-45",
+    ):  # fmt: skip
+        assert read_quickly(text, 100_000) is None

@@ -70,6 +70,9 @@ POLYGON = feature("Polygon", [degrees(FIELD)], name="field")
         (collection(feature("MultiPolygon", [[degrees(FIELD), degrees(POND)]])), 1),
         (collection(POLYGON, feature("Polygon", [degrees(POND)], name="pond")), 1),
         (collection(POLYGON, POLYGON), 0),
+        (collection(feature("Polygon", [degrees(POND), degrees(FIELD)])), 1),
+        (collection(feature("Polygon", [degrees(FIELD), degrees([(5, 5), (5.3, 5), (5.3, 5.3)])])), 1),
+        (collection(feature("Polygon", [degrees(FIELD), degrees([(5, 5), (5.1, 5), (5.1, 5.1)])])), 0),
         (collection(feature("Polygon", [degrees(FIELD)[:-1]])), 0),
         (collection(feature("Polygon", [[[*corner, 17.5] for corner in degrees(FIELD)]])), 0),
         (collection(feature("LineString", degrees(FIELD), name="boundary")), 0),
@@ -176,14 +179,14 @@ def kml():
     )
 
 
-def isoxml():
+def isoxml(obstacle=POND):
     def polygon(kind, ring):
         points = "".join(f'<PNT A="2" C="{lat!r}" D="{lon!r}"/>' for lon, lat in ring)
         return f'<PLN A="{kind}"><LSG A="1">{points}</LSG></PLN>'
 
     return (
         '<ISO11783_TaskData VersionMajor="4"><PFD A="PFD1" C="north 40" D="4800">'
-        f"{polygon(1, degrees(FIELD)[:-1])}{polygon(6, degrees(POND))}{polygon(2, degrees(POND))}"
+        f"{polygon(1, degrees(FIELD)[:-1])}{polygon(6, degrees(obstacle))}{polygon(2, degrees(POND))}"
         "</PFD></ISO11783_TaskData>"
     )
 
@@ -203,6 +206,21 @@ def osm():
     return f'<osm version="0.6">{nodes}<way id="9">{refs}<tag k="landuse" v="farmland"/></way></osm>'
 
 
+def osm_relation(relation=True):
+    """A field whose border is in two ways, with a pond, as relations of OpenStreetMap have it."""
+    places = dict(enumerate([*degrees(FIELD)[:-1], *degrees(POND)[:-1]]))
+    nodes = "".join(f'<node id="{number}" lat="{lat!r}" lon="{lon!r}"/>' for number, (lon, lat) in places.items())
+    ways = {"w": (0, 1, 2), "e": (0, 3, 2), "p": (4, 5, 6, 7, 4)}
+    text = "".join(
+        f'<way id="{name}">{"".join(f"""<nd ref="{ref}"/>""" for ref in refs)}</way>'
+        for name, refs in ways.items()
+    )
+    roles = {"w": "outer", "e": "outer", "p": "inner"}
+    members = "".join(f'<member type="way" ref="{ref}" role="{role}"/>' for ref, role in roles.items())
+    area = f'<relation id="7">{members}<tag k="type" v="multipolygon"/></relation>' if relation else ""
+    return f'<osm version="0.6">{nodes}{text}{area}</osm>'
+
+
 def deere():
     def ring(corners, kind):
         points = [{"@type": "Point", "lat": lat, "lon": lon} for lon, lat in degrees(corners)]
@@ -218,6 +236,9 @@ def deere():
         ("farm.kml", kml(), 1),
         ("hand.kml", kml().replace(",", ", "), 1),
         ("TASKDATA.XML", isoxml(), 1),
+        ("TASKDATA.XML", isoxml([(70, 20), (90, 20), (90, 32), (70, 32)]), 1),
+        ("TASKDATA.XML", isoxml(NEIGHBOUR), 0),
+        ("relation.osm", osm_relation(), 1),
         ("walk.gpx", gpx(), 0),
         ("map.osm", osm(), 0),
         ("boundary.json", deere(), 1),
@@ -338,3 +359,30 @@ def test_a_shapefile_without_its_index_says_so(tmp_path):
 def test_a_file_that_is_not_there_is_looked_for(tmp_path, name):
     with pytest.raises(InputError, match="No such file or directory -> check its path in the field file"):
         read_border(BorderSource(tmp_path / "missing" / name))
+
+
+def test_a_pond_is_not_the_field_because_the_border_is_in_pieces(tmp_path):
+    path = written(tmp_path, osm_relation(relation=False), "pieces.osm")
+    with pytest.raises(InputError, match="has 2 open lines around its closed one: is the border in pieces"):
+        read(path)
+    _, outline = read(path, feature="p")
+    np.testing.assert_allclose(np.ptp(outline, axis=0), [10, 12], atol=0.01)
+
+
+def test_a_polygon_that_reaches_into_the_field_is_named(tmp_path):
+    across = feature("Polygon", [degrees([(70, 20), (90, 20), (90, 32), (70, 32)])], name="pond")
+    path = written(tmp_path, collection(POLYGON, across, feature("Polygon", [degrees(NEIGHBOUR)], name="other")))
+    border = assert_is_field(path, feature="field")
+    assert "'pond' lies in the field by 50% and is not used: if it must not be entered, list it" in border.notes[0]
+    assert not any("'other' lies" in note for note in border.notes)
+
+
+def test_a_crossed_hole_and_xml_of_other_kinds_are_refused(tmp_path):
+    crossed = [POND[0], POND[2], POND[1], POND[3]]
+    written(tmp_path, collection(feature("Polygon", [degrees(FIELD), degrees(crossed)])))
+    (tmp_path / "field.yaml").write_text("border: border.geojson\n")
+    with pytest.raises(InputError, match="no-go area 1 is not a simple polygon: Self-intersection"):
+        load_field(tmp_path / "field.yaml")
+    assert_is_field(written(tmp_path, kml(), "doc.xml"), 1)
+    with pytest.raises(InputError, match=r"XML with <GAOS_parcel>, neither .* -> convert it to GeoJSON"):
+        read(written(tmp_path, "<GAOS_parcel><Field/></GAOS_parcel>", "envelope.xml"))

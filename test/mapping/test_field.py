@@ -161,6 +161,18 @@ BIG = "polygon: [[0,0],[60,0],[60,50],[0,50]]\n"
         ("no_go: [[[70,10],[80,10],[80,20]]]", "no-go area 1 lies 10 m from the field -> give it in metres east"),
         ("no_go: [[[20,55],[30,55],[30,60]]]", "lies 5 m from the field -> with x and y of each corner swapped"),
         ("no_go: [[[20,30],[20.05,30],[20.05,30.05]]]", "no-go area 1 encloses 0.0013 m2"),
+        (
+            "no_go: [[[20,30],[20.9,30],[20.9,30.9],[20,30.9]]]",
+            "0.81 m2, less than 1 m2 -> give metres; draw a post",
+        ),
+        ("no_go: [[[130,98],[140,98],[140,108]]]", "85 m from the field -> .* read as feet, it touches"),
+        ("no_go: [[[-1,-1],[99,-1],[99,99],[-1,99]]]", "no-go area 1 covers the whole field"),
+        (
+            "no_go: [[[-1,-1],[30,-1],[30,99],[-1,99]],[[30,-1],[70,-1],[70,99],[30,99]]]",
+            "the 2 no-go areas cover",
+        ),
+        ("no_go: [[[10,10],[20,20],[20,10],[10,20]]]", "no-go area 1 is not a simple polygon: Self-intersection"),
+        ("no_go_lonlat: [[[150,-40],[150.1,-40],[150.1,-40.1]]]", "not on the field's side of the earth"),
         ("no_go_lonlat: [[[-0.53,53.27],[-0.529,53.27],[-0.529,53.271]]]", "600 m from .* longitude comes first"),
         ("no_go_lonlat: [[[53.27,-100.5],[53.3,-100.5],[53.3,-100.6]]]", "longitude comes first"),
         ("no_go_lonlat: [[[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]]", "longitude comes first"),
@@ -175,6 +187,8 @@ def test_a_no_go_area_in_degrees_and_one_that_reaches_over_the_border(tmp_path):
     ring = LocalFrame(53.27, -0.52).to_geographic([[50, 10], [70, 10], [70, 20]])[:, ::-1].tolist()
     field = load_field(write(tmp_path, SQUARE + BIG + f"no_go_lonlat: [{ring}]"))
     np.testing.assert_allclose(field.no_go[0], [[50, 10], [70, 10], [70, 20]], atol=1e-6)
+    post = LocalFrame(53.27, -0.52).to_geographic([[5, 5], [5.3, 5], [5.3, 5.3]])[:, ::-1].tolist()
+    assert len(load_field(write(tmp_path, SQUARE + BIG + f"no_go_lonlat: [{post}]")).no_go) == 1
 
 
 def test_small_plots_and_whole_farms_are_fields(tmp_path):

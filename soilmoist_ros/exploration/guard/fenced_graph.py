@@ -76,7 +76,7 @@ class FencedGraph:
         within = fence.area.allows(start, end)
         clear = within if outside is Outside.NEVER else within | fence.avoids_no_go(start, end)
         self._beyond = _home_outside(whole, fence, home) if home else ""
-        self.whole = whole
+        self.whole, self.fence = whole, fence
         self._usable = inside if outside is Outside.NEVER else inside | fence.avoids_no_go(whole.xy, whole.xy)
         self._passable = _with_edges(whole, clear)
         wide = outside is Outside.WAY
@@ -84,18 +84,16 @@ class FencedGraph:
         used = clear if wide else within
         main = self._main_part(core, inside, _with_edges(whole, used), place, home)
         used = used & main[whole.edges].all(axis=1)
-        nodes = main.copy()
+        self._nodes = nodes = main.copy()
         for number, what in self._ends(place, home):
-            for way in self._ways_to(number, main, what):
+            for way in self._ways_to(number, main, what, lambda: self._lost(inside, within)):
                 nodes[way] = True
                 used |= clear & _along(whole, way)
         beyond = used & ~within
         self.graph = _kept(whole, nodes, used)
         self.stops = tuple(stop for stop, kept in zip(whole.stops, main & inside, strict=True) if kept)
-        self.fence = fence
         if beyond.any():
             self.fence = fence.with_corridors(np.stack([start, end], axis=1)[beyond], corridor_m)
-        self._nodes = nodes
         self._forbidden = ~(within | used)
         self._known: dict[int, tuple[Array, Array]] = {}
         self.warning = self._lost(inside, within | used)
@@ -139,7 +137,7 @@ class FencedGraph:
                 chosen = _largest(size, reached)
         return np.asarray(part == chosen)
 
-    def _ways_to(self, number: int, main: Flags, home: str) -> list[list[int]]:
+    def _ways_to(self, number: int, main: Flags, home: str, lost: Callable[[], str]) -> list[list[int]]:
         """Shortest ways from a node to the part that is used, and back; none if it belongs to the part."""
         if main[number]:
             return []
@@ -148,8 +146,9 @@ class FencedGraph:
             name = self.whole.names[number]
             outside = f", {self._beyond}," if self._beyond else ""
             what = f"the home {home}{outside}" if home else f"{name}, where the robot stands,"
+            why = "; ".join(filter(None, (f"{what} and the nodes of the topological map in the field", lost())))
             raise InputError(
-                f"no way that is allowed leads between {what} and the nodes of the topological map in the field",
+                f"no way that is allowed leads between {why}",
                 "check the no-go areas and the parameter outside, or choose another node",
             )
         return ways
@@ -307,12 +306,14 @@ def _home_outside(graph: TravelGraph, fence: Fence, home: str) -> str:
 
     :raises InputError: if it lies in a no-go area, or too far away
     """
+    import shapely
+
     place = graph.xy[graph.index(home)]
     if fence.contains(place)[0]:
         return ""
     if not fence.avoids_no_go(place, place)[0]:
         raise InputError(f"the home {home} is not allowed: {fence.refusal(place)}", "choose another home")
-    away_m = fence.outside_m(place)
+    away_m = float(shapely.Polygon(fence.field.polygon).distance(shapely.Point(place)))
     if away_m > _MAX_HOME_M:
         what = f"the home {home} lies {distance_text(away_m)} from the field {fence.field.name!r}"
         raise InputError(what, "choose a node near the field, and check the places of the map")

@@ -91,6 +91,14 @@ def test_a_boundary_comes_from_the_files_that_people_have(tmp_path):
         assert read(name, content, None)["datum"] == pytest.approx(DATUM, abs=1e-3)
 
 
+def test_a_polygon_inside_the_boundary_is_a_no_go_area():
+    answer = read(
+        "two.geojson", written("GeoJSON", [shapely.Polygon(degrees(HOLE)), shapely.Polygon(degrees(RING))])
+    )
+    assert same(answer)
+    assert "is a no-go area" in answer["note"]
+
+
 def _utm(ring):
     from pyproj import Transformer
 

@@ -135,6 +135,21 @@ def test_a_polygon_that_is_no_area_of_the_field(polygon):
     refused(ReplyCode.BAD_POLYGON, verb="rule_out", polygon=polygon)
 
 
+@pytest.mark.parametrize(
+    ("polygon", "words"),
+    [
+        (((101.0, 1.0), (105.0, 1.0), (105.0, 9.0)), "the polygon lies 81 m from the field"),
+        (((0.0, 53.0), (0.001, 53.0), (0.001, 53.001)), "degrees, longitude first: give metres east and north"),
+        (((53.0, 0.0), (53.0, 0.001), (53.001, 0.001)), "degrees, latitude first: give metres east and north"),
+        (((5.0, 5.0), (5.5, 5.0), (5.5, 5.5)), "0.12 m2, less than 1 m2"),
+        (((501_000.0, 5_872_000.0), (501_009.0, 5_872_000.0), (501_009.0, 5_872_009.0)), "a map projection"),
+    ],
+)
+def test_an_area_to_rule_out_is_judged_as_a_no_go_area_of_a_field_file(polygon, words):
+    for access in (FREE, None):
+        refused(ReplyCode.BAD_POLYGON, words, access=access, verb="rule_out", polygon=polygon)
+
+
 def test_a_closed_polygon_is_as_good_as_an_open_one():
     corners = ((1.0, 1.0), (9.0, 1.0), (9.0, 9.0))
     for polygon in (corners, (*corners, corners[0])):

@@ -63,3 +63,13 @@ def test_distance_outside():
 def test_a_field_too_narrow_for_the_robot():
     with pytest.raises(InputError, match="no place of the field 'meadow' is 30 m away"):
         Fence(FIELD, 30.0)
+
+
+def test_parts_that_no_go_areas_and_the_robots_width_divide_are_named_with_their_size():
+    assert Fence(FIELD).divided() == ""
+    ditch = np.array([[44, 1], [46, 1], [46, 50], [44, 50]], float)
+    field = Field("ditch", FIELD.frame, SQUARE, (ditch,))
+    assert Fence(field).divided() == "", "a way of 1 m is left"
+    found = Fence(field, 0.75).divided()
+    assert "into 2 parts that cannot be reached from each other by a robot that keeps 0.75 m distance" in found
+    assert "0.16 ha about (22, 20), 481 m2 about (53, 20)" in found, "42.5 m x 38.5 m and 12.5 m x 38.5 m"

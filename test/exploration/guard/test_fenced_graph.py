@@ -50,6 +50,14 @@ def test_nodes_in_a_pond_and_edges_across_it_are_dropped_by_name_in_one_sentence
     assert FencedGraph(graph(AROUND, "a s t u b"), Fence(FIELD)).warning.endswith("1 in a no-go area (p)")
 
 
+def test_a_passage_that_the_robots_width_closes_is_named():
+    whole = graph({"a": (10, 11.5), "b": (50, 11.5)}, "a b")
+    assert FencedGraph(whole, Fence(FIELD)).warning == ""
+    narrow = FencedGraph(whole, Fence(FIELD, 0.75, 0.1))
+    assert narrow.warning.endswith("(a - b); 1 of them only for robot_radius_m, 0.75 m")
+    assert FencedGraph(pond_map(), Fence(FIELD, 0.75, 0.1)).warning.endswith("1 in a no-go area (p)")
+
+
 def test_a_goal_behind_the_pond_is_sent_node_by_node():
     fenced = FencedGraph(pond_map(), Fence(FIELD))
     sent = fenced.nodes_to_send((10.2, 20.1), Stop("b", 50, 20), 5.0)
@@ -125,8 +133,18 @@ def test_nodes_outside_are_the_way_home_only():
     assert not fenced.fence.allows([(10, 20), (-10, 25)])
     assert fenced.fence.outside_m((-15, 6.5)) == 0
     assert fenced.nodes_to_send((-20, 6), Stop("t", 30, 6), 5.0)[-1] == "t"
-    with pytest.raises(InputError, match="the home shed"):
+    assert fenced.warning.endswith(
+        "the home shed lies 20 m outside the field: the robot drives there and back outside"
+    )
+    with pytest.raises(InputError, match="the home shed, 20 m outside the field, and"):
         FencedGraph(whole, Fence(FIELD), Outside.NEVER, "shed")
+    far = graph({**places, "farm": (-9000, 6)}, "a s t u b", "s gate farm")
+    with pytest.raises(
+        InputError, match=r"the home farm lies 9\.0 km from the field 'meadow' -> choose a node near"
+    ):
+        FencedGraph(far, Fence(FIELD), Outside.WAY, "farm")
+    with pytest.raises(InputError, match=r"the home p is not allowed: it is in no-go area 1 at \(30.0, 20.0\)"):
+        FencedGraph(pond_map(), Fence(FIELD), Outside.HOME, "p")
     whole_way = FencedGraph(whole, Fence(FIELD), Outside.WAY)
     assert set(whole_way.graph.names) >= {"yard", "gate", "shed"}
     assert {stop.name for stop in whole_way.stops} == {"a", "s", "t", "u", "b"}
@@ -162,6 +180,7 @@ def test_a_map_in_a_pond():
             {"p": (-10, 50), "q": (-10, 55)},
             "14 m away -> the map's places",
         ),
+        ({"p": (190, 130), "q": (170, 130)}, "142 m away -> .* read as feet, nodes are in the field"),
         ({"p": (35, 59), "q": (35, 58)}, "18 m away -> with x and y swapped nodes are in the field"),
         (
             {"p": (500_030, 5_900_020), "q": (500_035, 5_900_020)},

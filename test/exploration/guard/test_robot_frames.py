@@ -167,6 +167,29 @@ def test_a_map_of_another_datum_than_the_fields_is_a_fault_until_it_is_meant():
     assert meant.fault == ""
 
 
+@pytest.mark.parametrize(
+    ("settings", "frame", "fault"),
+    [
+        ({}, "map", ""),
+        ({}, "/map", ""),
+        ({}, "", ""),
+        ({}, "odom", "in the frame 'odom', but navigation_frame is 'map': set navigation_frame"),
+        ({"navigation_frame": "nav"}, "nav", ""),
+        ({"navigation_frame": "nav"}, "map", ""),
+        (
+            {"navigation_frame": "nav", "datum": "52.002,13.001"},
+            "map",
+            "'map', but the field's, 'map', and navigation_frame is 'nav'",
+        ),
+    ],
+)
+def test_a_map_in_a_frame_of_nobody_is_refused_by_its_name(settings, frame, fault):
+    robot = frames(**settings)
+    robot.take_map_datum(None, frame)
+    assert fault in robot.fault
+    assert bool(robot.fault) == bool(fault)
+
+
 @pytest.mark.parametrize("origin", [OTHER, LocalFrame(52.1, 13.2)])
 def test_the_datum_of_the_robots_service(origin):
     """The second origin is 18 km away, so the service is asked again, near the field."""

@@ -316,8 +316,12 @@ def test_edges_with_actions_that_the_navigation_does_not_know_are_named():
     found = parse(content).unknown_actions(["NavigateToPose"])
     assert "1 of" in found
     assert f"(move_base): {edge['edge_id']}" in found
-    content["actions"] = {"move_base": {"action_server": "/move_base"}}
-    assert parse(content).unknown_actions(["NavigateToPose"]) == "", "the map describes it"
+    described = {"move_base": {"action_server": "/move_base"}}
+    for actions in (described, ["move_base"], [{"name": "move_base", "type": "x"}]):
+        for keys in ({"actions": actions}, {"definitions": {"actions": actions}}):
+            assert parse({**content, **keys}).doubts(["NavigateToPose"]) == [], "the map describes it"
+    assert "may refuse to drive: 1 of" in parse(content).doubts(["NavigateToPose"])[0]
+    assert parse(content).doubts([]) == []
 
 
 def test_ways_are_the_same_whatever_the_map_is_called():
@@ -332,6 +336,20 @@ def test_ways_are_the_same_whatever_the_map_is_called():
     moved = copy.deepcopy(content)
     moved["transformation"]["translation"]["x"] = 8.0
     assert not parse(moved).has_ways_of(parse(content))
+    moved = copy.deepcopy(document())
+    moved["transformation"]["parent"] = "odom"
+    for entry in moved["nodes"]:
+        entry["node"].pop("parent_frame")
+    assert (parse(moved).frame, parse(document()).frame) == ("odom", "map")
+    assert not parse(moved).has_ways_of(parse(document()))
+
+
+def test_a_map_whose_nodes_name_no_frame_has_none():
+    nodes = [{"node": {"name": 0, "pose": {"position": {"x": 1, "y": 2}}, "edges": []}}]
+    assert parse({"nodes": nodes}).frame == ""
+    assert parse({"nodes": nodes, "transformation": {"rotation": {"w": 1}}}).frame == "map"
+    nodes[0]["node"]["parent_frame"] = "farm"
+    assert parse({"nodes": nodes}).frame == "farm"
 
 
 def test_restrictions_are_named_and_a_message_is_read():

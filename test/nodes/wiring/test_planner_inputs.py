@@ -95,6 +95,17 @@ def test_a_map_of_another_datum_is_forgotten_when_the_right_one_is_back(datum):
     assert navigation.causes(document()) == set()
 
 
+def test_a_map_in_another_frame_holds_the_robot_until_the_right_one_is_back():
+    navigation = MapOfTheNavigation(FIELD)
+    elsewhere = document()
+    elsewhere["transformation"]["parent"] = "odom"
+    for entry in elsewhere["nodes"]:
+        entry["node"].pop("parent_frame")
+    assert navigation.causes(document()) == set()
+    assert navigation.causes(elsewhere) == {"frame_mismatch"}
+    assert navigation.causes(document()) == set()
+
+
 def test_a_map_that_cannot_be_read_is_another_map():
     navigation = MapOfTheNavigation(FIELD)
     assert navigation.causes(document()) == set()
