@@ -53,7 +53,7 @@ async function done() {
   if (!hasDraft()) return;
   const answer = await request("plan", { task: "field", ...field() });
   if (answer.error) page.notice(answer.error, true);
-  else { area = answer.area_m2; page.render(); }
+  else { area = answer.area_m2; page.render(); if (answer.note) page.notice(answer.note); }
 }
 
 function take(ring, isArea, more = []) {

@@ -51,8 +51,10 @@ def field_text(given: Mapping[str, Any]) -> str:
 def check_field(given: Mapping[str, Any]) -> dict[str, Any]:
     """The field file of what was drawn, after the check that every node does.
 
+    :returns: ``file``; ``area_m2`` without the no-go areas; ``note``: parts that a robot cannot reach, in words
     :raises InputError: if it is no field
     """
+    from soilmoist_ros.exploration.guard.fence import Fence
     from soilmoist_ros.mapping.field import load_field
 
     text = field_text(given)
@@ -62,10 +64,13 @@ def check_field(given: Mapping[str, Any]) -> dict[str, Any]:
         field = load_field(path)
     import shapely
 
-    area = shapely.Polygon(
-        field.polygon, [ring for ring in field.no_go if len(ring) >= 3 and _inside(field, ring)]
-    )
-    return {"file": text, "area_m2": round(area.area)}
+    left_out = shapely.union_all([shapely.Polygon(ring) for ring in field.no_go])
+    area = shapely.Polygon(field.polygon).difference(left_out).area
+    try:
+        note = Fence(field, ROBOT_RADIUS_M).divided()
+    except InputError as error:  # a person may go there
+        note = str(error)
+    return {"file": text, "area_m2": round(area), "note": note}
 
 
 def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -183,12 +188,6 @@ TASKS: Final[Mapping[str, Callable[[Mapping[str, Any]], dict[str, Any]]]] = {
 
 def _ring(corners: Any) -> str:
     return json.dumps([[round(float(x_m), 3), round(float(y_m), 3)] for x_m, y_m in corners])
-
-
-def _inside(field: Any, ring: Any) -> bool:
-    import shapely
-
-    return bool(shapely.Polygon(field.polygon).contains(shapely.Polygon(ring)))
 
 
 def main() -> None:

@@ -29,6 +29,13 @@ def test_what_is_drawn_becomes_a_field_file(tmp_path):
     assert field.name == 'A "field": x'
     assert field.polygon.tolist() == FIELD["boundary"]
     assert [area.tolist() for area in field.no_go] == [HOLE]
+    assert answer["note"] == ""
+    across = [[[19, 1], [21, 1], [21, 40], [19, 40]]]
+    answer = check_field({**FIELD, "no_go": across})
+    assert answer["area_m2"] == 40 * 30 - 2 * 29, "without what lies over the border"
+    assert "divide the field into 2 parts" in answer["note"]
+    with pytest.raises(InputError, match=r"no-go area 1 encloses .* less than 1 m2"):
+        check_field({**FIELD, "no_go": [[[1, 1], [1.5, 1], [1.5, 1.5]]]})
     with pytest.raises(InputError, match="not a simple polygon"):
         check_field({**FIELD, "boundary": [[0, 0], [40, 30], [40, 0], [0, 30]]})
     assert field_text({**FIELD, "name": ""}).startswith('name: "drawn field"\n')
