@@ -515,12 +515,15 @@ def _geojson(source: BorderSource) -> _Content:
         name = "TopoJSON" if kind == "Topology" else "Esri JSON"
         raise InputError(f"is {name}, not GeoJSON", "export the border as GeoJSON", path)
     features: list[_Feature] = []
+    systems: list[str] = []  # of the file, or of its features or shapes, as databases write them
 
     def collect(node: Any, feature: _Feature | None) -> None:
         if not isinstance(node, dict):
             return
         kind, coordinates = node.get("type"), node.get("coordinates")
-        if kind == "Feature":
+        if crs := _crs_of_geojson(node, path):
+            systems.append(crs)
+        if kind == "Feature" or isinstance(node.get("geometry"), dict):
             properties = node.get("properties")
             texts = {**properties} if isinstance(properties, dict) else {}
             if isinstance(node.get("id"), str | int):
@@ -549,7 +552,9 @@ def _geojson(source: BorderSource) -> _Content:
             feature.points += len(several)
 
     collect(content, None)
-    return _Content(features, _crs_of_geojson(content, path))
+    if other := [name for name in systems[1:] if not _same_crs(name, systems[0])]:
+        raise InputError(f"names two reference systems, {systems[0]} and {other[0]}", "export it in WGS-84", path)
+    return _Content(features, next(iter(systems), ""))
 
 
 def _deere(boundary: Mapping[str, Any], path: Path) -> _Feature:

@@ -81,6 +81,7 @@ POLYGON = feature("Polygon", [degrees(FIELD)], name="field")
         (collection(POLYGON, feature("Point", [-0.5245, 53.268], name="gate")), 0),
         (collection(POLYGON, crs="urn:ogc:def:crs:OGC:1.3:CRS84"), 0),
         (collection(POLYGON, crs="urn:ogc:def:crs:EPSG::4326"), 0),
+        (collection({**POLYGON, "type": "geoData"}), 0),
         (collection(feature("Polygon", [[[lon + 360, lat] for lon, lat in degrees(FIELD)]])), 0),
     ],
 )
@@ -112,6 +113,11 @@ def test_projections_lead_to_the_same_place(tmp_path, epsg):
     for name in (f"urn:ogc:def:crs:EPSG::{epsg}", f"EPSG:{epsg}"):
         border = assert_is_field(written(tmp_path, collection(feature("Polygon", [ring]), crs=name)))
         assert "converted from" in border.notes[0]
+    of_shape = feature("Polygon", [ring])
+    of_shape["geometry"]["crs"] = {"type": "name", "properties": {"name": f"EPSG:{epsg}"}}
+    assert_is_field(written(tmp_path, collection(of_shape)))
+    with pytest.raises(InputError, match=f"names two reference systems, EPSG:31467 and EPSG:{epsg}"):
+        read(written(tmp_path, collection(of_shape, crs="EPSG:31467")))
     plain = written(tmp_path, collection(feature("Polygon", [ring])))
     if epsg != 4258:
         with pytest.raises(InputError, match=r"metres of a map projection such as UTM -> .*crs: EPSG"):
