@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from soilmoist_ros.cli.answers.answer import answering, put, say, wrote
+from soilmoist_ros.cli.answers.answer import answering, put, say, warn, wrote
 from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.cli.options.output_options import overwrite_option
 from soilmoist_ros.foundation.errors import InputError
@@ -54,6 +54,7 @@ def command(
         raise InputError("exists already", "choose another file, or give --overwrite to replace it", out)
     from datetime import UTC, datetime
 
+    from soilmoist_ros.exploration.guard.fence import Fence
     from soilmoist_ros.exploration.travel.graph_builders import crop_rows, open_lattice
     from soilmoist_ros.exploration.travel.topological_map import make_topological_map
     from soilmoist_ros.simulation.fields.catalogue import known_field
@@ -71,5 +72,7 @@ def command(
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "choose another file", out) from None
     say(built.summary)
+    if divided := Fence(known, margin).divided():
+        warn(f"warning: {divided}")
     put(nodes=len(built.graph.names), out=str(out))
     wrote([out])

@@ -456,11 +456,27 @@ def test_check_covers_the_truth_of_a_field_file(tmp_path):
 
 def test_built_graphs_keep_the_radius_that_the_planner_keeps():
     pytest.importorskip("rclpy")
-    from soilmoist_ros.cli.graph import command
+    from soilmoist_ros.cli.check import command as check
+    from soilmoist_ros.cli.graph import command as graph
     from soilmoist_ros.nodes.parameters.planner import PARAMETERS
 
-    margin = next(option.default for option in command.params if option.name == "margin")
-    assert margin == next(row.default for row in PARAMETERS if row.name == "robot_radius_m")
+    planner = next(row.default for row in PARAMETERS if row.name == "robot_radius_m")
+    for command, name in ((graph, "margin"), (check, "robot_radius_m")):
+        assert planner == next(option.default for option in command.params if option.name == name)
+
+
+def test_a_graph_of_a_field_that_is_divided_says_so(tmp_path):
+    field = tmp_path / "field.yaml"
+    field.write_text(
+        "datum: {latitude_deg: 53, longitude_deg: 0}\npolygon: [[0, 0], [80, 0], [80, 60], [0, 60]]\n"
+        "no_go: [[[30, 1], [32, 1], [32, 99], [30, 99]]]\n"
+    )
+    result = run("graph", field, "--out", tmp_path / "graph.yaml")
+    assert result.exit_code == 0
+    assert "divide the field into 2 parts" in result.output
+    assert "0.27 ha about (56, 30), 0.17 ha about (15, 30)" in result.output
+    bridge = run("graph", field, "--margin", "0.4", "--out", tmp_path / "graph.yaml", "--overwrite")
+    assert "divide" not in bridge.output
 
 
 @pytest.mark.slow
