@@ -119,7 +119,7 @@ class TopologicalMap:
         return names
 
     def restrictions(self) -> str:
-        """Which nodes and edges the navigation keeps robots from; empty if there are none."""
+        """Which nodes and edges keep robots away, by a restriction or as ``no_go``; empty if there are none."""
         found: dict[str, list[str]] = {}
         for entry in self.document["nodes"]:
             node = entry["node"]
@@ -130,8 +130,13 @@ class TopologicalMap:
                 for key in ("restrictions_planning", "restrictions_runtime"):
                     if (text := str(part.get(key) or "True").strip()).lower() != "true":
                         found.setdefault(text, []).append(str(name))
+                properties, meta = part.get("properties"), entry.get("meta")
+                tags = meta.get("tag") if part is node and isinstance(meta, Mapping) else None
+                if (isinstance(properties, Mapping) and properties.get("no_go")) or "no_go" in (tags or ()):
+                    found.setdefault("no_go", []).append(str(name))
         of = (f"{text} of {listing(dict.fromkeys(names))}" for text, names in found.items())
-        return f"restrictions of the topological map are not looked at: {'; '.join(of)}" if found else ""
+        remedy = " (list its area under 'no_go' in the field file)" if "no_go" in found else ""
+        return f"restrictions of the topological map are not looked at: {'; '.join(of)}{remedy}" if found else ""
 
     def to_json(self) -> str:
         """The document as it goes on the topic ``topological_map_2``."""

@@ -360,3 +360,12 @@ def test_restrictions_are_named_and_a_message_is_read():
     message = parse({"data": json.dumps(content)})
     assert message.graph.names == graph().names
     assert message.restrictions().endswith("looked at: False of gate_row 1; robot_tall of row 1")
+    for key, mark in (("properties", {"no_go": True}), ("tag", ["no_go", "barn"])):
+        content = document()
+        part = content["nodes"][2]["node" if key == "properties" else "meta"]
+        part[key] = mark
+        assert (
+            parse(content)
+            .restrictions()
+            .endswith("no_go of row_2 (list its area under 'no_go' in the field file)")
+        )
