@@ -82,6 +82,6 @@ def test_the_quick_parser_reads_what_is_harmless_and_leaves_the_rest_to_the_othe
     assert read_quickly("[1, 2, 3]", 3) is None
     for text in (
         LAUGHS, MERGES, "a: &a [*a]", "a: 1\na: 2", "a: *b", "[" * 100_000, "- " * 300 + "a", "? [a]\n: 1",
-        "a: 2026-13-45",
+        "a: 2026-13-45", "!!bool maybe", "!!int ''", "!!timestamp x", "\0",
     ):  # fmt: skip
         assert read_quickly(text, 100_000) is None
