@@ -8,13 +8,16 @@ from datetime import datetime
 import numpy as np
 import pytest
 
+from soilmoist_ros.exploration.control.mission_setup import AccessRules, FieldAccess
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
+from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map
+from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map, travel_and_stops
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 FRAME = LocalFrame(53.268, -0.5245)
 FIELD = Field("plot", FRAME, np.array([[0, 0], [80, 0], [80, 60], [0, 60]], float))
@@ -48,3 +51,12 @@ def test_a_map_with_another_datum_lies_where_it_says(tmp_path, caplog):
             FIELD.grid(),
             map_file(tmp_path, [(1, 1), (2, 2)], {"origin": {"latitude": -53, "longitude": 179}}),
         )
+
+
+def test_simulator_and_planner_name_the_parts_of_a_divided_field(caplog):
+    ditch = np.array([[30, -5], [32, -5], [32, 65], [30, 65]], float)
+    field = Field("ditch", FRAME, FIELD.polygon, (ditch,))
+    travel_and_stops(field, field.grid(), RobotMotion(), MissionSettings(travel="free"))
+    assert "2 parts that cannot be reached from each other (0.29 ha about (56, 30), 0.18 ha about" in caplog.text
+    access = FieldAccess(field, RobotMotion(), None, AccessRules(robot_radius_m=0.75))
+    assert "by a robot that keeps 0.75 m distance (0.27 ha about (56, 30), 0.17 ha about" in access.warning
