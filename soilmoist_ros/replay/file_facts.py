@@ -197,7 +197,7 @@ def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = 
     frames = RobotFrames(field, FrameSettings())
     frames.take_map_datum(found.datum, found.frame)
     fault = f"with its default parameters, the planner does not drive: {frames.fault}" if frames.fault else ""
-    for doubt in filter(None, (access.warning, fault, *found.doubts(KNOWN_ACTIONS))):
+    for doubt in filter(None, (access.warning, fault, found.graph.crowded(), *found.doubts(KNOWN_ACTIONS))):
         yield _doubt(doubt)
 
 

@@ -111,15 +111,15 @@ class AnyEvents(RuleBasedStateMachine):
     def check_action(self, action, before):
         match action:
             case GoTo(goal_id=goal_id):
-                assert self.no_goal_moves_the_robot(), "two goals at once"
+                assert self.open_goal is None, "two goals at once"
                 assert not self.locked, "it moves after an emergency stop"
                 assert not any(alarm.response.stops for alarm in self.mission.state.alarms)
                 self.open_goal = (goal_id, None)
             case CancelGoal(goal_id=goal_id):
                 asked_s = self.open_goal[1] if self.open_goal and self.open_goal[0] == goal_id else -math.inf
-                late = self.rules.standstill_s > 0 and self.now_s >= (asked_s or 0.0) + self.rules.cancel_limit_s
+                late = self.now_s >= (asked_s or 0.0) + self.rules.cancel_limit_s
                 urgent = isinstance(self.history[-1][0], EmergencyStop)
-                anybodys = goal_id == ANYBODYS and before.goal is None
+                anybodys = goal_id == ANYBODYS
                 again = late or urgent or anybodys
                 assert self.open_goal == (goal_id, None) or again, "cancelled twice, or what is not open"
                 if self.open_goal == (goal_id, None) or (self.open_goal and late and not urgent):

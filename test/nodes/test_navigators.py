@@ -260,6 +260,64 @@ def test_no_goal_goes_to_two_navigations_of_one_name(ros, world, navigation, dri
     assert len(navigation.goals) == 1
 
 
+@pytest.fixture
+def other(ros, navigation):
+    """Sends goals as another client, such as an operator's panel."""
+    client = ActionClient(ros.node, GotoNode, "topological_navigation")
+    ros.wait_for(client.server_is_ready)
+
+    def send(stop):
+        goals = len(navigation.goals)
+        client.send_goal_async(GotoNode.Goal(target=stop.name))
+        ros.wait_for(lambda: len(navigation.goals) > goals)
+
+    yield send
+    client.destroy()
+
+
+def test_no_goal_is_sent_and_none_cancelled_while_another_client_drives(ros, world, navigation, drive, other):
+    world.rate = 1.0
+    other(FAR)
+    driver = drive()
+    driver.cancel(1)
+    assert driver.end_of(1).outcome is Outcome.CANCELED, "none of an earlier life is left"
+    ros.wait_for(lambda: driver.navigator.other_client)
+    driver.go(2, OTHER, WAY)
+    asked_s = world.now_s
+    ros.wait_for(lambda: world.now_s > asked_s + 2.0)
+    assert navigation.ends == []
+    world.rate = 30.0
+    assert driver.end_of(2).outcome is Outcome.SUCCEEDED
+    assert (navigation.goals, navigation.ends) == ([FAR.name, OTHER.name], ["succeeded", "succeeded"])
+    assert not driver.navigator.other_client
+
+
+def test_a_goal_that_another_client_replaces_is_no_failure(ros, world, navigation, drive, other):
+    world.rate = 3.0
+    driver = drive()
+    driver.go(1, FAR, WAY)
+    ros.wait_for(lambda: navigation.goals)
+    other(OTHER)
+    ros.wait_for(lambda: driver.navigator.other_client)
+    navigation._stopped.update(bytes(identity.uuid) for identity in driver.navigator._ids.values())
+    assert driver.end_of(1).outcome is Outcome.SUPERSEDED
+    assert "another client drives the robot" in driver.end_of(1).reason
+
+
+def test_the_last_words_of_a_dead_server_are_no_client(ros, world, navigation, drive, other):
+    world.rate = 1.0
+    driver = drive()
+    other(FAR)
+    ros.wait_for(lambda: driver.navigator.other_client)
+    navigation.die()
+    ros.wait_for(lambda: not driver.navigator.other_client)
+    world.rate = 30.0
+    with VirtualNavigation(ros, world) as second:
+        driver.go(2, OTHER, WAY)
+        assert driver.end_of(2).outcome is Outcome.SUCCEEDED
+        assert second.ends == ["succeeded"]
+
+
 def test_the_action_type_must_exist():
     assert action_class("topological_navigation_msgs/action/GotoNode", "target") is GotoNode
     for name, said in [
@@ -437,12 +495,31 @@ def test_an_action_of_the_navigation_stops_the_robot_instead_of_a_pose(ros, worl
     assert not any(asked[0].goal_info.goal_id.uuid)
 
 
+def test_a_pose_of_somebody_else_is_left_alone(ros, world, posing):
+    world.rate = 3.0
+    posing.go(1, FAR, WAY)
+    ros.wait_for(lambda: posing.poses)
+    assert not posing.navigator.other_client, "its own pose comes back to it"
+    pose = PoseStamped()
+    pose.pose.position.x, pose.pose.position.y = OTHER.x_m, OTHER.y_m
+    ros.node.create_publisher(PoseStamped, "goal_pose", 10).publish(pose)
+    assert posing.end_of(1).outcome is Outcome.SUPERSEDED
+    posing.cancel(2)
+    assert posing.end_of(2).outcome is Outcome.CANCELED
+    assert len(posing.poses) == 2
+    world.rate = 30.0
+    ros.wait_for(lambda: not posing.navigator.other_client, message="the robot stands")
+    assert world.place == (OTHER.x_m, OTHER.y_m)
+
+
 def test_a_recorder_is_no_navigation(ros, world):
     recorder = Node("recorder_2", context=ros.context)
     recorder.create_subscription(PoseStamped, "goal_pose", lambda _: None, 10)
     client = PoseClient(2.0, 5.0, SPEED_MPS)
     navigator = GoalPoseNavigator(ros.node, "nav", ["recorder*"], client, lambda _: None)
     ros.wait_for(lambda: "recorder_2 drive no robot" in navigator.waiting_for, message="the recorder")
-    ros.node.create_subscription(PoseStamped, "goal_pose", lambda _: None, 10)
+    navigation = Node("toy", context=ros.context)
+    navigation.create_subscription(PoseStamped, "goal_pose", lambda _: None, 10)
     ros.wait_for(lambda: not navigator.waiting_for, message="the navigation")
     recorder.destroy_node()
+    navigation.destroy_node()

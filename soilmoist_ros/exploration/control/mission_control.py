@@ -65,6 +65,7 @@ from soilmoist_ros.exploration.mission.events import (
 )
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.moves import SDS
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
@@ -645,7 +646,13 @@ class MissionControl:
             self._feed.give(GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True))
         else:
             self._learned.set_off(self._clock.now_s(), way.corners)
-            self.navigator.go(goal.goal_id, goal.stop, way)
+            nodes = tuple(map(self._reached, way.nodes))
+            self.navigator.go(goal.goal_id, self._reached(goal.stop), replace(way, nodes=nodes))
+
+    def _reached(self, stop: Stop) -> Stop:
+        """The stop with the distance at which the mission takes the robot to be there, by the noise of now."""
+        noise_m = SDS * self._mission.state.position_sd_m
+        return replace(stop, reach_m=self._mission.current_rules.reach_m(stop, noise_m))
 
     def _learn(self) -> None:
         """Learn from the leg that has just ended, if one has, how the robot moves."""

@@ -153,7 +153,8 @@ class MissionFeed:
         if ended.outcome is Outcome.SUCCEEDED and self.place is not None:
             self.give(GoalReached(now_s, ended.goal_id, *self.place))
         else:
-            self.give(GoalFailed(now_s, ended.goal_id, ended.reason))
+            superseded = ended.outcome is Outcome.SUPERSEDED
+            self.give(GoalFailed(now_s, ended.goal_id, ended.reason, superseded=superseded))
 
     def _moved(self, fix: PlaceFix, ages: PlaceAges) -> bool:
         age_s = ages.age_s(fix.now_s, fix.stamp_s)
@@ -161,7 +162,7 @@ class MissionFeed:
         if place is None:
             return False
         self.place, self.place_s, self.place_age_s = place, fix.now_s, age_s
-        self.give(Moved(fix.now_s, *place))
+        self.give(Moved(fix.now_s, *place, fix.sd_m if math.isfinite(fix.sd_m) else 0.0))
         return True
 
     def _take(self, event: Event) -> None:

@@ -86,6 +86,7 @@ class Watching:
             driving=state.goal is not None,
             going_home=state.ended is not None or state.phase is Phase.RETURNING,
             waiting_for=navigator.waiting_for,
+            other_client=navigator.other_client,
             feedback_age_s=navigator.feedback_age_s,
             time_left_s=max(0.0, mission.current_rules.budget_s - state.time_used_s),
             way_home_s=0.0 if place is None or not state.under_way else self._way_home_s(mission, place),

@@ -25,6 +25,7 @@ class Cause(StrEnum):
     RECORDS_OLD = "records_old"
     MAP_OLD = "map_old"
     NAVIGATION_SILENT = "navigation_silent"
+    OTHER_CLIENT = "other_client"
     BATTERY_LOW = "battery_low"
     BATTERY_EMPTY = "battery_empty"
     BATTERY_SILENT = "battery_silent"
@@ -104,11 +105,17 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "check the mapper; the records are in the recording and can be mapped later",
         ),
         Cause.NAVIGATION_SILENT: Failsafe(
-            "the navigation is not there, two nodes answer in its name, or it says nothing for the limit, "
-            "while it drives the robot",
+            "the navigation is not there, two nodes answer in its name, it says nothing for the limit, or it does "
+            "not end a cancelled goal, while it drives the robot",
             Response.HOLD,
             ("navigation_silent_s",),
             "check the navigation of the robot",
+        ),
+        Cause.OTHER_CLIENT: Failsafe(
+            "the navigation works on a goal that the planner has not sent: another client drives the robot",
+            Response.PAUSE,
+            (),
+            "let that client finish, or cancel its goal there; the planner sends nothing until then",
         ),
         Cause.BATTERY_LOW: Failsafe(
             "the charge or the voltage is below the first limit",

@@ -95,6 +95,7 @@ class Doing:
     :param driving: whether a goal has been sent and has not ended
     :param going_home: whether the robot is on its way home for good
     :param waiting_for: what is missing of the navigation; empty if nothing is
+    :param other_client: who drives the robot instead of the planner; empty if nobody does
     :param feedback_age_s: time since the last feedback about the goal [s]; NaN if none has come
     :param time_left_s: time until the mission ends [s]
     :param way_home_s: time of the way home [s]; 0 without a home
@@ -104,6 +105,7 @@ class Doing:
     driving: bool = False
     going_home: bool = False
     waiting_for: str = ""
+    other_client: str = ""
     feedback_age_s: float = math.nan
     time_left_s: float = math.inf
     way_home_s: float = 0.0
@@ -370,6 +372,7 @@ class Watch:
         self.report(Cause.COUNTS_BAD, self._trust.fault(now_s))
         self.report(Cause.BATTERY_SILENT, self._battery_fault(now_s, doing))
         self.report(Cause.FIX_FROZEN, self._frozen_fault(now_s, doing))
+        self.report(Cause.OTHER_CLIENT, doing.other_client)
         self.report(Cause.NAVIGATION_SILENT, self._navigation_fault(now_s, doing))
         self.report(Cause.RESERVE, self._reserve_fault(now_s, doing))
 

@@ -69,7 +69,7 @@ class CancelGoal:
 
     The mission repeats it until the robot is known to stand.
 
-    :param goal_id: the goal; :data:`ANYBODYS` for an emergency stop or an abort while the mission has none
+    :param goal_id: the goal; :data:`ANYBODYS` for an emergency stop, or an abort without a mission
     """
 
     goal_id: int

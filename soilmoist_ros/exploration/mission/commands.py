@@ -52,6 +52,7 @@ class Commands(Moves):
             started_s=self.state.now_s,
             position=self.state.position,
             position_s=self.state.position_s,
+            position_sd_m=self.state.position_sd_m,
             still_at=self.state.still_at,
             still_since_s=self.state.still_since_s,
             stamp_offset_s=self.state.stamp_offset_s,

@@ -53,9 +53,8 @@ class Dangers(Moves):
             return
         reason = f"emergency stop{after_colon(source)}"
         goal = self.state.goal
-        if goal is None:
-            self.do(CancelGoal(ANYBODYS, reason))
-        elif goal.cancelled_s is not None:  # the others are cancelled by the pause
+        self.do(CancelGoal(ANYBODYS, reason))  # another client may drive, also if a goal of the mission is open
+        if goal is not None and goal.cancelled_s is not None:  # the others are cancelled by the pause
             self.do(CancelGoal(goal.goal_id, reason))
         resume = self.to_resume
         if self.state.under_way and resume is not None:

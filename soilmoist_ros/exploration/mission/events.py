@@ -99,12 +99,14 @@ class GoalFailed:
     :param goal_id: id of the goal
     :param reason: why
     :param refused: the fence refused the goal, and it was never sent; its stop is ruled out without a retry
+    :param superseded: another client's goal has replaced it: no failure, and people decide what follows
     """
 
     now_s: float
     goal_id: int
     reason: str
     refused: bool = False
+    superseded: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,11 +119,12 @@ class RecordArrived:
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """The robot is at this place [m]."""
+    """The robot is at this place [m]; standard deviation of each coordinate [m], 0 if unknown."""
 
     now_s: float
     x_m: float
     y_m: float
+    sd_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

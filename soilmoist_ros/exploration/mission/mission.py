@@ -8,12 +8,13 @@ faster, and from a journal of its events.
 
 What it holds to:
 
-* A goal is sent only when the one before has ended, or was cancelled and the robot is known to stand.
+* A goal is sent only when the one before is known to have ended, or after a pause in which the robot stood.
 * Answers to goals and plans that are not current are ignored.
 * A record counts for a stop only if it was counted wholly after the arrival, and at the stop. Others were taken
   while driving; the mapper uses them all the same.
 * The time for the way home is kept back, judged from where the robot is.
 * What follows a cancellation waits until the robot is known to stand still.
+* A robot that is moved while it counts ends its visit, and waits for people: something else drives or pushes it.
 * While paused the robot never moves, not even home when the time is used up.
 """
 
@@ -138,6 +139,8 @@ STILL_SHARE = 1 / 3
 """A robot that stays within this share of the arrival radius stands still."""
 
 
+MOVED_S = 3.0
+"""A robot is moved away from where it counts when it is seen elsewhere for this time [s]; one fix may be bad."""
 UNDER_THE_WHEELS_M = 0.1
 """A robot that stands this near a stop needs no goal to it [m]; navigations are not more precise."""
 _ROUNDING = 1e-9
@@ -153,8 +156,8 @@ class _Turn(Commands, Dangers, Deadlines):
         match event:
             case RecordArrived(record=record):  # these two come first, as nearly all events are of them
                 self.on_record(record)
-            case Moved(x_m=x_m, y_m=y_m):
-                self.on_moved((x_m, y_m))
+            case Moved(x_m=x_m, y_m=y_m, sd_m=sd_m):
+                self.on_moved((x_m, y_m), sd_m)
             case Command():
                 self.do(Answer(event.verb, *self.command(event)))
             case Planned(plan_id=plan_id):
@@ -164,12 +167,12 @@ class _Turn(Commands, Dangers, Deadlines):
                 if self.is_awaited(plan_id):
                     self.fail(Todo.PLAN, f"planning failed: {reason}")
             case GoalReached(goal_id=goal_id, x_m=x_m, y_m=y_m):
-                self.on_moved((x_m, y_m))
+                self.on_moved((x_m, y_m), self.state.position_sd_m)
                 if (goal := self.ended_goal(goal_id)) is not None:
                     self.on_reached(goal, (x_m, y_m))
-            case GoalFailed(goal_id=goal_id, reason=reason, refused=refused):
+            case GoalFailed(goal_id=goal_id, reason=reason, refused=refused, superseded=superseded):
                 if self.ended_goal(goal_id) is not None:
-                    self.on_goal_ended(reason, refused)
+                    self.on_goal_ended(reason, refused, superseded)
             case Alarm():
                 self.alarm(event)
             case AlarmOver(cause=cause):
@@ -228,36 +231,49 @@ class _Turn(Commands, Dangers, Deadlines):
             target = Target(choice.stop, choice.reason, travel_s, dwell=choice.dwell, home_s=event.home_s)
             self.state = replace(self.state, target=target)
             if self.rules.stays and math.dist(self.place, xy(choice.stop)) <= UNDER_THE_WHEELS_M:
-                self.count(Counting(*self.place, arrived_s=self.now_s, since_s=self.now_s, heard_s=self.now_s))
+                self.arrive(self.place)
             else:
                 self.travel(travel_s, f"going to {choice.stop.name}{after_colon(choice.reason)}")
 
     def on_reached(self, goal: Goal, place: tuple[float, float]) -> None:
         if self.state.phase is Phase.CANCELLING:
             self.stopped()
-        elif not self.rules.is_at(place, goal.stop):
+        elif not self.rules.is_at(place, goal.stop, self.noise_m):
             away_m = math.dist(place, xy(goal.stop))
             self.on_goal_ended(f"reported as reached, but the robot is {away_m:.1f} m away from it")
         elif self.state.phase is Phase.RETURNING:
             self.finish(f"{self.state.ending}; the robot is back home")
         else:
-            self.count(Counting(*place, arrived_s=self.now_s, since_s=self.now_s, heard_s=self.now_s))
+            self.arrive(place)
 
-    def on_goal_ended(self, reason: str, refused: bool = False) -> None:
-        """The goal did not lead to its stop, or it was cancelled on purpose."""
+    def arrive(self, place: tuple[float, float]) -> None:
+        """The robot is at its stop: count there."""
+        now_s, sd_m = self.now_s, self.state.position_sd_m
+        self.count(Counting(*place, arrived_s=now_s, since_s=now_s, heard_s=now_s, sd_m=sd_m))
+
+    def on_goal_ended(self, reason: str, refused: bool = False, superseded: bool = False) -> None:
+        """The goal did not lead to its stop, it was cancelled on purpose, or another client has replaced it."""
+        resume = self.to_resume
         if self.state.phase is Phase.CANCELLING:
             self.stopped()
+        elif superseded and resume is not None:
+            self.hold(resume, f"{reason}; wait until the other goal is over, then resume or abort")
         else:
             self.goal_failed(reason, refused)
 
-    def on_moved(self, place: tuple[float, float]) -> None:
+    def on_moved(self, place: tuple[float, float], sd_m: float) -> None:
         if not (math.isfinite(place[0]) and math.isfinite(place[1])):
             return
         still_at, still_since_s = self.state.still_at, self.state.still_since_s
         if still_at is None or math.dist(still_at, place) > self.rules.arrival_radius_m * STILL_SHARE:
             still_at, still_since_s = place, self.now_s
         self.state = replace(
-            self.state, position=place, position_s=self.now_s, still_at=still_at, still_since_s=still_since_s
+            self.state,
+            position=place,
+            position_s=self.now_s,
+            position_sd_m=sd_m if math.isfinite(sd_m) else 0.0,
+            still_at=still_at,
+            still_since_s=still_since_s,
         )
         start = self.state.odometer_at
         moved_m = math.dist(start, place) if start is not None else math.inf
@@ -266,6 +282,23 @@ class _Turn(Commands, Dangers, Deadlines):
             self.state = replace(self.state, odometer_at=place, distance_m=self.state.distance_m + driven_m)
         if self.state.phase is Phase.CANCELLING:
             self.stopped()
+        elif self.state.counting is not None and self.state.counting.since_s is not None:
+            self.watch_stop(self.state.counting, place)
+
+    def watch_stop(self, counting: Counting, place: tuple[float, float]) -> None:
+        """End the visit of a robot that was moved away while it counts: it has no goal, so others move it."""
+        assert self.state.target is not None
+        stop, noise_m = self.state.target.stop, self.noise_at_stop_m(counting)
+        away_m = math.dist(place, (counting.x_m, counting.y_m))
+        away_s = None
+        if away_m - noise_m > self.rules.reach_m(stop, noise_m):
+            away_s = self.now_s if counting.away_s is None else counting.away_s
+        if away_s is not None and self.now_s - away_s >= MOVED_S:
+            reason = f"the robot was moved by {away_m:.1f} m while it counted at {stop.name}"
+            self.leave_stop(VisitEnd.MOVED, reason)
+            self.hold(Todo.PLAN, f"{reason}, and not by the planner; check the robot, then resume or abort")
+        elif away_s != counting.away_s:
+            self.state = replace(self.state, counting=replace(counting, away_s=away_s))
 
     def on_record(self, record: CountRecord) -> None:
         state, newest_s = self.state, self.state.last_stamp_s
@@ -283,8 +316,10 @@ class _Turn(Commands, Dangers, Deadlines):
         counting = state.counting
         at_stop = state.phase is Phase.COUNTING or state.phase is Phase.PLANNING
         if at_stop and counting is not None and counting.since_s is not None:
+            assert state.target is not None
             away_m = math.dist((record.x_m, record.y_m), (counting.x_m, counting.y_m))
-            if began_s >= counting.since_s and away_m <= self.rules.arrival_radius_m:
+            reach_m = self.rules.reach_m(state.target.stop, self.noise_at_stop_m(counting))
+            if began_s >= counting.since_s and away_m <= reach_m:
                 self.add(record, counting)
 
     def add(self, record: CountRecord, counting: Counting) -> None:

@@ -44,6 +44,8 @@ _RESUMES = {
     Phase.RETURNING: Todo.RETURN,
 }
 """What to go on with after a pause."""
+SDS = 3.0
+"""Errors of positions up to this many standard deviations are noise."""
 SATISFIED = (MissionEnd.GOOD_ENOUGH, MissionEnd.LITTLE_GAIN, MissionEnd.NOTHING_VARIES)
 """Ends of a mission whose map is as good as demanded, or would not become much better."""
 
@@ -76,6 +78,15 @@ class Moves:
         """Where the robot is [m]."""
         assert self.state.position is not None, "a mission does not start without a position"
         return self.state.position
+
+    @property
+    def noise_m(self) -> float:
+        """Error that the robot's position may have [m]."""
+        return SDS * self.state.position_sd_m
+
+    def noise_at_stop_m(self, counting: Counting) -> float:
+        """Distance between the robot's position and that of its arrival which noise explains [m]."""
+        return SDS * math.hypot(self.state.position_sd_m, counting.sd_m)
 
     # What may follow -----------------------------------------------------------------------------------------
 
@@ -353,7 +364,7 @@ class Moves:
         home = self.rules.home
         if home is None:
             self.finish(self.state.ending)
-        elif self.rules.is_at(self.place, home):
+        elif self.rules.is_at(self.place, home, self.noise_m):
             self.finish(f"{self.state.ending}; the robot is home")
         else:
             travel_s = self.rules.travel_s(self.place, xy(home))
@@ -451,10 +462,11 @@ class Moves:
         counting = self.state.counting
         assert counting is not None
         moved_m = math.dist(self.place, (counting.x_m, counting.y_m))
-        if moved_m > self.rules.arrival_radius_m:
+        assert self.state.target is not None
+        if moved_m > self.rules.reach_m(self.state.target.stop, self.noise_at_stop_m(counting)):
             self.complete(VisitEnd.MOVED, f"{reason}, but the robot was moved by {moved_m:.1f} m in the pause")
         else:
-            self.count(replace(counting, since_s=self.now_s, heard_s=self.now_s, silent=False))
+            self.count(replace(counting, since_s=self.now_s, heard_s=self.now_s, silent=False, away_s=None))
 
     def leave_stop(self, code: VisitEnd, reason: str) -> int:
         """Close the stop and return the number of its records; a stop with records becomes a visit.

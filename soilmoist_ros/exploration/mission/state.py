@@ -94,6 +94,8 @@ class Counting:
 
     :param x_m: where the robot stands [m]
     :param y_m: where the robot stands [m]
+    :param sd_m: standard deviation of that place [m], 0 if unknown
+    :param away_s: since when the robot is elsewhere without a pause [s]; ``None`` if it is there
     :param arrived_s: time of arrival [s]
     :param since_s: when counting began or was resumed [s]; ``None`` while it is suspended
     :param before_s: time counted before the last resumption [s]
@@ -123,6 +125,8 @@ class Counting:
     met: VisitEnd | None = None
     outcome: str = ""
     to_the_end: bool = False
+    sd_m: float = 0.0
+    away_s: float | None = None
 
     @property
     def judged(self) -> tuple[int, float]:
@@ -172,6 +176,7 @@ class MissionState:
     :param ended: why the mission has ended or is ending
     :param position: where the robot is [m]
     :param position_s: when it was reported [s]
+    :param position_sd_m: standard deviation of the position [m], 0 if unknown
     :param still_at: the place that the robot has not left [m] ...
     :param still_since_s: ... since then [s]
     :param odometer_at: up to where the distance has been added up [m]
@@ -221,6 +226,7 @@ class MissionState:
     interrupted: bool = False
     wait_until_s: float | None = None
     position_s: float | None = None
+    position_sd_m: float = 0.0
     still_at: tuple[float, float] | None = None
     still_since_s: float | None = None
     stamp_offset_s: float = 0.0

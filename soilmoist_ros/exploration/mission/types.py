@@ -134,13 +134,14 @@ class MissionRules:
     :param speed_mps: speed, to estimate travel [m/s]
     :param stop_overhead_s: time of each trip that is not driving [s]
     :param detour: driven distance over straight distance, where the planner gives no travel time [-]
-    :param arrival_radius_m: the robot is at a stop within this distance; keep it above the positions' noise [m]
+    :param arrival_radius_m: the robot is at a stop within this distance, or within ``reach_m`` of the stop if that
+        is less; keep it above the positions' noise [m]
     :param goal_time_factor: maximum trip time as a multiple of the expected time ... [-]
     :param goal_time_margin_s: ... plus this [s]
     :param return_margin_s: reserve kept for the way home [s]
     :param cancel_limit_s: time after which a goal is cancelled again, while the robot is not known to stand [s]
     :param standstill_s: a stop is confirmed when the robot has not moved for this time [s]; 0: it is confirmed by
-        the end of the goal, and a goal whose end is not reported counts as ended
+        the end of the goal, or after ``cancel_limit_s`` where the robot is to stay
     :param backoff_s: wait after the first failure; it doubles with each failure in a row [s]
     :param backoff_limit_s: longest wait after a failure [s]
     :param plan_limit_s: a plan request that is not answered in this time has failed [s]
@@ -222,9 +223,17 @@ class MissionRules:
         straight_s = self.travel_s(start, (self.home.x_m, self.home.y_m))
         return max(travel_s, straight_s) + self.return_margin_s
 
-    def is_at(self, place: tuple[float, float], stop: Stop) -> bool:
-        """Whether a place is within the arrival radius of a stop."""
-        return math.dist(place, (stop.x_m, stop.y_m)) <= self.arrival_radius_m
+    def is_at(self, place: tuple[float, float], stop: Stop, noise_m: float = 0.0) -> bool:
+        """Whether a robot at a place is at a stop; see :meth:`reach_m`."""
+        return math.dist(place, (stop.x_m, stop.y_m)) <= self.reach_m(stop, noise_m)
+
+    def reach_m(self, stop: Stop, noise_m: float = 0.0) -> float:
+        """Distance up to which the robot is at a stop: within that of the stop, at most the arrival radius [m].
+
+        :param stop: the stop
+        :param noise_m: error that the positions may have [m]; nearer stops cannot be told apart
+        """
+        return min(self.arrival_radius_m, max(stop.reach_m, noise_m))
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ class VisitEnd(StrEnum):
     TIME_UP = "time_up"
     """The rest of the budget was needed for the way home, or there was none."""
     MOVED = "moved"
-    """The robot was moved away from the stop in a pause."""
+    """The robot was moved away from the stop, in a pause or while it counted."""
     SKIPPED = "skipped"
     """The stop was skipped, by the operator or for another robot."""
     ABORTED = "aborted"

@@ -30,6 +30,11 @@ class FramedNavigator:
         return self._frames.waiting_for or self._navigator.waiting_for
 
     @property
+    def other_client(self) -> str:
+        """See :class:`Navigator`."""
+        return self._navigator.other_client
+
+    @property
     def on_the_way(self) -> str:
         """See :class:`Navigator`."""
         return self._navigator.on_the_way

@@ -14,6 +14,9 @@ The answers of such a navigation cannot all be believed:
 * A server may drive before its acceptance is heard. So a goal without an answer is cancelled at once, and again as
   soon as it is accepted: the server may not have known it before.
 * Two servers of one name would both drive the robot, and both answer. So no goal is sent until one is left.
+* Other clients may drive the robot: people come first. While the server works on a goal of theirs none is sent,
+  and a goal that ends for it is no failure.
+* A result may be lost. So a cancelled goal is over, too, when the server lists it as ended, or is a new one.
 
 A goal of the mission may have way points. Each of them is a goal for the server, sent after the arrival at the one
 before. The robot passes every way point closely: a turn begun early would cut the corner of a no-go area.
@@ -25,12 +28,18 @@ import math
 from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 
+from soilmoist_ros.exploration.mission.actions import ANYBODYS
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.way_points import WayPoint
 from soilmoist_ros.exploration.travel.stop import Stop
 
 CANCEL_AGAIN_S = 2.0
 """Time after which a goal that does not end is cancelled again [s]."""
+UNENDED_S = 10.0
+"""Time after its cancellation from which a goal without an end is reported [s]."""
+NEW_SERVER_S = 2.0
+"""Time in which a server that was started again lists its goals, or is asked about them [s]."""
+SUPERSEDED = "another client drives the robot: its goal has replaced that of the planner"
 
 
 class Status(IntEnum):
@@ -61,7 +70,7 @@ class CancelSent:
     """Ask the server to cancel this goal; tell :meth:`GoalClient.cancel_answered`.
 
     :param goal_id: id of the goal
-    :param ours: whether this client sent it; otherwise it is one of before, and all goals are to be cancelled
+    :param ours: whether this client sent it; otherwise it is one of before this process, or anybody's
     :param accepted: whether the server had accepted it before; otherwise it may not know it yet
     """
 
@@ -72,6 +81,25 @@ class CancelSent:
 
 Request = SendGoal | CancelSent | Ended
 """What a client asks for, and what it reports."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """What the servers of the action list.
+
+    :param servers: their names, which change when they are started again; empty if unknown
+    :param active: goals of this client that are listed as active
+    :param ended: goals of this client that are listed as ended
+    :param others: whether the server works on a goal of another client
+    """
+
+    servers: frozenset[bytes] = frozenset()
+    active: frozenset[int] = frozenset()
+    ended: frozenset[int] = frozenset()
+    others: bool = False
+
+
+_NOTHING = Listed()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +135,9 @@ class _Goal:
     since_s: float
     cancel: bool = False
     asked_s: float = -math.inf
+    cancelled_s: float = math.inf  # when it was cancelled first
+    servers: frozenset[bytes] = frozenset()  # those that were there when it was sent
+    renewed_s: float = math.inf  # since when there are others only
     heard: bool = False  # the server knows of the cancellation
     reported: bool = False
     away_m: float = math.nan
@@ -125,7 +156,8 @@ class GoalClient:
         self._limits = limits or GoalLimits()
         self._goals: dict[int, _Goal] = {}  # those that may still run, also when their end has been reported
         self._servers = 0
-        self._server_seen_s = -math.inf
+        self._server_seen_s = self._now_s = -math.inf
+        self._listed = _NOTHING
         self._out: list[Request] = []
 
     def go(
@@ -189,7 +221,7 @@ class GoalClient:
         elif status == Status.SUCCEEDED and success:
             goal.step, goal.since_s = _Step.CHECKING, now_s
         else:
-            self._over(goal, Outcome.FAILED, f"the navigation {_said(status, success, why)}")
+            self._fail(goal, f"the navigation {_said(status, success, why)}")
         return self._go_on(now_s)
 
     def cancel_answered(self, goal_id: int, code: int, now_s: float, accepted: bool = True) -> tuple[Request, ...]:
@@ -219,13 +251,13 @@ class GoalClient:
                 stop = goal.ahead[0].stop
                 goal.away_m = math.dist(place, (stop.x_m, stop.y_m))
                 goal.positions += 1
-                if goal.away_m <= self._radius_m:
+                if goal.away_m <= min(self._radius_m, stop.reach_m):
                     self._arrived(goal, stop, now_s)
         return self._go_on(now_s)
 
-    def tick(self, servers: int, now_s: float) -> tuple[Request, ...]:
-        """Time has passed; number of servers that are there now."""
-        self._servers = servers
+    def tick(self, servers: int, now_s: float, listed: Listed = _NOTHING) -> tuple[Request, ...]:
+        """Time has passed; number of servers that are there now, and what they list."""
+        self._servers, self._listed = servers, listed
         if servers:
             self._server_seen_s = now_s
         return self._go_on(now_s)
@@ -234,6 +266,19 @@ class GoalClient:
     def stop_unheard(self) -> bool:
         """Whether the server may not have heard of a cancellation yet."""
         return self._servers > 0 and any(goal.cancel and not goal.heard for goal in self._goals.values())
+
+    @property
+    def unended(self) -> str:
+        """Where a goal leads that was cancelled long ago, and whose end is not known; empty without one."""
+        for goal in self._goals.values():
+            if self._now_s - goal.cancelled_s >= UNENDED_S:
+                return f"the goal to {goal.ahead[0].stop.name}" if goal.ahead else "a goal of before"
+        return ""
+
+    @property
+    def cancels_before(self) -> bool:
+        """Whether goals of before this process are being cancelled."""
+        return any(not goal.ahead and goal.goal_id != ANYBODYS for goal in self._goals.values())
 
     # What follows --------------------------------------------------------------------------------------------
 
@@ -245,20 +290,40 @@ class GoalClient:
             goal.away_m, goal.positions = math.nan, 0
 
     def _go_on(self, now_s: float) -> tuple[Request, ...]:
+        self._now_s = now_s
         for goal in list(self._goals.values()):
+            self._read_list(goal, now_s)
             self._meet_limits(goal, now_s)
         for goal in self._goals.values():
             on_server = goal.step in (_Step.SENT, _Step.ACTIVE)
             if goal.cancel and on_server and self._servers and now_s - goal.asked_s >= CANCEL_AGAIN_S:
-                goal.asked_s = now_s
+                goal.asked_s, goal.cancelled_s = now_s, min(goal.cancelled_s, now_s)
                 self._out.append(CancelSent(goal.goal_id, bool(goal.ahead), goal.step is _Step.ACTIVE))
-        if self._servers == 1 and len(self._goals) == 1:
+        if self._servers == 1 and len(self._goals) == 1 and not self._listed.others:
             goal = next(iter(self._goals.values()))
             if goal.step is _Step.WAITING:
                 goal.step, goal.since_s = _Step.SENT, now_s
+                goal.servers, goal.renewed_s = self._listed.servers, math.inf
                 self._out.append(SendGoal(goal.goal_id, goal.ahead[0]))
         out, self._out = tuple(self._out), []
         return out
+
+    def _read_list(self, goal: _Goal, now_s: float) -> None:
+        """End a goal that the server lists as ended, or that another server cannot know."""
+        listed, known = self._listed, goal.goal_id in self._listed.active
+        if goal.step not in (_Step.SENT, _Step.ACTIVE):
+            return
+        if goal.cancel and goal.goal_id in listed.ended:
+            self._over(goal, Outcome.CANCELED, "cancelled; the navigation lists it as ended")
+        elif known or not goal.servers or not listed.servers or goal.servers & listed.servers:
+            goal.renewed_s = math.inf
+        elif goal.renewed_s == math.inf:
+            goal.renewed_s = now_s
+        elif now_s - goal.renewed_s >= NEW_SERVER_S:
+            if goal.cancel:
+                self._over(goal, Outcome.CANCELED, "cancelled; the navigation was started again since")
+            else:
+                self._give_up(goal, Outcome.FAILED, "the navigation was started again", now_s)
 
     def _meet_limits(self, goal: _Goal, now_s: float) -> None:
         if goal.reported:
@@ -268,8 +333,9 @@ class GoalClient:
         if goal.step is _Step.WAITING and waited_s > limits.start_s:
             why = "is not there"
             if self._servers:
-                why = "does not end the goal before" if self._servers == 1 else f"has {self._servers} servers"
-            self._over(goal, Outcome.FAILED, f"the navigation {why} (waited {limits.start_s:.0f} s)")
+                why = "does not end the goal before: cancel it there, or start the navigation again"
+                why = why if self._servers == 1 else f"has {self._servers} servers"
+            self._fail(goal, f"the navigation {why} (waited {limits.start_s:.0f} s)")
         elif on_server and now_s - max(self._server_seen_s, goal.since_s) > limits.lost_s:
             self._give_up(goal, Outcome.FAILED, "the navigation has gone away", now_s)
         elif goal.step is _Step.SENT and waited_s > limits.answer_s:
@@ -279,7 +345,12 @@ class GoalClient:
             found = f"the robot is {goal.away_m:.1f} m away from it"
             if math.isnan(goal.away_m):
                 found = f"no position came in {limits.position_s:.0f} s"
-            self._over(goal, Outcome.FAILED, f"reported as reached, but {found}")
+            self._fail(goal, f"reported as reached, but {found}")
+
+    def _fail(self, goal: _Goal, reason: str) -> None:
+        """It did not lead to its stop; that is no failure if another client's goal has replaced it."""
+        replaced = self._listed.others
+        self._over(goal, *((Outcome.SUPERSEDED, SUPERSEDED) if replaced else (Outcome.FAILED, reason)))
 
     def _over(self, goal: _Goal, outcome: Outcome, reason: str) -> None:
         """The server does not work on it any more, or never did."""

@@ -18,6 +18,8 @@ class Outcome(StrEnum):
     SUCCEEDED = "succeeded"
     CANCELED = "canceled"
     FAILED = "failed"
+    SUPERSEDED = "superseded"
+    """Another client's goal has replaced it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,11 @@ class Navigator(Protocol):
     @property
     def waiting_for(self) -> str:
         """What is missing before goals can be sent; empty if nothing is."""
+        ...
+
+    @property
+    def other_client(self) -> str:
+        """Who drives the robot instead of this planner, in words; empty if nobody is known to."""
         ...
 
     @property

@@ -80,6 +80,8 @@ class PoseClient:
         self._asked_s = -math.inf
         self._kept: Place | None = None  # the place that was published to stop the robot
         self._kept_s = self._begun_s = -math.inf
+        self._other_s: float | None = None  # when somebody else sent a pose, while the robot may drive there
+        self._yields = True
 
     @property
     def caution(self) -> str:
@@ -89,12 +91,31 @@ class PoseClient:
         what = "is not asked to stop" if self._cancelling else "could not be stopped"
         return f"the robot {what}: its recent positions do not agree on a place"
 
+    @property
+    def other_client(self) -> bool:
+        """Whether the robot may be on the way to somebody else's pose: until it stands."""
+        return self._other_s is not None
+
+    def heard_other(self, yields: bool = True) -> tuple[Request, ...]:
+        """Somebody else has sent a pose.
+
+        :param yields: whether that ends the goal of the planner: it has been replaced
+        """
+        self._other_s, self._yields = self._track.now_s, yields
+        if not yields:
+            return ()
+        self._kept = None
+        reason = "another client drives the robot: its pose has replaced that of the planner"
+        return self._end(Outcome.SUPERSEDED, reason)
+
     def go(self, goal_id: int, ahead: tuple[WayPoint, ...]) -> tuple[Request, ...]:
         """A new goal; its first pose replaces the one before at once.
 
         :param goal_id: id of the goal
         :param ahead: way points, the last of them the stop
         """
+        if self._gives_way:
+            return (Ended(goal_id, Outcome.SUPERSEDED, "another client drives the robot"),)
         replaced = self._end(Outcome.CANCELED, "replaced by another goal")
         self._kept = None
         if not replaced and self._track.standing_at(ahead[-1].stop, self._track.still_m):
@@ -110,6 +131,8 @@ class PoseClient:
         """
         if goal_id == ANYBODYS:
             return (CancelAll(),) if self._cancels else ()
+        if self._gives_way:
+            return (Ended(goal_id, Outcome.CANCELED, "cancelled; another client drives the robot"),)
         goal, replaced = self._goal, tuple[Ended, ...]()
         if goal is None or goal.goal_id != goal_id:
             replaced = self._end(Outcome.CANCELED, "cancelled")
@@ -124,6 +147,8 @@ class PoseClient:
     def moved(self, place: Place, now_s: float) -> tuple[Request, ...]:
         """The robot is at a place [m] at a time [s]."""
         plausible = self._track.moved(place, now_s)
+        if self._other_s is not None and self._stands_since(self._other_s):
+            self._other_s = None
         goal = self._goal
         if goal is None or not plausible:
             return ()
@@ -134,7 +159,7 @@ class PoseClient:
         if here is None:
             return ()
         away_m = math.dist(here, (stop.x_m, stop.y_m))
-        standing = away_m <= self._radius_m and self._stands_since(goal.since_s)
+        standing = away_m <= min(self._radius_m, stop.reach_m) and self._stands_since(goal.since_s)
         if len(goal.ahead) > 1 and (standing or away_m <= PASS_M):
             goal.ahead, goal.since_s = goal.ahead[1:], now_s
             return (self._pose(goal.ahead[0]),)
@@ -151,6 +176,10 @@ class PoseClient:
         return self._stop() if self._cancelling else ()
 
     # What follows --------------------------------------------------------------------------------------------
+
+    @property
+    def _gives_way(self) -> bool:
+        return self._other_s is not None and self._yields
 
     @property
     def _cancelling(self) -> bool:

@@ -118,9 +118,9 @@ class Track:
         return bool(before) and all(math.dist(at, here) <= self.still_m for _, at in [*before, *after])
 
     def standing_at(self, stop: Stop, within_m: float) -> bool:
-        """Whether the robot stands within this distance of a stop [m]."""
+        """Whether the robot stands at a stop, and within this distance of it [m]."""
         here = self.place
-        near = here is not None and math.dist(here, (stop.x_m, stop.y_m)) <= within_m
+        near = here is not None and math.dist(here, (stop.x_m, stop.y_m)) <= min(within_m, stop.reach_m)
         return near and self.stands(STILL_S)
 
     def _keep(self, at: tuple[float, Place]) -> None:

@@ -4,14 +4,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+MIN_REACH_M = 0.3
+"""A robot this near is at a stop, however near the next one is: navigations are not more precise [m]."""
 PLACE_DIGITS = 4
 """Decimals of the coordinates in metres of a node in a topological map."""
 
@@ -23,11 +26,15 @@ class Stop:
     :param name: name of the node of the travel graph; for free travel any unique name
     :param x_m: east of the field's datum [m]
     :param y_m: north of the field's datum [m]
+    :param reach_m: a robot that is farther away than this is not at the stop, whatever the arrival radius allows:
+        half the distance to the nearest other node, at least :data:`MIN_REACH_M` [m]; two stops of different reach
+        are equal
     """
 
     name: str
     x_m: float
     y_m: float
+    reach_m: float = field(default=math.inf, compare=False)
 
 
 def stops_xy(stops: Sequence[Stop]) -> Array:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import MIN_REACH_M, Stop
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.plane_move import PlaneMove
 from soilmoist_ros.foundation.suggestions import did_you_mean, listing
@@ -86,8 +86,29 @@ class TravelGraph:
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
-        """The nodes as stops, in order."""
-        return tuple(Stop(name, float(x), float(y)) for name, (x, y) in zip(self.names, self.xy, strict=True))
+        """The nodes as stops, in order; each is reached nearer to it than to any other node."""
+        reach_m = np.maximum(self.spacing_m / 2, MIN_REACH_M)
+        return tuple(
+            Stop(name, float(x), float(y), float(near))
+            for name, (x, y), near in zip(self.names, self.xy, reach_m, strict=True)
+        )
+
+    @cached_property
+    def spacing_m(self) -> Array:
+        """Distance from each node to the nearest other one, shape (n,) [m]; inf for a single node."""
+        from scipy.spatial import KDTree
+
+        return np.asarray(KDTree(self.xy).query(self.xy, k=2)[0][:, 1])
+
+    def crowded(self) -> str:
+        """Nodes so near to another one that the robot may be taken to be there; empty if there are none."""
+        near = np.flatnonzero(self.spacing_m < 2 * MIN_REACH_M)
+        names = listing(self.names[number] for number in near)
+        return (
+            f"a robot cannot tell nodes apart that are nearer to each other than {2 * MIN_REACH_M:g} m: {names}"
+            if len(near)
+            else ""
+        )
 
     @cached_property
     def _index(self) -> dict[str, int]:

@@ -7,20 +7,24 @@ from __future__ import annotations
 import importlib
 import math
 import time
-import uuid
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import partial
 from threading import Lock
-from typing import Any
+from typing import Any, Final
 
+from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
 from rclpy.action import ActionClient
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
-from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, Request, SendGoal
+from soilmoist_ros.exploration.mission.actions import ANYBODYS
+from soilmoist_ros.exploration.navigation.action_status import ACTIVE, ENDED, ActionStatus
+from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, Listed, Request, SendGoal
 from soilmoist_ros.exploration.navigation.navigator import Ended
 from soilmoist_ros.exploration.navigation.track import Track
 from soilmoist_ros.exploration.navigation.way_points import WayPoint, way_points
@@ -28,7 +32,13 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.nodes.runtime.qos import LATCHED
 
+LOOK_EVERY_S = 1.0
+"""Time between looks for servers that publish lists of goals [s]."""
+LIST_WAIT_S = 1.5
+"""Time in which the list of a server comes that has had goals [s]."""
+_UNKNOWN: Final = int(CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID)
 KEPT_GOALS = 10
 """Latest goals that can be cancelled: one follows the other, and an earlier one may still run."""
 
@@ -43,6 +53,7 @@ class ActionNavigator(ABC):
     :param track: recent places of the robot
     :param there_m: a robot that stands this close to a stop is there already [m]
     :param report: called at the end of each goal
+    :param yields: whether no goal is sent while another client drives the robot
     """
 
     def __init__(
@@ -54,6 +65,7 @@ class ActionNavigator(ABC):
         track: Track,
         there_m: float,
         report: Callable[[Ended], None],
+        yields: bool = True,
     ) -> None:
         self._node = node
         self._name = node.resolve_service_name(name)
@@ -62,12 +74,17 @@ class ActionNavigator(ABC):
         self._track = track
         self._there_m = there_m
         self._report = report
+        self._yields = yields
         self._lock = Lock()
+        self._status = ActionStatus(node.get_fully_qualified_name())
+        self._statuses: Subscription | None = None
+        self._looked_s, self._there_s = -math.inf, math.inf
         self._ids: dict[int, UUID] = {}
         self._heard: tuple[float, float] | None = None  # of the computer's clock, and of the mission
         self._actions = ActionClient(node, kind, name)
         # Some goals are cancelled without a handle of the action client, so cancelling needs a service client.
         self._cancels = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
+        self._subscribe()
 
     @property
     def waiting_for(self) -> str:
@@ -75,7 +92,19 @@ class ActionNavigator(ABC):
         servers = self._servers
         if servers > 1:
             return f"one navigation: {servers} nodes answer as {self._name}"
+        if servers and (goal := self._client.unended):
+            return f"the end of {goal}: cancel it at the navigation {self._name}, or start that again"
         return "" if servers else f"the navigation {self._name}"
+
+    @property
+    def other_client(self) -> str:
+        """See :class:`Navigator`."""
+        with self._lock:
+            others, before = self._status.others, self._status.before
+            if others or (before and not self._client.cancels_before):
+                whose = "" if others else ", by a goal that this planner may have sent before it was started again"
+                return f"another client drives the robot with {self._name}{whose}"
+        return ""
 
     @property
     def _servers(self) -> int:
@@ -126,7 +155,54 @@ class ActionNavigator(ABC):
         """See :class:`Navigator`."""
         with self._lock:
             self._track.tick(now_s)
-        self._step(self._client.tick, self._servers)
+            if look := time.monotonic() - self._looked_s >= LOOK_EVERY_S:
+                self._looked_s = time.monotonic()
+        if look:
+            self._look()
+        self._tick()
+
+    def _tick(self) -> None:
+        with self._lock:
+            listed = self._listed
+        self._step(self._client.tick, self._servers, then=(listed,))
+
+    # What the action's servers list --------------------------------------------------------------------------
+
+    @property
+    def _listed(self) -> Listed:
+        status, client = self._status, self._client
+        states = {goal_id: status.state(bytes(identity.uuid)) for goal_id, identity in self._ids.items()}
+        return Listed(
+            status.servers,
+            frozenset(goal_id for goal_id, state in states.items() if state in ACTIVE),
+            frozenset(goal_id for goal_id, state in states.items() if state in ENDED),
+            self._yields and bool(status.others or (status.before and not client.cancels_before)),
+        )
+
+    def _look(self) -> None:
+        """Look which servers are there; the list of one that has gone does not count any more."""
+        found = self._node.get_publishers_info_by_topic(f"{self._name}/_action/status")
+        with self._lock:
+            anew = self._status.serve(frozenset(bytes(info.endpoint_gid) for info in found))
+            self._there_s = min(self._there_s, time.monotonic()) if found else math.inf
+        if anew:
+            self._subscribe()
+
+    def _subscribe(self) -> None:
+        """Subscribe to the lists, again if the last ones of all servers are to come once more."""
+        if self._statuses is not None:
+            self._node.destroy_subscription(self._statuses)
+        # The executor may crash when a subscription with callbacks for its events is destroyed.
+        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
+        topic = f"{self._name}/_action/status"
+        self._statuses = self._node.create_subscription(
+            GoalStatusArray, topic, self._on_status, LATCHED, event_callbacks=quiet
+        )
+
+    def _on_status(self, message: GoalStatusArray) -> None:
+        with self._lock:
+            self._status.take({bytes(each.goal_info.goal_id.uuid): each.status for each in message.status_list})
+        self._tick()
 
     # What the action's messages contain ----------------------------------------------------------------------
 
@@ -165,7 +241,7 @@ class ActionNavigator(ABC):
 
     def _send(self, request: SendGoal) -> None:
         self._heard = None
-        identity = UUID(uuid=list(uuid.uuid4().bytes))
+        identity = UUID(uuid=list(self._status.new_identity()))
         self._ids.pop(request.goal_id, None)  # a goal that is sent again becomes the latest
         self._ids[request.goal_id] = identity
         if len(self._ids) > KEPT_GOALS:
@@ -190,16 +266,39 @@ class ActionNavigator(ABC):
             self._step(self._client.ended, goal_id, int(answer.status), success, then=(why,))
 
     def _ask_to_cancel(self, request: CancelSent) -> None:
-        question = CancelGoal.Request()  # without an id it cancels all goals
-        if request.ours:
-            question.goal_info.goal_id = self._ids[request.goal_id]
-        self._cancels.call_async(question).add_done_callback(partial(self._cancel_answered, request))
+        identity = self._ids.get(request.goal_id)
+        if identity is not None:
+            self._call_cancel(request, identity)
+        elif request.goal_id == ANYBODYS:
+            self._call_cancel(request, UUID(), _UNKNOWN)
+        else:
+            self._cancel_before(request)
 
-    def _cancel_answered(self, request: CancelSent, future: Future) -> None:
+    def _cancel_before(self, request: CancelSent) -> None:
+        """Cancel the goals of before this process, and nobody else's."""
+        with self._lock:
+            known, before = self._status.known, self._status.before
+            waits = not known and time.monotonic() - self._there_s < LIST_WAIT_S
+        if waits:
+            return  # it is asked again
+        if not known:  # no list: the server has had no goal, or hides them
+            self._call_cancel(request, UUID(), _UNKNOWN)
+        elif not before:
+            self._step(self._client.cancel_answered, request.goal_id, _UNKNOWN, then=(request.accepted,))
+        for goal in before:
+            code = None if len(before) == 1 else CancelGoal.Response.ERROR_NONE  # the list tells when all are over
+            self._call_cancel(request, UUID(uuid=list(goal)), code)
+
+    def _call_cancel(self, request: CancelSent, identity: UUID, code: int | None = None) -> None:
+        """Cancel a goal, or all without an identity; a code stands for the answer where it is not that of one."""
+        question = CancelGoal.Request()
+        question.goal_info.goal_id = identity
+        self._cancels.call_async(question).add_done_callback(partial(self._cancel_answered, request, code))
+
+    def _cancel_answered(self, request: CancelSent, code: int | None, future: Future) -> None:
         answer = future.result()
         if answer is not None:
-            # The answer for all goals has no result for a single goal.
-            code = int(answer.return_code) if request.ours else CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
+            code = int(answer.return_code) if code is None else code
             self._step(self._client.cancel_answered, request.goal_id, code, then=(request.accepted,))
 
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from threading import Lock
 from typing import Final
@@ -23,6 +24,8 @@ from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.nodes.runtime.qos import DEFAULT
 
 TOPIC: Final = "goal_pose"
+KEPT_POSES: Final = 100
+"""Own poses that are recognised when they come back."""
 
 
 class GoalPoseNavigator:
@@ -34,6 +37,7 @@ class GoalPoseNavigator:
     :param client: decides on arrival and stops
     :param report: called at the end of each goal
     :param frame: frame of the navigation
+    :param yields: whether no pose is sent while the robot may drive to that of another client
     """
 
     def __init__(
@@ -44,6 +48,7 @@ class GoalPoseNavigator:
         client: PoseClient,
         report: Callable[[Ended], None],
         frame: str = FRAME,
+        yields: bool = True,
     ) -> None:
         self._node = node
         self._frame = frame
@@ -52,7 +57,10 @@ class GoalPoseNavigator:
         self._report = report
         self._lock = Lock()
         self._asked: Future | None = None
+        self._yields = yields
+        self._sent: deque[PoseStamped] = deque(maxlen=KEPT_POSES)
         self._poses = node.create_publisher(PoseStamped, TOPIC, DEFAULT)
+        node.create_subscription(PoseStamped, TOPIC, self._on_pose, DEFAULT)
         self._cancels = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
         node.get_logger().warning(
             "goal_pose gives no answers. It can only stop the robot by a pose where the robot is, unless the "
@@ -62,11 +70,20 @@ class GoalPoseNavigator:
     @property
     def waiting_for(self) -> str:
         """See :class:`Navigator`."""
-        heard_by = [info.node_name for info in self._node.get_subscriptions_info_by_topic(self._poses.topic_name)]
+        own = self._node.get_name(), self._node.get_namespace()
+        infos = self._node.get_subscriptions_info_by_topic(self._poses.topic_name)
+        heard_by = [info.node_name for info in infos if (info.node_name, info.node_namespace) != own]
         if drivers(heard_by, self._observers):
             return ""
         only = f"; {', '.join(sorted(heard_by))} drive no robot" if heard_by else ""
         return f"a navigation that subscribes to {self._poses.topic_name}{only}"
+
+    @property
+    def other_client(self) -> str:
+        """See :class:`Navigator`."""
+        with self._lock:
+            other = self._client.other_client
+        return f"another client drives the robot by a pose on {self._poses.topic_name}" if other else ""
 
     @property
     def on_the_way(self) -> str:
@@ -116,13 +133,22 @@ class GoalPoseNavigator:
             requests = self._client.tick(self._cancels.service_is_ready(), now_s)
         self._do(requests)
 
+    def _on_pose(self, pose: PoseStamped) -> None:
+        """A pose that this node has not sent is somebody else's; each of its own comes back as it was."""
+        with self._lock:
+            requests = () if pose in self._sent else self._client.heard_other(self._yields)
+        self._do(requests)
+
     def _do(self, requests: Iterable[Request]) -> None:
         for request in requests:
             match request:
                 case SendPose():
                     now_s = self._node.get_clock().now().nanoseconds * 1e-9
                     place = (request.x_m, request.y_m)
-                    self._poses.publish(pose_stamped(*place, now_s, self._frame, request.heading_rad))
+                    pose = pose_stamped(*place, now_s, self._frame, request.heading_rad)
+                    with self._lock:
+                        self._sent.append(pose)
+                    self._poses.publish(pose)
                 case CancelAll():
                     self._asked = self._cancels.call_async(
                         CancelGoal.Request()

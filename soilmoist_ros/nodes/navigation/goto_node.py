@@ -35,6 +35,7 @@ class GotoNodeNavigator(ActionNavigator):
     :param track: recent places of the robot
     :param there_m: a robot that stands this close to a stop is there already [m]; some servers abort such a goal
     :param report: called at the end of each goal
+    :param yields: whether no goal is sent while another client drives the robot
     """
 
     def __init__(
@@ -47,8 +48,9 @@ class GotoNodeNavigator(ActionNavigator):
         track: Track,
         there_m: float,
         report: Callable[[Ended], None],
+        yields: bool = True,
     ) -> None:
-        super().__init__(node, name, kind, client, track, there_m, report)
+        super().__init__(node, name, kind, client, track, there_m, report, yields)
         self._is_nearest = False
         self._feedback = RouteFeedback(node, feedback_topic, kind, self._on_feedback)
 

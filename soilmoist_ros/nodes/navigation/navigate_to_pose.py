@@ -38,6 +38,7 @@ class NavigateToPoseNavigator(ActionNavigator):
     :param there_m: a robot that stands this close to a stop is there already [m]
     :param report: called at the end of each goal
     :param frame: frame of the navigation
+    :param yields: whether no goal is sent while another client drives the robot
     """
 
     def __init__(
@@ -50,8 +51,9 @@ class NavigateToPoseNavigator(ActionNavigator):
         there_m: float,
         report: Callable[[Ended], None],
         frame: str = FRAME,
+        yields: bool = True,
     ) -> None:
-        super().__init__(node, name, kind, client, track, there_m, report)
+        super().__init__(node, name, kind, client, track, there_m, report, yields)
         self._frame = frame
         self._progress = ""
 

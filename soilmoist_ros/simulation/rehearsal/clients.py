@@ -7,7 +7,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from math import nan
 
-from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, Request, SendGoal
+from soilmoist_ros.exploration.mission.actions import ANYBODYS
+from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, Listed, Request, SendGoal
 from soilmoist_ros.exploration.navigation.navigator import Ended
 from soilmoist_ros.exploration.navigation.pose_client import CancelAll, PoseClient, SendPose
 from soilmoist_ros.exploration.navigation.track import Track
@@ -63,7 +64,14 @@ class ActionNavigator:
     @property
     def waiting_for(self) -> str:
         """See :class:`Navigator`."""
+        if goal := self._client.unended:
+            return f"the end of {goal}"
         return "" if self._server.present(self._time_s()) else "the navigation"
+
+    @property
+    def other_client(self) -> str:
+        """See :class:`Navigator`."""
+        return "another client drives the robot" if self._server.others else ""
 
     @property
     def feedback_age_s(self) -> float:
@@ -92,7 +100,11 @@ class ActionNavigator:
         self._track.tick(now_s)
         if self._server.active:  # it sends feedback all the time
             self._heard_s = self._time_s()
-        self._do(self._client.tick(self._server.present(self._time_s()), self._time_s()))
+        server = self._server
+        lives = frozenset((str(server.lives).encode(),)) if server.present(self._time_s()) else frozenset[bytes]()
+        active = frozenset(goal_id for goal_id, number in self._goals.items() if server.lists(number))
+        listed = Listed(lives, active, others=server.others)
+        self._do(self._client.tick(server.present(self._time_s()), self._time_s(), listed))
 
     def heard(self, reply: Reply) -> None:
         """The server has said something; goals of an earlier process are not known here."""
@@ -120,7 +132,8 @@ class ActionNavigator:
                     self._goals[goal_id] = self._server.send(stop.name if self._by_name else place, self._time_s())
                 case CancelSent(goal_id=goal_id, ours=ours):
                     self._cancelled = goal_id
-                    self._server.cancel(self._goals.get(goal_id) if ours else None, self._time_s())
+                    number = self._goals.get(goal_id) if ours else None
+                    self._server.cancel(number, self._time_s(), goal_id == ANYBODYS)
                 case Ended():
                     self._heard_s = nan
                     self._report(request)
@@ -168,6 +181,15 @@ class PoseNavigator:
         """See :class:`Navigator`."""
         self._going = False
         self._do(self._client.cancel(goal_id))
+
+    @property
+    def other_client(self) -> str:
+        """See :class:`Navigator`."""
+        return "another client drives the robot" if self._client.other_client else ""
+
+    def overhear(self) -> None:
+        """Another client has sent a pose."""
+        self._do(self._client.heard_other())
 
     def moved(self, place: Place, now_s: float) -> None:
         """See :class:`Navigator`."""

@@ -135,6 +135,9 @@ class ActionServer:
         self._replies: list[tuple[float, Reply]] = []
         self._brake_s = math.inf
         self._dead = False
+        self._others: set[int] = set()
+        self.lives = 1
+        """How often it was started."""
         self.replaced = 0
         """Goals that were replaced by another before they had ended."""
 
@@ -147,10 +150,26 @@ class ActionServer:
         """Whether it works on a goal."""
         return self._active is not None
 
-    def send(self, target: str | Place, now_s: float) -> int:
-        """Send a goal; returns its number. The answer comes with :meth:`step`."""
+    @property
+    def others(self) -> bool:
+        """Whether it works on a goal of another client than the planner."""
+        return self._active is not None and self._active.goal in self._others
+
+    def lists(self, goal: int) -> bool:
+        """Whether its list has a goal as active."""
+        return self._active is not None and self._active.goal == goal
+
+    def send(self, target: str | Place, now_s: float, other: bool = False) -> int:
+        """Send a goal; returns its number. The answer comes with :meth:`step`.
+
+        :param target: where to
+        :param now_s: time [s]
+        :param other: whether another client than the planner sends it
+        """
         self._goals += 1
         goal = self._goals
+        if other:
+            self._others.add(goal)
         if not self.present(now_s):
             return goal  # nobody hears it
         way = self._route(self._robot.place, target)
@@ -168,11 +187,16 @@ class ActionServer:
             self._robot.go(way)
         return goal
 
-    def cancel(self, goal: int | None, now_s: float) -> None:
-        """Cancel a goal, or all; nothing happens while the server is dead."""
+    def cancel(self, goal: int | None, now_s: float, anybodys: bool = False) -> None:
+        """Cancel a goal; nothing happens while the server is dead.
+
+        :param goal: the goal; ``None`` for what the planner has sent
+        :param now_s: time [s]
+        :param anybodys: also what another client has sent
+        """
         if not self.present(now_s):
             return
-        known = self._active is not None and goal in (None, self._active.goal)
+        known = self._active is not None and goal in (None, self._active.goal) and (anybodys or not self.others)
         deaf = known and self._faults.on(Fault.SERVER_DEAF, now_s)
         self._later(now_s, CancelAnswered(goal or 0, REJECTED if deaf else NO_ERROR if known else UNKNOWN_GOAL))
         if known and not deaf and self._active is not None:
@@ -188,6 +212,7 @@ class ActionServer:
         if self._dead:
             self._robot.stop()  # it starts anew
             self._dead = False
+            self.lives += 1
         active = self._active
         if active is not None:
             runs_on_s = 8.0 if self._faults.on(Fault.RUNS_ON, now_s) else 0.5

@@ -51,6 +51,7 @@ class Around:
         self.time_s, self.goals, self.shown, self.saved, self.finished = 0.0, [], [], [], None
         self.visits = []
         self.waiting_for, self.on_the_way, self.caution, self.measured = "", "", "", []
+        self.other_client = ""
         self.feedback_age_s = float("nan")
         square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
         dwell, motion = parse_dwell(dwell), RobotMotion()

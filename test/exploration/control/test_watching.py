@@ -16,6 +16,7 @@ from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
+from soilmoist_ros.exploration.mission.actions import ANYBODYS
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Response, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
@@ -51,6 +52,7 @@ class Farm:
         self.quarantine = ""
         self.charge = math.nan
         self.waiting_for, self.on_the_way, self.caution, self.moves = "", "", "", []
+        self.other_client = ""
         self.feedback_age_s = math.nan
         self.shown, self.finished, self.counted = None, None, []
         square = np.array([[0, 0], [100, 0], [100, 100], [0, 100]], float)
@@ -330,6 +332,32 @@ def test_a_navigation_that_goes_away_is_waited_for(farm):
     farm.waiting_for = ""
     goes_on(farm)
     assert farm.status.failures == 0
+
+
+@pytest.mark.parametrize("phase", [Phase.TRAVELLING, Phase.COUNTING])
+def test_while_another_client_drives_the_planner_waits_for_people(farm, phase):
+    farm.run(lambda: farm.status.phase is phase)
+    asked, farm.other_client = [], "another client drives the robot with /nav"
+    farm.cancel, cancel = lambda goal_id: (asked.append(goal_id), cancel(goal_id)), farm.cancel
+    farm.second()
+    assert "another client drives the robot with /nav" in stands_because_of(farm, "other_client")
+    farm.place = (farm.place[0] + 20.0, farm.place[1])
+    farm.pass_by(30)
+    assert ANYBODYS not in asked, "the other client's goal is not ours to cancel"
+    assert (farm.goal, farm.status.failures) == (None, 0)
+    farm.other_client = ""
+    farm.run(lambda: not farm.alarms, 20)
+    assert farm.status.phase is Phase.PAUSED, "people resume"
+    assert farm.control.command(Verb.RESUME).accepted
+    goes_on(farm)
+
+
+def test_goals_carry_how_near_the_robot_must_come():
+    farm, reaches_m = Farm(), []
+    farm.go = lambda goal_id, stop, way: reaches_m.append(stop.reach_m)
+    farm.pass_by(3).control.command(Verb.START)
+    farm.run(lambda: reaches_m)
+    assert reaches_m == [3.0], "the arrival radius, where no other node is near"
 
 
 def test_a_low_battery_sends_the_robot_home(farm):

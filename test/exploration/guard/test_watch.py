@@ -454,6 +454,7 @@ def test_responses_can_be_chosen(cause, response):
         Cause.RECORDS_OLD,
         Cause.MAP_OLD,
         Cause.NAVIGATION_SILENT,
+        Cause.OTHER_CLIENT,
         Cause.RESERVE,
         Cause.BATTERY_SILENT,
         Cause.COUNTS_BAD,

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a mission does without an event (deadlines.py)."""
 
-from mission_driver import EAST, HOME, NORTH, Driver
+from mission_driver import EAST, HOME, Driver
 
 from soilmoist_ros.exploration.mission.actions import (
     CancelGoal,
@@ -15,6 +15,7 @@ from soilmoist_ros.exploration.mission.actions import (
     VisitDone,
 )
 from soilmoist_ros.exploration.mission.events import (
+    GoalFailed,
     GoalReached,
     Moved,
     PlanFailed,
@@ -35,15 +36,22 @@ def test_a_goal_that_takes_too_long_is_cancelled_before_the_next():
     assert driver.last(GoTo).goal_id == 2
 
 
-def test_a_cancel_that_is_never_confirmed_holds_only_for_a_time_limit():
-    driver = Driver().travelling().command("skip")
-    stale = driver.last(GoTo).goal_id
+def test_after_a_cancel_without_a_result_nothing_is_sent_before_the_end_is_known():
+    driver = Driver(standstill_s=4.0).travelling().command("skip")
+    for _ in range(4):
+        assert CancelGoal in driver.send(Moved, 3.0, 0.0, after=30.0).kinds()
+        assert driver.phase is Phase.CANCELLING
+    assert "has not reported the end of the goal to east: asked 5 times to stop; cancel it there" in driver.reason
+    assert driver.mission.status.needs_operator
+    assert driver.send(GoalFailed, 1, "cancelled").kinds() == [RequestPlan, Publish]
+
+
+def test_a_mission_that_stays_does_not_wait_for_the_end_of_its_goal():
+    driver = Driver().travelling().command("pause")
     assert driver.send(Tick, after=29.0).kinds() == []
-    assert driver.send(Tick, after=1.0).kinds() == [RequestPlan, Publish]
+    assert driver.send(Tick, after=1.0).phase is Phase.PAUSED
     assert "was not reported in 30 s" in driver.reason
-    before = driver.plan(NORTH).mission.state
-    assert driver.send(GoalReached, stale, EAST.x_m, EAST.y_m).kinds() == []
-    assert driver.mission.state.goal == before.goal
+    assert driver.send(GoalReached, 1, EAST.x_m, EAST.y_m).kinds() == []
 
 
 def test_planning_that_fails_or_hangs_is_repeated_then_handed_to_the_operator():

@@ -6,9 +6,18 @@ import pytest
 from mission_driver import EAST, HOME, Driver
 
 from soilmoist_ros.exploration.mission.actions import ANYBODYS, CancelGoal, Finish, GoTo, RequestPlan, VisitDone
-from soilmoist_ros.exploration.mission.events import AlarmOver, EmergencyStop, GoalFailed, Moved, Tick
+from soilmoist_ros.exploration.mission.events import (
+    AlarmOver,
+    EmergencyStop,
+    GoalFailed,
+    GoalReached,
+    Moved,
+    Tick,
+)
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, Phase, Response
 from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.exploration.travel.stop import Stop
 
 
 def seen_at(driver, *places, every_s=2.0):
@@ -60,6 +69,62 @@ def test_a_dead_navigation_and_a_robot_that_stands():
     driver.send(Tick, after=2.0)
     assert driver.phase is Phase.PAUSED
     assert "was not reported" in driver.reason
+
+
+def test_a_goal_that_another_client_has_replaced_is_no_failure():
+    driver = Driver(retries=0).travelling().send(GoalFailed, 1, "another client drives the robot", superseded=True)
+    assert (driver.phase, driver.mission.state.failures, driver.count_of(GoTo)) == (Phase.PAUSED, 0, 1)
+    assert "wait until the other goal is over, then resume or abort" in driver.reason
+    assert driver.mission.status.needs_operator
+    assert driver.command("resume").last(GoTo).stop == EAST
+
+
+# Moved while counting
+
+
+def test_a_robot_that_is_moved_while_it_counts_ends_its_visit_and_waits_for_people():
+    driver = Driver().counting().record().record()
+    seen_at(driver, (34.0, 0.0), (30.0, 0.0), (34.0, 0.0), (34.0, 0.5))
+    assert driver.phase is Phase.COUNTING, "two fixes may be bad"
+    seen_at(driver, (34.5, 1.0))
+    assert driver.phase is Phase.PAUSED
+    visit = driver.last(VisitDone).visit
+    assert (visit.ended, visit.records, visit.x_m) == (VisitEnd.MOVED, 2, 30.0)
+    assert driver.reason.startswith(
+        "the robot was moved by 4.6 m while it counted at east, and not by the planner"
+    )
+    assert driver.mission.status.needs_operator
+    assert driver.command("resume").phase is Phase.PLANNING
+
+
+@pytest.mark.parametrize(("sd_m", "away_m", "moved"), [(0.02, 3.5, True), (1.5, 9.0, False), (1.5, 9.5, True)])
+def test_what_the_noise_of_the_fixes_explains_is_no_move(sd_m, away_m, moved):
+    driver = Driver().travelling().send(Moved, 29.0, 0.0, sd_m).reach()
+    for _ in range(4):
+        driver.send(Moved, 30.0, away_m, sd_m, after=1.0)
+    assert (driver.phase is Phase.PAUSED) is moved
+
+
+def test_a_robot_that_is_moved_while_the_next_stop_is_chosen_has_its_whole_visit():
+    driver = Driver(stays=True, dwell=parse_dwell("fmi:20")).counting().record().record()
+    assert driver.phase is Phase.PLANNING
+    seen_at(driver, *[(38.0, 0.0)] * 3)
+    assert driver.phase is Phase.PAUSED
+    assert driver.last(VisitDone).visit.ended is VisitEnd.ENOUGH
+    assert driver.plan(EAST).count_of(GoTo) == 1, "a plan that comes late moves nothing"
+
+
+NEAR = Stop("near", 30.0, 0.0, reach_m=0.5)
+
+
+@pytest.mark.parametrize(("at_m", "sd_m", "there"), [(1.0, 0.02, False), (0.4, 0.02, True), (1.0, 0.4, True)])
+def test_a_stop_with_near_neighbours_is_reached_by_driving(at_m, sd_m, there):
+    driver = Driver().travelling(NEAR).send(Moved, 30.0, at_m, sd_m)
+    driver.send(GoalReached, 1, 30.0, at_m)
+    assert (driver.phase is Phase.COUNTING) is there
+    if there:
+        driver.record(place=(30.0, at_m)).record(place=(30.0, at_m + 2.0))
+        assert driver.mission.state.counting.records == 1, "what was counted at the neighbour is none of this stop"
 
 
 # Waits after failures
@@ -211,7 +276,8 @@ def test_an_emergency_stop_holds_until_an_operator_resumes(phase):
     driver = in_phase(phase)
     goals = driver.count_of(GoTo)
     driver.send(EmergencyStop, True, "button").settle()
-    assert driver.count_of(CancelGoal) >= 1, "whatever the navigation is doing, it is asked to stop"
+    stops = [action.goal_id for action in driver.all_actions if isinstance(action, CancelGoal)]
+    assert ANYBODYS in stops, "whatever the navigation is doing for whomever, it is asked to stop"
     assert driver.phase is Phase.PAUSED
     assert driver.mission.status.emergency
     assert not driver.command("resume").answer.accepted

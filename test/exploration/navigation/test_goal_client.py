@@ -6,7 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, GoalLimits, SendGoal
+from soilmoist_ros.exploration.navigation.goal_client import (
+    CancelSent,
+    GoalClient,
+    GoalLimits,
+    Listed,
+    SendGoal,
+)
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.way_points import WayPoint
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -143,6 +149,73 @@ def test_a_stop_that_nobody_can_hear_is_not_waited_for():
     client.tick(0, 1.0)
     client.cancel(1, 1.1)
     assert not client.stop_unheard
+
+
+ONE, TWO = frozenset([b"one"]), frozenset([b"two"])
+
+
+def test_nothing_is_sent_while_another_client_drives():
+    client = GoalClient(3.0)
+    client.tick(1, 0.0, Listed(ONE, others=True))
+    assert client.go(1, (A,), 0.0) == ()
+    assert client.tick(1, 1.0, Listed(ONE)) == (SendGoal(1, A),)
+
+
+@pytest.mark.parametrize(("status", "success"), [(ABORTED, False), (CANCELED, False), (SUCCEEDED, True)])
+def test_a_goal_that_another_client_has_replaced_is_no_failure(status, success):
+    client = client_with_goal(position_s=5.0)
+    client.tick(1, 1.0, Listed(ONE, others=True))
+    requests = client.ended(1, status, success, 1.1)
+    if success:  # servers of topological navigation report success of what was replaced
+        requests = client.tick(1, 6.2, Listed(ONE, others=True))
+    assert outcomes(requests) == [Outcome.SUPERSEDED]
+
+
+def test_the_list_of_the_server_tells_the_end_of_a_cancelled_goal():
+    client = client_with_goal()
+    assert client.tick(1, 0.5, Listed(ONE, ended=frozenset([1]))) == (), "its result says how it ended"
+    assert outcomes(client.cancel(1, 1.0)) == [Outcome.CANCELED]
+
+
+def test_a_cancelled_goal_without_an_end_is_waited_for_until_the_server_is_another():
+    client = GoalClient(3.0)
+    client.tick(1, 0.0, Listed(ONE))
+    client.go(1, (A,), 0.0)
+    client.answered(1, True, 0.1)
+    client.cancel(1, 1.0)
+    client.tick(1, 10.0, Listed(ONE))
+    assert client.unended == ""
+    client.tick(1, 11.5, Listed(ONE))
+    assert client.unended == "the goal to a"
+    client.go(2, (B,), 12.0)
+    assert SendGoal(2, B) not in (*client.tick(0, 14.0, Listed()), *client.tick(1, 17.0, Listed(ONE))), "as before"
+    client.tick(1, 18.0, Listed(TWO))
+    assert client.tick(1, 20.0, Listed(TWO)) == (SendGoal(2, B),)
+    assert client.unended == ""
+
+
+def test_a_server_that_was_started_again_at_once_does_not_know_the_goal():
+    client = GoalClient(3.0)
+    client.tick(1, 0.0, Listed(ONE))
+    client.go(1, (A,), 0.0)
+    client.answered(1, True, 0.1)
+    client.tick(1, 1.0, Listed(TWO, active=frozenset([1])))
+    assert client.tick(1, 5.0, Listed(TWO, active=frozenset([1]))) == (), "it had come to the new one"
+    client.tick(1, 6.0, Listed(TWO))
+    given_up = client.tick(1, 8.0, Listed(TWO))
+    assert outcomes(given_up) == [Outcome.FAILED]
+    assert given_up[1:] == (CancelSent(1, True),)
+
+
+def test_a_stop_is_reached_within_its_own_reach():
+    near = WayPoint(Stop("near", 0.0, 0.0, reach_m=0.5))
+    client = GoalClient(3.0)
+    client.tick(1, 0.0)
+    client.go(1, (near,), 0.0)
+    client.answered(1, True, 0.1)
+    client.ended(1, SUCCEEDED, True, 2.0)
+    assert client.moved((1.0, 0.0), 2.5) == (), "at the neighbour"
+    assert outcomes(client.moved((0.4, 0.0), 3.0)) == [Outcome.SUCCEEDED]
 
 
 def test_cancelled_before_it_was_sent():

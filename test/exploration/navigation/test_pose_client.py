@@ -199,3 +199,25 @@ def test_what_somebody_else_drives_gets_no_pose(cancels, requests):
     assert client.cancel(ANYBODYS) == requests
     assert client.moved((10.0, 0.0), 20.0) == client.tick(cancels, 20.5) == ()
     assert client.cancel(FORGOTTEN) != ()
+
+
+def test_somebody_elses_pose_is_left_alone_until_the_robot_stands():
+    client = make()
+    client.go(1, TO_GOAL)
+    drive(client, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
+    assert [end.outcome for end in client.heard_other()] == [Outcome.SUPERSEDED]
+    assert client.cancel(2) == (Ended(2, Outcome.CANCELED, "cancelled; another client drives the robot"),)
+    assert [end.outcome for end in client.go(3, TO_GOAL)] == [Outcome.SUPERSEDED]
+    assert drive(client, [(2.0, float(y)) for y in range(1, 6)], 3.0) == []
+    assert client.other_client
+    drive(client, [(2.0, 5.0)] * 7, 8.0)
+    assert not client.other_client
+    assert client.go(4, TO_GOAL) == (SendPose(GOAL.x_m, GOAL.y_m, 0.0),)
+
+
+def test_somebody_elses_pose_does_not_matter_if_the_operator_says_so():
+    client = make()
+    client.go(1, TO_GOAL)
+    assert client.heard_other(yields=False) == ()
+    assert client.other_client, "it is shown"
+    assert client.cancel(1) == ()
