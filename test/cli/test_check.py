@@ -69,6 +69,9 @@ def test_the_command_compares_a_topological_map_with_a_field(tmp_path):
     graph.write_text(json.dumps({"nodes": [node(0, 10, 20), node(1, 20, 20)]}))
     result = check("--field", field, "--graph", graph)
     assert "graph       2 of 2 nodes are stops in plot; datum of the map: none" in result.output
+    graph.write_text(json.dumps({"nodes": [node(0, 10, 20), node(1, 10.5, 20)]}))
+    crowded = "a robot cannot tell nodes apart that are nearer to each other than 0.6 m: 0, 1"
+    assert crowded in " ".join(check("--field", field, "--graph", graph).output.split())
     shifted = {"meta": {"origin": {"latitude": 53.268642, "longitude": -0.5245095}}}
     graph.write_text(json.dumps({**shifted, "nodes": [node(0, 10, 20), node(1, 20, 20)]}))
     result = check("--field", field, "--graph", graph)

@@ -15,11 +15,14 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.action import ActionClient
 from ros_system import RosSystem
 from sensor_msgs.msg import BatteryState, PointCloud2
+from soilmoist_msgs.msg import Visit
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from virtual_navigation import FIELD, VirtualNavigation, World, make_map
+from topological_navigation_msgs.action import GotoNode
+from virtual_navigation import FIELD, STOPS, VirtualNavigation, World, make_map
 
 from msg_adapters.battery import battery_to_message
 from msg_adapters.counts import quarantined_to_message
@@ -27,7 +30,7 @@ from msg_adapters.diagnostics import diagnostics_from_message
 from msg_adapters.mission import mission_from_message
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.mission.types import MissionEnd, Phase
-from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, SENSOR
+from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, SENSOR, VISITS
 from soilmoist_ros.sensing.records import CountRecord
 
 pytestmark = [
@@ -255,6 +258,24 @@ def navigation_silent(watched):
     watched.works()
 
 
+def other_client(watched):
+    """An operator's panel sends the robot away while it counts; its goal is left alone."""
+    watched.works(Phase.COUNTING)
+    ends, visits = len(watched.navigation.ends), watched.ros.collect(Visit, "visits", VISITS)
+    panel = ActionClient(watched.ros.node, GotoNode, "topological_navigation")
+    watched.ros.wait_for(panel.server_is_ready)
+    far = max(STOPS, key=lambda stop: math.dist(watched.world.place, (stop.x_m, stop.y_m)))
+    panel.send_goal_async(GotoNode.Goal(target=far.name))
+    watched.alarm(Cause.OTHER_CLIENT)
+    watched.stands(Phase.PAUSED)
+    assert not watched.call("resume").success
+    watched.ros.wait_for(lambda: watched.navigation.ends[ends:] == ["succeeded"], LIMIT_S, "the panel's goal")
+    assert watched.world.place == (far.x_m, far.y_m)
+    watched.resumes()
+    watched.ros.wait_for(lambda: visits and visits[-1].reason_code == "moved", LIMIT_S, "the visit")
+    panel.destroy()
+
+
 def map_changed(watched):
     """The planner takes over the new map while the robot stands, so that the mission can go on."""
     maps = [make_map(), make_map(without=("n00", "n01"))]
@@ -311,7 +332,7 @@ def returned(watched, end=Phase.FINISHED):
 
 CAUSES = (
     outside, jump, relocated, speed, fix_old, records_old, map_old, counts_frame, counts_stamp,
-    counts_bad, navigation_silent, map_changed, battery_silent, battery_low, reserve, battery_empty,
+    counts_bad, navigation_silent, other_client, map_changed, battery_silent, battery_low, reserve, battery_empty,
 )  # fmt: skip
 
 

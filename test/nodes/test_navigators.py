@@ -15,7 +15,7 @@ pytest.importorskip("nav2_msgs")
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 from nav2_msgs.action import NavigateToPose
-from rclpy.action import ActionClient
+from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from topological_navigation_msgs.action import GotoNode
@@ -290,6 +290,27 @@ def test_no_goal_is_sent_and_none_cancelled_while_another_client_drives(ros, wor
     assert driver.end_of(2).outcome is Outcome.SUCCEEDED
     assert (navigation.goals, navigation.ends) == ([FAR.name, OTHER.name], ["succeeded", "succeeded"])
     assert not driver.navigator.other_client
+
+
+def test_another_action_of_the_same_navigation_drives_the_robot_too(ros, world, navigation, drive):
+    handles = []
+
+    def work(handle):
+        handles.append(handle)
+        ros.wait_for(lambda: len(handles) > 1)
+        handle.succeed()
+        return GotoNode.Result()
+
+    policy = ActionServer(navigation.node, GotoNode, "topological_navigation/policy", work)
+    client = ActionClient(ros.node, GotoNode, "topological_navigation/policy")
+    driver = drive()
+    ros.wait_for(client.server_is_ready)
+    client.send_goal_async(GotoNode.Goal(target=FAR.name))
+    ros.wait_for(lambda: "topological_navigation/policy" in driver.navigator.other_client)
+    handles.append(None)
+    ros.wait_for(lambda: not driver.navigator.other_client)
+    client.destroy()
+    policy.destroy()
 
 
 def test_a_goal_that_another_client_replaces_is_no_failure(ros, world, navigation, drive, other):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import math
 import time
@@ -38,6 +39,7 @@ LOOK_EVERY_S = 1.0
 """Time between looks for servers that publish lists of goals [s]."""
 LIST_WAIT_S = 1.5
 """Time in which the list of a server comes that has had goals [s]."""
+_LIST: Final = "/_action/status"
 _UNKNOWN: Final = int(CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID)
 KEPT_GOALS = 10
 """Latest goals that can be cancelled: one follows the other, and an earlier one may still run."""
@@ -76,15 +78,17 @@ class ActionNavigator(ABC):
         self._report = report
         self._yields = yields
         self._lock = Lock()
-        self._status = ActionStatus(node.get_fully_qualified_name())
-        self._statuses: Subscription | None = None
+        self._client_name = node.get_fully_qualified_name()
+        self._status = ActionStatus(self._client_name)
+        self._lists = {self._name: self._status}  # of this action, and of others that drive the robot
+        self._subscriptions: dict[str, Subscription] = {}
         self._looked_s, self._there_s = -math.inf, math.inf
         self._ids: dict[int, UUID] = {}
         self._heard: tuple[float, float] | None = None  # of the computer's clock, and of the mission
         self._actions = ActionClient(node, kind, name)
         # Some goals are cancelled without a handle of the action client, so cancelling needs a service client.
         self._cancels = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
-        self._subscribe()
+        self._subscribe(self._name)
 
     @property
     def waiting_for(self) -> str:
@@ -100,10 +104,11 @@ class ActionNavigator(ABC):
     def other_client(self) -> str:
         """See :class:`Navigator`."""
         with self._lock:
-            others, before = self._status.others, self._status.before
-            if others or (before and not self._client.cancels_before):
-                whose = "" if others else ", by a goal that this planner may have sent before it was started again"
-                return f"another client drives the robot with {self._name}{whose}"
+            if others := self._others:
+                return f"another client drives the robot with {others}"
+            if self._status.before and not self._client.cancels_before:
+                whose = "a goal that this planner may have sent before it was started again"
+                return f"another client drives the robot with {self._name}, or {whose}"
         return ""
 
     @property
@@ -176,32 +181,61 @@ class ActionNavigator(ABC):
             status.servers,
             frozenset(goal_id for goal_id, state in states.items() if state in ACTIVE),
             frozenset(goal_id for goal_id, state in states.items() if state in ENDED),
-            self._yields and bool(status.others or (status.before and not client.cancels_before)),
+            self._yields and bool(self._others or (status.before and not client.cancels_before)),
         )
+
+    @property
+    def _others(self) -> str:
+        """The action whose server works on a goal of another client; empty if none does."""
+        return next((name for name, status in self._lists.items() if status.others), "")
 
     def _look(self) -> None:
         """Look which servers are there; the list of one that has gone does not count any more."""
-        found = self._node.get_publishers_info_by_topic(f"{self._name}/_action/status")
-        with self._lock:
-            anew = self._status.serve(frozenset(bytes(info.endpoint_gid) for info in found))
-            self._there_s = min(self._there_s, time.monotonic()) if found else math.inf
-        if anew:
-            self._subscribe()
+        for action in self._drivers():
+            found = self._node.get_publishers_info_by_topic(_list_of(action))
+            with self._lock:
+                status = self._lists.setdefault(action, ActionStatus(self._client_name))
+                anew = status.serve(frozenset(bytes(info.endpoint_gid) for info in found))
+                if status is self._status:
+                    self._there_s = min(self._there_s, time.monotonic()) if found else math.inf
+            if anew or action not in self._subscriptions:
+                try:
+                    self._subscribe(action)
+                except RuntimeError as error:  # security permits the actions that its policy names
+                    text = f"goals of other clients by {action} are not seen: {error}"
+                    self._node.get_logger().warning(text, once=True)
 
-    def _subscribe(self) -> None:
-        """Subscribe to the lists, again if the last ones of all servers are to come once more."""
-        if self._statuses is not None:
-            self._node.destroy_subscription(self._statuses)
+    def _drivers(self) -> set[str]:
+        """Names of this action, and of the others of the same navigation, which drive the robot just as well.
+
+        The node that serves it may serve others below the action or beside it: policies, ways through poses.
+        """
+        beside = self._name.rpartition("/")[0]
+        found = {*self._lists}
+        for info in self._node.get_publishers_info_by_topic(_list_of(self._name)):
+            given = info.node_name, info.node_namespace
+            with contextlib.suppress(RuntimeError):  # the node has just gone
+                for topic, kinds in self._node.get_publisher_names_and_types_by_node(*given):
+                    action = topic.removesuffix(_LIST)
+                    near = action.rpartition("/")[0] == beside or action.startswith(f"{self._name}/")
+                    if near and action != topic and "action_msgs/msg/GoalStatusArray" in kinds:
+                        found.add(action)
+        return found
+
+    def _subscribe(self, action: str) -> None:
+        """Subscribe to the lists of an action, again if the last ones of its servers are to come once more."""
+        if action in self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions[action])
         # The executor may crash when a subscription with callbacks for its events is destroyed.
         quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
-        topic = f"{self._name}/_action/status"
-        self._statuses = self._node.create_subscription(
-            GoalStatusArray, topic, self._on_status, LATCHED, event_callbacks=quiet
+        take = partial(self._on_list, self._lists[action])
+        self._subscriptions[action] = self._node.create_subscription(
+            GoalStatusArray, _list_of(action), take, LATCHED, event_callbacks=quiet
         )
 
-    def _on_status(self, message: GoalStatusArray) -> None:
+    def _on_list(self, status: ActionStatus, message: GoalStatusArray) -> None:
         with self._lock:
-            self._status.take({bytes(each.goal_info.goal_id.uuid): each.status for each in message.status_list})
+            status.take({bytes(each.goal_info.goal_id.uuid): each.status for each in message.status_list})
         self._tick()
 
     # What the action's messages contain ----------------------------------------------------------------------
@@ -300,6 +334,10 @@ class ActionNavigator(ABC):
         if answer is not None:
             code = int(answer.return_code) if code is None else code
             self._step(self._client.cancel_answered, request.goal_id, code, then=(request.accepted,))
+
+
+def _list_of(action: str) -> str:
+    return f"{action}{_LIST}"
 
 
 def action_class(name: str, field: str) -> Any:

@@ -114,3 +114,11 @@ def test_an_empty_graph_and_an_unknown_name_are_refused():
         TravelGraph.from_edges([], [])
     with pytest.raises(InputError, match="has no node 'e'"):
         TravelGraph.from_edges(NODES, RING).distances_from("e")
+
+
+def test_a_node_is_reached_nearer_to_it_than_to_any_other():
+    places = [("a", 0.0, 0.0), ("b", 2.0, 0.0), ("c", 2.0, 0.4), ("d", 20.0, 0.0)]
+    graph = TravelGraph.from_edges([Stop(*each) for each in places], [], connected=False)
+    assert [stop.reach_m for stop in graph.stops] == pytest.approx([1.0, 0.3, 0.3, 9.0], abs=0.01)
+    assert graph.crowded().endswith("0.6 m: b, c")
+    assert TravelGraph.from_edges([Stop("alone", 0.0, 0.0)], []).stops[0].reach_m == np.inf
