@@ -261,6 +261,7 @@ def navigation_silent(watched):
 def other_client(watched):
     """An operator's panel sends the robot away while it counts; its goal is left alone."""
     watched.works(Phase.COUNTING)
+    watched.wait(lambda: watched.status.raw_counts > 0, "a record of the stop")
     ends, visits = len(watched.navigation.ends), watched.ros.collect(Visit, "visits", VISITS)
     panel = ActionClient(watched.ros.node, GotoNode, "topological_navigation")
     watched.ros.wait_for(panel.server_is_ready)

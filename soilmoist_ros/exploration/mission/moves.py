@@ -464,7 +464,9 @@ class Moves:
         moved_m = math.dist(self.place, (counting.x_m, counting.y_m))
         assert self.state.target is not None
         if moved_m > self.rules.reach_m(self.state.target.stop, self.noise_at_stop_m(counting)):
-            self.complete(VisitEnd.MOVED, f"{reason}, but the robot was moved by {moved_m:.1f} m in the pause")
+            moved = f"{reason}, but the robot was moved by {moved_m:.1f} m in the pause"
+            self.leave_stop(VisitEnd.MOVED, moved)
+            self.then(Todo.PLAN, moved)
         else:
             self.count(replace(counting, since_s=self.now_s, heard_s=self.now_s, silent=False, away_s=None))
 

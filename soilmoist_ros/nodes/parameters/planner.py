@@ -179,7 +179,13 @@ PARAMETERS: Final = (
     ),
     of_setting("stop_cost_s"),
     of_setting("metre_cost_s"),
-    _row("arrival_radius_m", 3.0, "the robot is at a stop within this distance", "m", 0.01),
+    _row(
+        "arrival_radius_m",
+        3.0,
+        "the robot is at a stop within this distance, and within half of that to the nearest other node",
+        "m",
+        0.01,
+    ),
     _row(
         "settle_s",
         5.0,
