@@ -162,7 +162,7 @@ class MissionFeed:
         if place is None:
             return False
         self.place, self.place_s, self.place_age_s = place, fix.now_s, age_s
-        self.give(Moved(fix.now_s, *place, fix.sd_m if math.isfinite(fix.sd_m) else 0.0))
+        self.give(Moved(fix.now_s, *place, sd_m=fix.sd_m if math.isfinite(fix.sd_m) else 0.0))
         return True
 
     def _take(self, event: Event) -> None:

@@ -208,16 +208,16 @@ class ActionNavigator(ABC):
     def _drivers(self) -> set[str]:
         """Names of this action, and of the others of the same navigation, which drive the robot just as well.
 
-        The node that serves it may serve others below the action or beside it: policies, ways through poses.
+        The node that serves it may serve others, below it or in its namespace: policies, ways through poses.
         """
-        beside = self._name.rpartition("/")[0]
+        namespace = self._name.rpartition("/")[0]
         found = {*self._lists}
         for info in self._node.get_publishers_info_by_topic(_list_of(self._name)):
             given = info.node_name, info.node_namespace
             with contextlib.suppress(RuntimeError):  # the node has just gone
                 for topic, kinds in self._node.get_publisher_names_and_types_by_node(*given):
                     action = topic.removesuffix(_LIST)
-                    near = action.rpartition("/")[0] == beside or action.startswith(f"{self._name}/")
+                    near = action.rpartition("/")[0] == namespace or action.startswith(f"{self._name}/")
                     if near and action != topic and "action_msgs/msg/GoalStatusArray" in kinds:
                         found.add(action)
         return found

@@ -273,7 +273,7 @@ class _Simulation:
     def run(self, progress: Callable[[float], None], watch: Watch | None = None) -> MissionResult:
         """Process events in order of time until the missions of all robots have ended."""
         for robot in self.robots:
-            self.give(robot, Moved(self.now_s, *robot.body.at(self.now_s), self.settings.position_sd_m))
+            self.give(robot, Moved(self.now_s, *robot.body.at(self.now_s), sd_m=self.settings.position_sd_m))
             self.give(robot, Command(self.now_s, Verb.START))
         self.enter_series()
         next_entry_s = self.settings.series_every_s
@@ -316,7 +316,7 @@ class _Simulation:
             reported = self.reported(robot, here)
             if here != robot.sent_xy or self.now_s >= robot.deadline_s:  # deadlines precede the record
                 robot.sent_xy = here
-                self.give(robot, Moved(self.now_s, *reported, self.settings.position_sd_m))
+                self.give(robot, Moved(self.now_s, *reported, sd_m=self.settings.position_sd_m))
             self.give(robot, RecordArrived(self.now_s, self.record(robot)))
         if robot.goal and self.now_s >= robot.goal[0]:
             goal = robot.goal[1]

@@ -99,9 +99,9 @@ def test_a_robot_that_is_moved_while_it_counts_ends_its_visit_and_waits_for_peop
 
 @pytest.mark.parametrize(("sd_m", "away_m", "moved"), [(0.02, 3.5, True), (1.5, 9.0, False), (1.5, 9.5, True)])
 def test_what_the_noise_of_the_fixes_explains_is_no_move(sd_m, away_m, moved):
-    driver = Driver().travelling().send(Moved, 29.0, 0.0, sd_m).reach()
+    driver = Driver().travelling().send(Moved, 29.0, 0.0, sd_m=sd_m).reach()
     for _ in range(4):
-        driver.send(Moved, 30.0, away_m, sd_m, after=1.0)
+        driver.send(Moved, 30.0, away_m, sd_m=sd_m, after=1.0)
     assert (driver.phase is Phase.PAUSED) is moved
 
 
@@ -119,7 +119,7 @@ NEAR = Stop("near", 30.0, 0.0, reach_m=0.5)
 
 @pytest.mark.parametrize(("at_m", "sd_m", "there"), [(1.0, 0.02, False), (0.4, 0.02, True), (1.0, 0.4, True)])
 def test_a_stop_with_near_neighbours_is_reached_by_driving(at_m, sd_m, there):
-    driver = Driver().travelling(NEAR).send(Moved, 30.0, at_m, sd_m)
+    driver = Driver().travelling(NEAR).send(Moved, 30.0, at_m, sd_m=sd_m)
     driver.send(GoalReached, 1, 30.0, at_m)
     assert (driver.phase is Phase.COUNTING) is there
     if there:
