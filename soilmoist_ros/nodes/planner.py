@@ -134,6 +134,7 @@ class Planner(Node):
     def _tick(self) -> None:
         self._control.tick()
         self._control.check()
+        self._outputs.doubt(self._control.watch.places.news())
         if self._autostart and not self._control.missing() and not self._control.dangers:
             self._autostart = not self._control.command(Verb.START).accepted
         self.finished = self._outputs.all_done and self._values.flag("exit_when_finished")

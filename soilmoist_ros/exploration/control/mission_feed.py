@@ -11,8 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from threading import RLock
 
-from soilmoist_ros.exploration.guard.place_ages import PlaceAges
-from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.mission.actions import Action, Answer, Publish
 from soilmoist_ros.exploration.mission.events import (
     ClockStepped,
@@ -25,6 +23,8 @@ from soilmoist_ros.exploration.mission.events import (
 )
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.sensing.position.place_ages import PlaceAges
+from soilmoist_ros.sensing.position.place_judge import PlaceFix
 from soilmoist_ros.sensing.records import CountRecord
 
 FIX_SILENCE_S = 5.0

@@ -13,8 +13,10 @@ from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.watch import Doing, Watch
 from soilmoist_ros.exploration.mission.events import ClockStepped, Event
 from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.navigation.navigator import Navigator
+from soilmoist_ros.sensing.position.place_judge import Expected
 from soilmoist_ros.sensing.records import CountRecord
 
 STEP_S: Final = 1.0
@@ -37,6 +39,11 @@ class Watching:
     def use(self, access: FieldAccess) -> None:
         """Where the robot may go from now on."""
         self._access, self._way_home = access, None
+
+    def expect(self, state: MissionState, now_s: float) -> None:
+        """Say what the robot does: in a mission it stands unless it has a goal."""
+        does = Expected.DRIVING if state.goal is not None else Expected.STANDING
+        self._watch.places.expect(does if state.under_way else Expected.ANYTHING, now_s)
 
     def moved(self, place: tuple[float, float]) -> None:
         """The robot is here [m]."""

@@ -7,13 +7,13 @@ from __future__ import annotations
 from typing import Final
 
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
-from soilmoist_ros.exploration.guard.place_filter import PlaceLimits
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
 from soilmoist_ros.exploration.mission.types import Response
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.parameter import Parameter, Value
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
+from soilmoist_ros.sensing.position.place_judge import PlaceLimits
 
 _WATCH, _PLACE = WatchLimits(), PlaceLimits()
 _FASTER: Final = 2.0
