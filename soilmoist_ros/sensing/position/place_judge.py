@@ -16,6 +16,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, fields, replace
 from enum import Enum, StrEnum
+from statistics import median
 from typing import Final
 
 from soilmoist_ros.sensing.position.place_doubt import Doubt, Outcome
@@ -45,8 +46,8 @@ STAYS_S: Final = 60.0
 """Time after which another place of a standing robot is believed for driving [s]."""
 BACK_S: Final = 2.0
 """Time for which the place must be explained again until a doubt ends [s]."""
-MIN_LEARNED: Final = 5
-"""Number of minutes of standing from which on their wander serves for receivers that state no error."""
+MIN_LEARNED: Final = 10
+"""Number of changes from which on they serve for receivers that state no error."""
 
 
 class Expected(Enum):
@@ -399,7 +400,7 @@ class PlaceJudge:
                 return
             if not steps and self._explains(stand.first, stand.xy, fix):
                 stand.add(fix, self._allowed_m(stand.first, fix))
-                self._wander.add(stand, fix)
+                self._wander.add(fix)
                 return
             self._begin_doubt(fix)
         self._sudden |= steps
@@ -478,27 +479,35 @@ class _Stand:
 
 
 class _Wander:
-    """How far places of a standing robot wander in a minute, for receivers that state no error."""
+    """Error of a receiver that states none, by how its places of a standing robot change from second to second.
+
+    A drift does not count as an error: changes are compared with those before. The error is that of a random walk
+    which is reined in over two :data:`WANDER_S`, as that of receivers without corrections.
+    """
 
     def __init__(self) -> None:
-        self._minutes: deque[float] = deque(maxlen=20)
-        self._since: PlaceFix | None = None
-        self._far_m = 0.0
+        self._changes: deque[float] = deque(maxlen=60)
+        self._last: deque[PlaceFix] = deque(maxlen=3)
 
     @property
     def sd_m(self) -> float:
         """Standard deviation of each coordinate [m]."""
-        known = len(self._minutes) >= MIN_LEARNED
-        return max(self._minutes) / 1.2 if known else UNKNOWN_SD_M
+        if len(self._changes) < MIN_LEARNED:
+            return UNKNOWN_SD_M
+        step_m = median(self._changes) / (1.18 * math.sqrt(2))  # 1.18: median length of a normal vector
+        return min(UNKNOWN_SD_M, step_m * math.sqrt(WANDER_S))
 
-    def add(self, stand: _Stand, fix: PlaceFix) -> None:
+    def add(self, fix: PlaceFix) -> None:
         """Add a trusted place of a standing robot."""
-        if self._since is None or self._since.now_s < stand.first.now_s:
-            self._since, self._far_m = fix, 0.0
-        self._far_m = max(self._far_m, math.dist(self._since.xy, fix.xy))
-        if fix.now_s - self._since.now_s >= WANDER_S:
-            self._minutes.append(self._far_m)
-            self._since = None
+        if self._last and fix.now_s - self._last[-1].now_s > WINDOW_S:
+            self._last.clear()
+        if self._last and fix.now_s - self._last[-1].now_s < MIN_SPAN_S:
+            return
+        self._last.append(fix)
+        if len(self._last) == 3:
+            first, middle, last = self._last
+            off = math.hypot(first.x_m - 2 * middle.x_m + last.x_m, first.y_m - 2 * middle.y_m + last.y_m)
+            self._changes.append(off / math.sqrt((last.now_s - first.now_s) / 2))
 
 
 def _noise_m(first: PlaceFix, last: PlaceFix) -> float:

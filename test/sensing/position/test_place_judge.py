@@ -219,6 +219,7 @@ RECEIVERS = {  # standard deviation of each coordinate, time of its wander, whit
     "standalone 1": (1.0, 120.0, 0.2, 1.0),
     "standalone 2.5": (2.5, 90.0, 0.2, 2.5),
     "unknown": (0.05, 120.0, 0.01, math.nan),
+    "unknown 2.5": (2.5, 120.0, 0.2, math.nan),
     "zero": (0.01, 120.0, 0.01, 0.0),
     "held": (1.5, 120.0, 0.1, 2.0),
 }
@@ -303,7 +304,10 @@ def test_a_robot_that_was_carried_waits_for_people_and_its_records_do(kind, away
     assert len(survey.errors_m) == len(survey.records)
 
 
-@pytest.mark.parametrize(("kind", "speed_mps"), [("rtk", 0.1), ("rtk", 0.3), ("rtk", 2.0), ("float", 0.3)])
+@pytest.mark.parametrize(
+    ("kind", "speed_mps"),
+    [("rtk", 0.1), ("rtk", 0.3), ("rtk", 2.0), ("float", 0.3), ("zero", 0.3), ("unknown", 2.0)],
+)
 def test_a_drift_of_a_standing_robot_is_mapped_up_to_three_metres(kind, speed_mps):
     survey = Survey(kind).drive().stand(300, lambda s: (speed_mps * max(0, s - 100), 0.0))
     assert survey.begun == 1
