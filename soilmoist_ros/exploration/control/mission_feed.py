@@ -113,10 +113,9 @@ class MissionFeed:
 
     def fix(self, fix: PlaceFix) -> bool:
         """The robot may be here; whether that is its place now."""
-        if not self._moved(fix, self._fix_ages):
-            return False
-        self._fix_s = fix.now_s
-        return True
+        if _anywhere(fix) is not None:  # records have the places of the receiver that is not believed now
+            self._fix_s = fix.now_s
+        return self._moved(fix, self._fix_ages)
 
     def records(self, now_s: float, records: Sequence[CountRecord], more: bool = False) -> None:
         """Records have come; one without a position is only counted.

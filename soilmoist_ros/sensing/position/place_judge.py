@@ -275,6 +275,10 @@ class PlaceJudge:
         if self._track and not self._is_elsewhere(fix) and self._within_reach(fix, self._track):
             self._accept(fix)
             return Verdict.PLAUSIBLE
+        if self._stood is not None and self._is_back(fix):
+            self._track.clear()
+            self._accept(fix)
+            return Verdict.PLAUSIBLE
         if self._agrees(fix):
             before, explained = self.fix, self._is_explained(fix)
             self._track = deque(self._candidates)

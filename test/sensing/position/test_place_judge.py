@@ -316,6 +316,13 @@ def test_a_drift_of_a_standing_robot_is_mapped_up_to_three_metres(kind, speed_mp
     assert len(survey.errors_m) < len(survey.records) - 15
 
 
+def test_a_place_that_comes_back_after_it_was_believed_for_driving_is_the_first_one():
+    survey = Survey("rtk").drive().stand(400, lambda s: (8.0, 0.0) if 100 <= s < 100 + 2 * STAYS_S else (0.0, 0.0))
+    assert survey.ended == [Outcome.RETURNED]
+    assert survey.judge.counts[Verdict.JUMP] == STAYS_S
+    assert len(survey.errors_m) == len(survey.records)
+
+
 def test_noise_limits_what_is_seen_of_a_receiver_without_corrections():
     """A step of 5 m is no noise; a drift is up to 7.25 standard deviations, of 2.5 m here."""
     survey = Survey("standalone 2.5").drive().stand(200, lambda s: (5.0, 0.0) if 100 <= s < 130 else (0.0, 0.0))
