@@ -74,7 +74,7 @@ def test_no_record_is_mapped_where_the_robot_was_not(ros, tmp_path, comes_back):
             assert (ended.since_s, ended.outcome) == (begun.since_s, Outcome.RETURNED)
             assert math.dist((ended.x_m, ended.y_m), stop) < 0.5
         else:
-            wait(lambda status: "relocated" in str(status.alarms), "a robot that waits for people")
+            wait(lambda status: status.phase is Phase.PAUSED and status.needs_operator, "a wait for people")
         after(30.0)
         mapped = samples_from_message(samples[-1])
         places = np.atleast_2d(mapped.xy)

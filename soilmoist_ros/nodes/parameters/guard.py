@@ -48,7 +48,13 @@ WATCH_PARAMETERS: Final = (
         "from nearer the robot drives straight back in",
         "m",
     ),
-    _row("max_jump_m", _PLACE.max_jump_m, "moves between two fixes up to this distance are plausible", "m"),
+    _row(
+        "max_jump_m",
+        _PLACE.max_jump_m,
+        "largest accepted distance of a fix from where the robot can have driven since the last ones, "
+        "whatever error the receiver states",
+        "m",
+    ),
     _row(
         "max_speed_mps",
         0.0,

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.position.place_doubt import Doubt, Doubts, Outcome, placed
 from soilmoist_ros.sensing.position.place_judge import (
+    STAYS_S,
     TOLERANCE,
     Expected,
     PlaceFix,
