@@ -91,21 +91,19 @@ class MapRecords:
         :param robot: which robot of several; ``None`` if there is one
         :returns: whether the map was made again
         """
-        if not self._doubts.setdefault(robot or "", Doubts()).take(doubt):
-            return False
-        if not any(doubt.covers(record) and self._is_of(record, robot) for record in self._records):
+        before = list(map(self._placed, self._records))
+        new = self._doubts.setdefault(robot or "", Doubts()).take(doubt)
+        if not new or before == list(map(self._placed, self._records)):
             return False
         self._rebuild([])
         return True
-
-    def _is_of(self, record: CountRecord, robot: str | None) -> bool:
-        return robot is None or self._robots.get(_key(record)) == robot
 
     def _placed(self, record: CountRecord) -> CountRecord:
         if not self._doubts:
             return record
         robot = self._robots.get(_key(record)) if self._robots else ""
-        return record if robot not in self._doubts else self._doubts[robot].placed(record)
+        doubts = None if robot is None else self._doubts.get(robot)
+        return record if doubts is None else doubts.placed(record)
 
     def read_anew(self, source: str, records: Iterable[CountRecord]) -> list[CountRecord]:
         """Add the records of a source that is read as a whole each time; otherwise as :meth:`take`."""

@@ -65,11 +65,12 @@ def test_no_record_is_mapped_where_the_robot_was_not(ros, tmp_path, comes_back):
         after(60.0)
         world.away_m = 8.0
         after(30.0)
-        [begun] = [Doubt.from_text(message.data) for message in doubts]
+        none, begun = (Doubt.from_text(message.data) for message in doubts)
+        assert none.until_s == 0.0, "what an earlier planner doubted is over"
         assert begun.outcome is Outcome.OPEN
         if comes_back:
             world.away_m = 0.0
-            ros.wait_for(lambda: len(doubts) == 2, message="the end of the doubt")
+            ros.wait_for(lambda: len(doubts) == 3, message="the end of the doubt")
             ended = Doubt.from_text(doubts[-1].data)
             assert (ended.since_s, ended.outcome) == (begun.since_s, Outcome.RETURNED)
             assert math.dist((ended.x_m, ended.y_m), stop) < 0.5

@@ -79,6 +79,11 @@ class Doubt:
             raise ValueError(f"this is no doubt about a place: {text[:80]}") from error
 
 
+def none_since(stamp_s: float) -> Doubt:
+    """A doubt that covers nothing: a planner trusts its first place, so doubts of a planner before it are over."""
+    return Doubt(stamp_s, 0.0, Outcome.LOST)
+
+
 def placed(record: CountRecord, doubts: Iterable[Doubt]) -> CountRecord:
     """A record with its place as the doubts leave it: as it is, quarantined, or where the robot stood.
 
@@ -112,8 +117,14 @@ class Doubts:
         self._doubts: dict[float, Doubt] = {}
 
     def take(self, doubt: Doubt) -> bool:
-        """Add a doubt, or its end; returns whether it is new."""
+        """Add a doubt, or its end; those that are still open before it end where it begins.
+
+        :returns: whether it is new
+        """
         new = self._doubts.get(doubt.since_s) != doubt
+        for since_s, other in self._doubts.items():
+            if other.outcome is Outcome.OPEN and since_s < doubt.since_s:
+                self._doubts[since_s] = replace(other, until_s=doubt.since_s, outcome=Outcome.LOST)
         self._doubts[doubt.since_s] = doubt
         return new
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.sensing.position.place_doubt import Doubt, Doubts, Outcome, placed
+from soilmoist_ros.sensing.position.place_doubt import Doubt, Doubts, Outcome, none_since, placed
 from soilmoist_ros.sensing.position.place_judge import (
     STAYS_S,
     TOLERANCE,
@@ -388,6 +388,14 @@ def test_records_of_a_doubt(doubt, reason, result):
     found = placed(replace(RECORD, quarantine=reason), [doubt])
     assert (found.x_m, found.quarantine) == result
     assert Doubt.from_text(doubt.to_text()).to_text() == doubt.to_text()
+
+
+def test_a_planner_that_starts_ends_the_doubt_of_the_one_before():
+    doubts = Doubts()
+    for doubt in (Doubt(80.0), none_since(120.0)):
+        assert doubts.take(doubt)
+    later = [replace(RECORD, stamp_s=stamp_s) for stamp_s in (100.0, 125.0, 140.0)]
+    assert [doubts.placed(record).quarantine for record in later] == ["place_doubt", "place_doubt", ""]
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"outcome": "maybe", "since_s": 1}', '{"since_s": "x"}'])
