@@ -23,21 +23,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.point_cloud import FRAME, check_fields, points_from_message, points_to_message
+from msg_adapters.point_cloud import (
+    FRAME,
+    OtherFrameError,
+    check_fields,
+    points_from_message,
+    points_to_message,
+    require_frame,
+)
 from msg_adapters.stamps import to_seconds, to_time
+from soilmoist_ros.foundation.geodesy import LatLon, LocalFrame
+from soilmoist_ros.foundation.places import other_datum
 from soilmoist_ros.recording.bag.point_cloud import (
     REASON,
     REASONS,
     STAMP_OFFSET,
     count_records,
 )
+from soilmoist_ros.recording.bag.point_cloud import points as read_points
 from soilmoist_ros.sensing.records import CountRecord
 
 # Viewers read x, y and z only as 32-bit floats: 0.5 mm at 5 km from the datum. Exposures and factors enter the
@@ -58,17 +68,24 @@ _POINT: Final = np.dtype(
 )
 _STAMPED: Final = np.dtype([*_POINT.descr, (STAMP_OFFSET, "<f8")])
 _QUARANTINED: Final = np.dtype([*_STAMPED.descr, (REASON, "<u4")])
+_DATUM: Final = ("datum_latitude_deg", "datum_longitude_deg")
+_PLACED: Final = np.dtype([*_STAMPED.descr, *((name, "<f8") for name in _DATUM)])
+_MANY: Final = 500
 _MAX_COUNTS: Final = 2**32 - 1
 NUMBERS: Final = {code: number for number, code in REASONS.items()}
 """Number of each reason code in ``quarantined_counts``."""
 
 
-def counts_to_message(records: Sequence[CountRecord], frame_id: str = FRAME) -> PointCloud2:
+def counts_to_message(
+    records: Sequence[CountRecord], frame_id: str = FRAME, datum: LatLon | None = None
+) -> PointCloud2:
     """Message of records; its stamp is the end of the last record's counting interval.
 
     The field ``stamp_offset_s`` of a point is the stamp of its record minus the stamp of the message [s].
 
     :param records: at least one
+    :param datum: of the places, if it is to be in the message: fields ``datum_latitude_deg`` and
+        ``datum_longitude_deg``
     :raises ValueError: without records
     """
     if not records:
@@ -93,7 +110,38 @@ def counts_to_message(records: Sequence[CountRecord], frame_id: str = FRAME) -> 
         ],
         dtype=_STAMPED,
     )
+    if datum is not None:
+        placed = np.zeros(len(points), _PLACED)
+        for name in _STAMPED.names or ():
+            placed[name] = points[name]
+        placed[_DATUM[0]], placed[_DATUM[1]] = datum
+        points = placed
     return points_to_message(points, stamp_s, frame_id)
+
+
+def counts_to_messages(
+    records: Sequence[CountRecord], frame_id: str = FRAME, datum: LatLon | None = None
+) -> Iterator[PointCloud2]:
+    """Messages of many records, of at most 500 each. Receivers get each stamp to the last bit."""
+    for begin in range(0, len(records), _MANY):
+        part = records[begin : begin + _MANY]
+        stamp_s = to_seconds(to_time(part[-1].stamp_s))
+        exact = all(stamp_s + (record.stamp_s - stamp_s) == record.stamp_s for record in part)
+        for some in [part] if exact else [[record] for record in part]:
+            yield counts_to_message(some, frame_id, datum)
+
+
+def require_plane(message: PointCloud2, frame: str, plane: LocalFrame) -> None:
+    """Check that the places of a message of counts are those of a plane, as far as it says.
+
+    :param frame: name of the frame
+    :raises OtherFrameError: if it names another frame or another datum
+    """
+    require_frame(message, frame)
+    if message.width * message.height and set(_DATUM) <= {field.name for field in message.fields}:
+        first = read_points(message).ravel()[0]
+        if fault := other_datum((float(first[_DATUM[0]]), float(first[_DATUM[1]])), plane):
+            raise OtherFrameError(fault)
 
 
 def quarantined_to_message(records: Sequence[CountRecord], frame_id: str = FRAME) -> PointCloud2:

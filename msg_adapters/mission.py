@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters.diagnostics import health_from_status, health_to_status
-from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.mission.types import OTHER_ROBOT, MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.planning.forecast import forecast_from_text, forecast_to_text
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health, Level
@@ -59,6 +59,8 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
         "queue": json.dumps(list(status.queue)),
         "forecast": forecast.text if forecast else "",
         "forecast_data": forecast_to_text(forecast),
+        "robot_x_m": _text(status.place[0] if status.place else math.nan),
+        "robot_y_m": _text(status.place[1] if status.place else math.nan),
         **(more or {}),
     }
     return health_to_status(Health("mission", status_level(status), f"{status.phase}: {status.reason}", values))
@@ -73,9 +75,11 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
     try:
         end_s = float(values["estimated_end_s"])
         place = float(values["target_x_m"]), float(values["target_y_m"])
+        robot = float(values.get("robot_x_m", "nan")), float(values.get("robot_y_m", "nan"))
+        phase = Phase(values["state"])
         return MissionStatus(
             now_s=float(values["stamp_s"]),
-            phase=Phase(values["state"]),
+            phase=phase,
             reason=values["reason"],
             target=None if math.isnan(place[0]) else Stop(values["target"], *place),
             planned_dwell_s=float(values["planned_dwell_s"]),
@@ -97,6 +101,8 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
             stop_requests=int(values.get("stop_requests", 0)),
             queue=_names(values.get("queue", "[]")),
             forecast=forecast_from_text(values.get("forecast_data", "")),
+            place=None if math.isnan(robot[0]) else robot,
+            yields=phase is Phase.PAUSED and OTHER_ROBOT in _causes(values.get("alarms", "{}")),
         )
     except KeyError as error:
         raise ValueError(f"the mission's status has no value {error.args[0]!r}") from None
@@ -119,6 +125,15 @@ def _names(text: str) -> tuple[str, ...]:
     if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
         raise ValueError(f"{text[:40]!r} is no list of names")
     return tuple(found)
+
+
+def _causes(text: str) -> tuple[str, ...]:
+    """Causes of alarms in a value.
+
+    :raises ValueError: if it is no JSON
+    """
+    found = read_json(text)
+    return tuple(found) if isinstance(found, dict) else ()
 
 
 def _text(value: float) -> str:

@@ -8,10 +8,12 @@ from functools import lru_cache
 from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LatLon, distance_and_bearing
+from soilmoist_ros.foundation.geodesy import LatLon, LocalFrame, distance_and_bearing
 from soilmoist_ros.foundation.lazy import optional_module
 
 _COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+_SAME_DATUM_M = 0.05
+"""Datums this close are the same one, written with fewer digits [m]."""
 _NEAR_M = 30_000.0
 """Distance up to which a place is near a town [m]."""
 
@@ -44,6 +46,18 @@ def coordinates_text(latitude_deg: float, longitude_deg: float, digits: int = 2)
     """
     north, east = "S" if latitude_deg < 0 else "N", "W" if longitude_deg < 0 else "E"
     return f"{abs(latitude_deg):.{digits}f} {north}, {abs(longitude_deg):.{digits}f} {east}"
+
+
+def other_datum(datum: LatLon, plane: LocalFrame) -> str:
+    """How another datum differs from that of a plane, and what to do; empty if both are the same.
+
+    :param datum: latitude and longitude of the other one [deg]
+    """
+    away_m = distance_and_bearing((plane.latitude_deg, plane.longitude_deg), datum)[0]
+    if away_m < _SAME_DATUM_M:
+        return ""
+    there = coordinates_text(*datum, digits=6)
+    return f"its places are about another datum ({there}, {distance_text(away_m)} away): give all one field file"
 
 
 def town_text(place: LatLon) -> str:

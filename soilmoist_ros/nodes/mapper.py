@@ -20,10 +20,10 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from msg_adapters.counts import counts_from_message
+from msg_adapters.counts import counts_from_message, require_plane
 from msg_adapters.diagnostics import diagnostics_to_message
 from msg_adapters.model import Model, model_to_message
-from msg_adapters.point_cloud import OtherFrameError, require_frame
+from msg_adapters.point_cloud import OtherFrameError
 from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message, uncertainty_to_message
 from soilmoist_ros.foundation.batches import Batches
@@ -42,9 +42,10 @@ from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.aside import Aside
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.wiring.mapper_change import ChangeOutput
+from soilmoist_ros.nodes.wiring.mapper_exchange import MapperExchange
 from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
 from soilmoist_ros.recording.earlier_records import read_earlier
-from soilmoist_ros.recording.map_records import TEAM_S, MapRecords
+from soilmoist_ros.recording.map_records import START, TEAM_S, MapRecords
 from soilmoist_ros.recording.map_sources import MapSources
 from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt
@@ -109,7 +110,8 @@ class Mapper(Node):
             self._fault,
         )
         if earlier := parameters.text("start_from"):
-            self._records.take("start_from", read_earlier(Path(earlier).expanduser(), named))
+            self._records.take(START, read_earlier(Path(earlier).expanduser(), named))
+        self._exchange = MapperExchange(self, others, self._records, self._guard, self._survey.field, self._frame)
         self._began_s = time.monotonic()
         self._arrived = Batches(self._add, "records", _POLL_S)
         for robot, topic in zip(("", *others), topics, strict=True):
@@ -164,6 +166,7 @@ class Mapper(Node):
         self._worker.close()
         with self._guard:
             self._survey, self._online = survey, survey.map
+            self._exchange.field = survey.field
             self._records.use(self._online)
             self._change.use(survey)
             self._worker = MapWorker(self._online.compute, self._publish)
@@ -188,6 +191,7 @@ class Mapper(Node):
     def _add(self, messages: Sequence[tuple[str | None, PointCloud2 | String]]) -> None:
         """Add the records of messages, and what is new on the disk; called once a second without messages."""
         missed = self._sources.missed(time.monotonic() - self._began_s)
+        again = self._sent_again()
         records: list[CountRecord] = []
         doubts: list[tuple[Doubt, str | None]] = []
         for robot, message in messages:
@@ -196,7 +200,7 @@ class Mapper(Node):
                     doubts.append((Doubt.from_text(message.data), robot))
                     continue
                 found = counts_from_message(message)
-                require_frame(message, self._frame)
+                require_plane(message, self._frame, self._survey.field.frame)
                 if self._several:
                     self._records.sent_by(robot or "", found)
                 for record in found:
@@ -213,10 +217,25 @@ class Mapper(Node):
                 self._sources.received(records[start : start + _SLICE])
         with self._guard:
             self._sources.merge(missed)
+            self._exchange.added += self._sources.sent_again(again)
             for doubt, robot in doubts:
                 self._records.doubt(doubt, robot)
             if messages or self._online.state.records:
                 self._worker.submit(self._online.state)
+
+    def _sent_again(self) -> list[CountRecord]:
+        """Records that mappers of other robots have sent because this one may lack them."""
+        records: list[CountRecord] = []
+        for message in self._exchange.take():
+            try:
+                found = counts_from_message(message)
+                require_plane(message, self._frame, self._survey.field.frame)
+                records += [record for record in found if not self._fault(record, stored=True)]
+            except OtherFrameError as error:
+                self._skip(Skip.OTHER_FRAME, error)
+            except ValueError as error:
+                self._skip(Skip.UNREADABLE, error)
+        return records
 
     def _fault(self, record: CountRecord, stored: bool = False) -> str:
         """Why the stamp of a record is impossible; what was stored before the start may be of any age."""
@@ -274,7 +293,7 @@ class Mapper(Node):
         now_s = self.get_clock().now().nanoseconds * 1e-9
         with self._guard:
             parts = [map_health(self._online, self._worker, now_s)]
-        parts += self._change.health
+        parts += [*self._change.health, *self._exchange.health]
         if problem := self._sources.problem:
             parts.append(Health("records", Level.ERROR, problem))
         if self._refused:

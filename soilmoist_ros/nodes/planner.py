@@ -25,7 +25,7 @@ from soilmoist_ros.exploration.travel.topological_map import read_topological_ma
 from soilmoist_ros.nodes.navigation.choice import make_navigator
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.guard import make_watch
-from soilmoist_ros.nodes.parameters.planner import PARAMETERS, chosen_survey, mission_rules
+from soilmoist_ros.nodes.parameters.planner import PARAMETERS, chosen_survey, make_team, mission_rules
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.wiring.planner_commands import PlannerCommands
 from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
@@ -84,6 +84,7 @@ class Planner(Node):
             watch=make_watch(self._values),
             mission=self._stored.mission,
             open_survey=partial(chosen_survey, self._values),
+            team=make_team(self._values),
         )
         self._autostart = self._values.flag("autostart") and self._stored.starts
         if self._stored.mission is not None:

@@ -106,6 +106,7 @@ class SensorDriver(LifecycleNode):
     def _configure(self) -> None:
         options = self._given.as_dict()
         field = load_field(resource("fields", self._given.text("field")))
+        self._outputs.datum = field.frame.latitude_deg, field.frame.longitude_deg
         site = self._given.text("site")
         sensor = load_site(site) if site else Site()
         if self._given.text("intensity_topic") and sensor.corrections.intensity is None:

@@ -19,6 +19,10 @@ from soilmoist_ros.sensing.records import CountRecord
 
 RECEIVED: Final = ""
 """Source of the records that were received as messages, now or by an earlier process."""
+START: Final = "start_from"
+"""Source of the records that a map starts with."""
+TEAM: Final = "other robots"
+"""Source of the records that mappers of other robots send when this one has missed them."""
 TEAM_S: Final = 60.0
 """With several robots, how much older than the last record of the map a record may be before the map is made
 again in order of time [s]."""
@@ -40,12 +44,20 @@ class MapRecords:
     :param field_map: map to which the records are added
     :param late_s: how much older than the last record of the map a record may be [s] before the map is made again
         in order of time
+
+    Attributes
+    ----------
+    until_s : float
+        stamp of the last reset, up to which other sources than messages bring nothing [s]; -inf before the first
+    arrived : list[CountRecord]
+        records since then, in the order in which they came, without those that the map starts with
     """
 
     def __init__(self, field_map: FieldMap, late_s: float = 0.0) -> None:
         self.map = field_map
+        self.until_s = -math.inf
+        self.arrived: list[CountRecord] = []
         self._late_s = late_s
-        self._until_s = -math.inf
         self._records: list[CountRecord] = []
         self._doubts: dict[str, Doubts] = {}
         self._robots: dict[bytes, str] = {}
@@ -62,15 +74,17 @@ class MapRecords:
         seen = self._seen.setdefault(source, Counter())
         new = []
         for record in records:
-            if source != RECEIVED and record.stamp_s <= self._until_s:
+            if source != RECEIVED and record.stamp_s <= self.until_s:
                 continue
-            key = _key(record)
+            key = record_key(record)
             seen[key] += 1
             if seen[key] > self._total[key]:
                 self._total[key] += 1
                 new.append(record)
         if not new:
             return []
+        if source != START:
+            self.arrived += new
         if source != RECEIVED:
             new.sort(key=_stamp)
             if self._records and new[0].stamp_s < self._records[-1].stamp_s - self._late_s:
@@ -117,12 +131,13 @@ class MapRecords:
         :returns: that stamp
         """
         newest_s = max((record.stamp_s for record in self._records), default=-math.inf)
-        self._until_s = max(self._until_s, newest_s if until_s is None else until_s)
+        self.until_s = max(self.until_s, newest_s if until_s is None else until_s)
         self._records.clear()
+        self.arrived = []
         self._total.clear()
         self._seen.clear()
         self.map.reset()
-        return self._until_s
+        return self.until_s
 
     def use(self, field_map: FieldMap) -> None:
         """Add all records to another map from now on."""
@@ -140,7 +155,7 @@ class MapRecords:
             self.map.add(self._placed(record))
 
 
-def _key(record: CountRecord) -> bytes:
+def record_key(record: CountRecord) -> bytes:
     """All values of a record but the verdict of a map; NaN has many forms, of which one is used."""
     record = without_verdict(record)
     numbers = _KEY.pack(*(math.nan if value != value else value for value in _VALUES(record)))

@@ -348,6 +348,14 @@ def test_failsafe(watched, cause):
 
 
 def test_the_others_are_tested_where_they_are_found():
-    """TF is in test_planner_frames, a clock that is set in test_mission_control, a frozen place in test_watch."""
+    """TF is in test_planner_frames, a clock that is set in test_mission_control, a frozen place in test_watch.
+
+    Another robot is in test_team.
+    """
     tested = {cause.__name__ for cause in CAUSES}
-    assert {cause.value for cause in Cause} - tested == {"frame_mismatch", "clock_step", "fix_frozen"}
+    assert {cause.value for cause in Cause} - tested == {
+        "frame_mismatch",
+        "clock_step",
+        "fix_frozen",
+        "other_robot",
+    }

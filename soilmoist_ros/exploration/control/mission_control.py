@@ -22,6 +22,7 @@ from soilmoist_ros.exploration.control.current_access import CurrentAccess
 from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_feed import MissionFeed
 from soilmoist_ros.exploration.control.mission_setup import (
+    PAST_M,
     ExplorerSettings,
     FieldAccess,
     OpenSurvey,
@@ -37,8 +38,9 @@ from soilmoist_ros.exploration.control.operator_request import (
 )
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanningQueue, PropertyMap
 from soilmoist_ros.exploration.control.planning_thread import PlanningThread, Terms
-from soilmoist_ros.exploration.control.team import pending_measurement, taken
+from soilmoist_ros.exploration.control.team import Team, pending_measurement, taken
 from soilmoist_ros.exploration.control.watching import Watching
+from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.actions import (
@@ -59,6 +61,7 @@ from soilmoist_ros.exploration.mission.events import (
     Command,
     EmergencyStop,
     GoalFailed,
+    PlanFailed,
     Planned,
     Tick,
 )
@@ -74,8 +77,11 @@ from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.foundation.places import other_datum
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.knowledge.drift import Changing
 from soilmoist_ros.mapping.samples.samples import Samples
@@ -89,6 +95,8 @@ PLACE_TIME = "place_s"
 """Value of the status: when the newest place has come [s]; -inf for none."""
 PLACE_SHOWN_S = 2.0
 """In a mission the status shows places that are not older than this [s]; a simulated clock waits for that."""
+DATUM = "datum"
+"""Value of the status: latitude and longitude of the datum of its places [deg]."""
 RECORD_STAMP = "record_stamp_s"
 """Value of the status: stamp of the newest record that has come, with or without a place [s]; -inf for none."""
 
@@ -144,9 +152,12 @@ class MissionControl:
     :param executor: where stops are chosen; its own thread if ``None``
     :param watch: what is watched, by which limits; the default if ``None``
     :param open_survey: opens what an operator chooses: field, earlier runs, covariates; ``None`` for no choice
+    :param team: the other robots on the field; none that keep apart if ``None``
 
     Attributes
     ----------
+    team : Team
+        the other robots on the field
     watch : Watch
         causes that others find are reported to it
     """
@@ -167,8 +178,10 @@ class MissionControl:
         watch: Watch | None = None,
         mission: Mission | None = None,
         open_survey: OpenSurvey | None = None,
+        team: Team | None = None,
     ) -> None:
         self.watch = watch or Watch()
+        self.team = team or Team()
         self._watching = Watching(self.watch)
         self._settings = settings
         self._open_survey = open_survey
@@ -185,7 +198,7 @@ class MissionControl:
         self._queue = PlanningQueue(map_wait_s, (OWN, *named))
         self._planning = PlanningThread(outputs.wake, executor)
         self._choice: Choice | None = None
-        self._others: dict[str, MissionStatus | None] = {}
+        self._cut_off = False  # whether another robot stood in the way to stops when the last one was chosen
         self._learned = LearnedMotion(settings.motion, settings.learn_travel)
         self._record_stamp_s = self._shown_stamp_s = self._shown_place_s = -math.inf
         self.navigator = make_navigator(self.ended)
@@ -247,6 +260,11 @@ class MissionControl:
     def fence(self) -> Fence | None:
         """Where the robot may be; ``None`` while that is not known."""
         return None if self._access is None else self._access.fence
+
+    @property
+    def plane(self) -> LocalFrame:
+        """Plane of all places."""
+        return self._current.field.frame
 
     @property
     def under_way(self) -> bool:
@@ -464,16 +482,28 @@ class MissionControl:
         self._queue.take_fit(name, fit, stamp_s, changing)
         self._plan_if_due()
 
-    def other(self, name: str, status: MissionStatus | None, goes_first: bool = False) -> None:
+    def other(
+        self,
+        name: str,
+        status: MissionStatus | None,
+        goes_first: bool = False,
+        datum: tuple[float, float] | None = None,
+    ) -> None:
         """The status of another robot's mission has come.
 
         :param name: which robot
         :param status: of its mission, ``None`` while none has come
         :param goes_first: whether it keeps the stop when both have chosen the same at the same time; one that
             counts there already keeps it in any case
+        :param datum: latitude and longitude of the datum of its places [deg]; ``None`` if it does not say
         """
-        self._others[name] = status
-        pending = pending_measurement(status) if status is not None else None
+        robot, now_s = self.team.robot(name), self._clock.now_s()
+        if datum is not None and (fault := other_datum(datum, self._current.field.frame)):
+            robot.stranger, status = fault, None
+        pending = None
+        if status is not None:
+            robot.hear(status, now_s, self._outputs.now_s(), goes_first)
+            pending = pending_measurement(status, apart_m=self.team.apart_m)
         self._queue.take_other(name, pending)
         state, access = self._mission.state, self._access
         keeps = goes_first or (status is not None and status.phase is Phase.COUNTING)
@@ -482,6 +512,11 @@ class MissionControl:
         place = np.array([(state.target.stop.x_m, state.target.stop.y_m)])
         if state.phase is Phase.TRAVELLING and taken(place, [pending], access.grid.cell_m)[0]:
             self._feed.give(Command(self._clock.now_s(), Verb.SKIP, f"because {name} goes there"))
+
+    def second(self) -> None:
+        """A second of steady time has passed: robots that are not heard are lost some day."""
+        for name in self.team.pass_time(1.0):
+            self._queue.take_other(name, None)
 
     def ended(self, ended: Ended) -> None:
         """The navigator reports the end of a goal."""
@@ -507,6 +542,9 @@ class MissionControl:
         now_s = self._clock.now_s()
         if now_s > 0:
             doing = self._watching.doing(self._mission, self.navigator)
+            waits = Cause.OTHER_ROBOT in self.watch.on
+            near = self.team.fault(self._feed.place, doing.driving, waits, now_s)
+            self.watch.report(Cause.OTHER_ROBOT, near)
             for event in self.watch.check(now_s, doing):
                 self._feed.give(event)
 
@@ -516,6 +554,9 @@ class MissionControl:
             event = replace(answer, now_s=self._clock.now_s())
             if isinstance(event, Planned):
                 self._choice = event.choice
+                if event.choice is None and self._cut_off:  # the survey is not over: they drive on some day
+                    reason = "other robots stand in the way to the stops that are left"
+                    event = PlanFailed(event.now_s, event.plan_id, reason)
             self._feed.give(event)
 
     def close(self) -> None:
@@ -554,6 +595,7 @@ class MissionControl:
         more = {
             "on_the_way": self.navigator.on_the_way,
             "travel": str(self._learned),
+            DATUM: json.dumps([self._current.field.frame.latitude_deg, self._current.field.frame.longitude_deg]),
             "records_without_place": str(self._records_lost),
             RECORD_STAMP: repr(self._record_stamp_s),
             PLACE_TIME: repr(self._feed.place_s + offset_s),
@@ -575,10 +617,10 @@ class MissionControl:
         problem = self._journal.problem
         faults, weighed = self._queue.faults, ", ".join(self._queue.weighed)
         known = [Health("properties", Level.OK, f"the last stop was chosen with the map of {weighed}")]
-        unheard = [name for name, status in self._others.items() if status is None]
+        others = self.team.health(self.under_way)
         return [
             *([Health("journal", Level.ERROR, problem)] if problem else []),
-            *([Health("others", Level.WARN, f"no status of {', '.join(unheard)} yet")] if unheard else []),
+            *([others] if others is not None else []),
             *([Health("properties", Level.WARN, "; ".join(faults))] if faults else known if weighed else []),
             there,
             self._age("position", now_s - self._feed.place_s, self.watch.limits.fix_old_s),
@@ -644,11 +686,12 @@ class MissionControl:
         try:
             if self._access is None or self._feed.place is None:
                 raise InputError("where the robot is, or may go, is not known")
-            way = self._access.way(self._feed.place, goal.stop)
+            way = self._way(self._access, self._feed.place, goal.stop)
         except InputError as refusal:
             self._feed.give(GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True))
         else:
             self._learned.set_off(self._clock.now_s(), way.corners)
+            self.team.set_off()
             nodes = tuple(map(self._reached, way.nodes))
             self.navigator.go(goal.goal_id, self._reached(goal.stop), replace(way, nodes=nodes))
 
@@ -656,6 +699,50 @@ class MissionControl:
         """The stop with the distance at which the mission takes the robot to be there, by the noise of now."""
         noise_m = SDS * self._mission.state.position_sd_m
         return replace(stop, reach_m=self._mission.current_rules.reach_m(stop, noise_m))
+
+    def _way(self, access: FieldAccess, place: tuple[float, float], stop: Stop) -> Way:
+        """Way to a stop, past the robots that stand.
+
+        :raises InputError: if there is none
+        """
+        if near := self.team.near((stop.x_m, stop.y_m)):
+            raise InputError(f"{stop.name} is not free: {near}", "choose another stop")
+        way, apart_m = access.way(place, stop), self.team.apart_m
+        beside = {name: at for name, at in self.team.standing() if way.passes_m(at) < apart_m + PAST_M}
+        if not (apart_m and beside):
+            return way
+        try:
+            return access.around(place, [at for _, at in self.team.standing()], apart_m).way(place, stop)
+        except InputError as refusal:
+            names = " and ".join(beside)
+            raise InputError(f"{names} stands in the way: {refusal}", "choose another stop") from None
+
+    def _not_free(self, access: FieldAccess, request: RequestPlan, place: tuple[float, float]) -> set[str]:
+        """Names of stops that another robot is too near to, or in the way to."""
+        standing = [at for _, at in self.team.standing()]
+        if not (self.team.apart_m and standing):
+            self._cut_off = False
+            return set()
+        near = {stop.name for stop in access.stops if self.team.near((stop.x_m, stop.y_m))}
+        cut_off: set[str] = set()
+        if access.on_graph:
+            try:
+                around = access.around(place, standing, self.team.apart_m)
+                times = around.travel.travel_s(place, around.stops)
+                reached = {
+                    stop.name for stop, time in zip(around.stops, times, strict=True) if math.isfinite(time)
+                }
+            except InputError:
+                reached = set()
+            cut_off = {stop.name for stop in access.stops} - reached - near
+        rules = self._mission.current_rules
+        self._cut_off = any(
+            stop.name in cut_off - set(request.blacklisted)
+            and rules.travel_s(place, (stop.x_m, stop.y_m)) + rules.needed_dwell_s
+            <= request.budget_left_s - rules.way_home_s((stop.x_m, stop.y_m))
+            for stop in access.stops
+        )
+        return (near | cut_off) - {request.staying}
 
     def _learn(self) -> None:
         """Learn from the leg that has just ended, if one has, how the robot moves."""
@@ -676,6 +763,9 @@ class MissionControl:
             _log.warning(fault)
         rules, state = self._mission.current_rules, self._mission.state
         settings = changed_settings(self._settings, rules, state.changes)
+        if not_free := self._not_free(access, job.request, job.place):
+            blacklisted = (*job.request.blacklisted, *sorted(not_free))
+            job = replace(job, request=replace(job.request, blacklisted=blacklisted))
         self._planning.submit(job, Terms(state.started_s, access, settings, rules))
 
 

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
@@ -57,6 +57,9 @@ class AccessRules:
 NO_MARGIN = AccessRules()
 ROBOT_RADIUS_M = 0.75
 """Half the width of Thorvald [m]."""
+PAST_M = 0.5
+"""Distance that a way past a standing robot keeps in addition, so that noise of the fixes stops nobody [m]."""
+_BESIDE_M = 0.05
 MOVED_M = 2.0
 """A stop that a new map places this far away is another one [m]; frames of robot and field may differ by less."""
 
@@ -171,6 +174,11 @@ class FieldAccess:
         if self.home is not None and (refusal := self.refusal(self.home)):
             raise InputError(f"the home {home} is not allowed: {refusal}", "choose another home")
 
+    @property
+    def on_graph(self) -> bool:
+        """Whether the robot travels along a graph."""
+        return self._fenced is not None
+
     def serves(self, place: tuple[float, float]) -> bool:
         """Whether a robot at this place can use it; otherwise make one for the place."""
         return self._fenced is None or self._fenced.serves(place)
@@ -181,6 +189,31 @@ class FieldAccess:
         :raises InputError: if the home is not known or not allowed, or no allowed way leads there
         """
         return FieldAccess(*self._given, home, place)
+
+    def around(
+        self, place: tuple[float, float], others: Sequence[tuple[float, float]], apart_m: float
+    ) -> FieldAccess:
+        """The same for a robot at a place, with ways that keep apart from places where other robots stand.
+
+        Ways keep :data:`PAST_M` more, and from a robot that stands beside the robot no less than now.
+
+        :param others: where they stand [m]
+        :param apart_m: distance to keep [m]
+        :raises InputError: if no way is left
+        """
+        field, motion, graph, rules, cell_m = self._given
+        angles = np.arange(16) * (np.pi / 8)
+        circle = np.column_stack([np.cos(angles), np.sin(angles)])
+        margin_m = rules.robot_radius_m
+        radii = [min(apart_m + PAST_M, math.dist(place, other) - _BESIDE_M) - 1.1 * margin_m for other in others]
+        rings = [radius * circle + other for other, radius in zip(others, radii, strict=True) if radius > 0]
+        home = "" if self.home is None else self.home.name
+        if self.home is not None:
+            at = self.home.x_m, self.home.y_m
+            if any(math.dist(at, other) < apart_m + PAST_M for other in others):
+                home = ""  # somebody stands there: it is refused as a stop, and needs no way
+        around = replace(field, no_go=(*field.no_go, *rings))
+        return FieldAccess(around, motion, graph, rules, cell_m, home, place)
 
     def refusal(self, stop: Stop) -> str:
         """Why a stop must not be measured at or driven to; empty if it may be."""

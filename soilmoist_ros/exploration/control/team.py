@@ -1,21 +1,26 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Several robots on one field: when one plans, pending measurements of the others count as done.
+"""Several robots on one field: pending measurements of the others count as done, and the robots keep apart.
 
 The kriging variance does not depend on the data, only on where was counted and for how long. So samples that are
 still to come can be put into the kriging as they are expected, and their worth is taken off every place around.
+
+Robots that come too near both stop. The one whose name comes first then drives past the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.mission.types import MissionStatus
+from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS
+from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.samples.samples import as_samples
 
@@ -25,6 +30,19 @@ MIN_EXPOSURE_S = 1e-3
 """What is counted in less changes no map; the variance of its rate need not be a number [s]."""
 SAME_CELLS = 0.5
 """Stops nearer than this to that of another robot count as the same stop [cells]."""
+NEARER_M: Final = 0.5
+"""A robot that sets off beside another one may come this much nearer, by the noise of both fixes [m]."""
+AHEAD_S: Final = 2.0
+"""Time that a robot needs to stop, the second between two statuses of the other one included [s]."""
+WAITS_M: Final = 4.0
+"""Distance, in addition to that which robots keep, from which one that waits lets the other pass [m]."""
+CLOCK_S: Final = 5.0
+"""Difference between the clocks of two robots that is reported [s]; messages are on their way for less."""
+
+_DRIVES: Final = frozenset({Phase.TRAVELLING, Phase.CANCELLING, Phase.RETURNING})
+_WANTS_TO_DRIVE: Final = _DRIVES | {Phase.PLANNING, Phase.WAITING}
+
+Place = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,24 +52,29 @@ class PendingMeasurement:
     :param x_m: east [m]
     :param y_m: north [m]
     :param exposure_s: what is still expected to be counted there [s]; 0: nothing, but the place is taken
+    :param apart_m: distance that other robots keep from it [m]
     """
 
     x_m: float
     y_m: float
     exposure_s: float
+    apart_m: float = 0.0
 
 
-def pending_measurement(status: MissionStatus, mapped_at_once: bool = True) -> PendingMeasurement | None:
+def pending_measurement(
+    status: MissionStatus, mapped_at_once: bool = True, apart_m: float = 0.0
+) -> PendingMeasurement | None:
     """PendingMeasurement of a robot, ``None`` if it has none.
 
     :param status: how its mission stands
     :param mapped_at_once: whether what it has counted at the stop is in the map already
+    :param apart_m: distance that other robots keep from it [m]
     """
     stop = status.target
     if stop is None:
         return None
     left_s = status.planned_dwell_s - (status.dwell_s if mapped_at_once else 0.0)
-    return PendingMeasurement(stop.x_m, stop.y_m, max(left_s, 0.0))
+    return PendingMeasurement(stop.x_m, stop.y_m, max(left_s, 0.0), apart_m)
 
 
 def foreseen(
@@ -94,9 +117,182 @@ def taken(stops_xy: Array, pending_measurements: Sequence[PendingMeasurement], c
     if not len(pending_measurements):
         return np.zeros(len(stops_xy), bool)
     away_m = np.linalg.norm(stops_xy[:, None, :] - places(pending_measurements)[None, :, :], axis=2)
-    return np.asarray((away_m < SAME_CELLS * cell_m).any(axis=1))
+    apart_m = np.maximum([each.apart_m for each in pending_measurements], SAME_CELLS * cell_m)
+    return np.asarray((away_m < apart_m).any(axis=1))
 
 
 def places(pending_measurements: Sequence[PendingMeasurement]) -> Array:
     """Where the pending measurements are, shape (n, 2) [m]."""
     return np.array([(each.x_m, each.y_m) for each in pending_measurements], float).reshape(-1, 2)
+
+
+@dataclass
+class OtherRobot:
+    """What is known of another robot.
+
+    :param goes_first: whether it drives first where two robots meet
+    :param status: the last status of its mission; ``None`` before the first
+    :param heard_s: when it came, on the mission clock [s]
+    :param silent_s: steady time since then [s]
+    :param clock_s: its clock minus the own one, if the last two statuses agree on a difference [s]
+    :param stranger: why its statuses are not used; empty if they are
+    :param velocity: how it moves, east and north [m/s]
+    """
+
+    goes_first: bool = False
+    status: MissionStatus | None = None
+    heard_s: float = -math.inf
+    silent_s: float = 0.0
+    clock_s: float = 0.0
+    stranger: str = ""
+    velocity: Place = (0.0, 0.0)
+    _off_s: float = math.nan
+
+    def hear(self, status: MissionStatus, now_s: float, clock_s: float, goes_first: bool) -> None:
+        """A status has come; the first one may be an old one that was latched.
+
+        :param now_s: time on the mission clock [s]
+        :param clock_s: time on the clock that stamps records and statuses [s]
+        """
+        before_s, self._off_s = self._off_s, status.now_s - clock_s
+        nearest_s = min(before_s, self._off_s, key=abs)  # NaN before the second
+        self.clock_s = nearest_s if min(abs(before_s), abs(self._off_s)) > CLOCK_S else 0.0
+        known = None if self.status is None else self.status.place
+        self.velocity = (
+            _velocity(known, self.heard_s, status.place, now_s) if status.phase in _DRIVES else (0.0, 0.0)
+        )
+        self.goes_first, self.status, self.heard_s = goes_first, status, now_s
+        self.silent_s, self.stranger = 0.0, ""
+
+    @property
+    def wants_to_drive(self) -> bool:
+        """Whether it drives, or will without anybody's help."""
+        return self.status is not None and (self.status.phase in _WANTS_TO_DRIVE or self.status.yields)
+
+
+class Team:
+    """The other robots of a field: where they are, which of them are lost, and how near the robot may come.
+
+    A robot that is silent for ``lost_s`` is lost. What it was about to count is released once it would have
+    counted it. Its last place and its last stop stay taken until it is heard or an operator releases them: a dead
+    robot does not move by itself, and one whose radio is dead has driven on to its stop.
+
+    :param apart_m: distance between the centres of two robots [m]; 0: they do not keep apart
+    :param lost_s: silence after which a robot is lost [s]
+    """
+
+    def __init__(self, apart_m: float = 0.0, lost_s: float = 30.0) -> None:
+        self.apart_m, self.lost_s = apart_m, lost_s
+        self.robots: dict[str, OtherRobot] = {}
+        self._farthest_m: dict[str, float] = {}
+        self._was: tuple[Place, float] | None = None
+        self._velocity: Place = (0.0, 0.0)
+
+    def robot(self, name: str) -> OtherRobot:
+        """The robot of this name."""
+        return self.robots.setdefault(name, OtherRobot())
+
+    def is_lost(self, robot: OtherRobot) -> bool:
+        """Whether a robot was heard, and is not heard any more."""
+        return robot.status is not None and robot.silent_s > self.lost_s
+
+    def pass_time(self, seconds: float) -> list[str]:
+        """Steady time has passed; names of robots whose pending measurement is over [s]."""
+        over = []
+        for name, robot in self.robots.items():
+            robot.silent_s += seconds
+            if robot.status is not None and robot.silent_s > self.lost_s:
+                left_s = robot.status.planned_dwell_s - robot.status.dwell_s
+                over += [name] if robot.silent_s > self.lost_s + left_s else []
+        return over
+
+    def release_lost(self) -> list[str]:
+        """Forget lost robots, as an operator says that they are no longer where they were; their names."""
+        lost = [name for name, robot in self.robots.items() if self.is_lost(robot)]
+        for name in lost:
+            self.robots[name] = OtherRobot()
+        return lost
+
+    def standing(self) -> Iterator[tuple[str, Place]]:
+        """Places to keep away from: where a robot stands, or a lost one may be."""
+        for name, robot in self.robots.items():
+            status, lost = robot.status, self.is_lost(robot)
+            if status is None:
+                continue
+            if status.place is not None and (lost or status.phase not in _DRIVES):
+                yield name, status.place
+            if lost and status.target is not None:
+                yield name, (status.target.x_m, status.target.y_m)
+
+    def near(self, place: Place) -> str:
+        """Robot that stands, or may stand, too near to a place, in words; empty without one."""
+        for name, there in self.standing():
+            if math.dist(place, there) < self.apart_m:
+                return f"{name} is {math.dist(place, there):.1f} m from it, nearer than {self.apart_m:g} m"
+        return ""
+
+    def set_off(self) -> None:
+        """The robot sets off: from now on it comes no nearer to those that are beside it."""
+        self._farthest_m.clear()
+
+    def fault(self, place: Place | None, driving: bool, waiting: bool, now_s: float) -> str:
+        """Robot that is too near, or will be before the robot can stop, in words; empty without one.
+
+        :param place: where the robot is [m]
+        :param driving: whether it drives
+        :param waiting: whether it has stopped for another robot
+        :param now_s: time on the mission clock [s]
+        """
+        found = ""
+        if self._was is None or now_s - self._was[1] >= 1.0:
+            self._velocity = (0.0, 0.0) if self._was is None else _velocity(*self._was, place, now_s)
+            self._was = None if place is None else (place, now_s)
+        for name, robot in self.robots.items():
+            status = robot.status
+            if place is None or status is None or status.place is None:
+                continue
+            drives = status.phase in _DRIVES and not self.is_lost(robot)
+            velocity, age_s = (robot.velocity, now_s - robot.heard_s) if drives else ((0.0, 0.0), 0.0)
+            away = np.subtract(status.place, place) + np.multiply(velocity, age_s)
+            away_m, closing = float(np.hypot(*away)), np.subtract(velocity, self._velocity)
+            farthest_m = self._farthest_m[name] = max(self._farthest_m.get(name, 0.0), away_m)
+            if driving:
+                after_s = np.clip(-(away @ closing) / max(float(closing @ closing), 1e-9), 0.0, AHEAD_S)
+                near_m = float(np.hypot(*(away + after_s * closing)))
+                wrong = near_m < min(self.apart_m, farthest_m - NEARER_M)
+            else:
+                first = robot.goes_first and robot.wants_to_drive and not self.is_lost(robot)
+                wrong = waiting and (drives or first) and away_m < self.apart_m + WAITS_M
+            if wrong and not found:
+                found = f"{name} is {away_m:.1f} m away, and robots keep {self.apart_m:g} m apart"
+        return found
+
+    def health(self, under_way: bool) -> Health | None:
+        """What is wrong with the others; ``None`` without a fault."""
+        faults = []
+        unheard = [name for name, robot in self.robots.items() if robot.status is None and not robot.stranger]
+        if unheard:
+            faults.append(f"no status of {', '.join(unheard)} yet")
+        level = Level.WARN
+        for name, robot in self.robots.items():
+            status = robot.status
+            if robot.stranger:
+                faults.append(f"{name} is not heard: {robot.stranger}")
+            if status is not None and self.is_lost(robot):
+                level = Level.ERROR if under_way else level
+                there = "" if status.place is None else " at ({:.1f}, {:.1f})".format(*status.place)
+                faults.append(
+                    f"{name} is lost: last heard {robot.silent_s:.0f} s ago{there}; no way leads within "
+                    f"{self.apart_m:g} m of its place and its stop until it is heard, or somebody who knows where "
+                    "it is calls planner/release_lost"
+                )
+            elif robot.clock_s:
+                faults.append(f"the clock of {name} differs by {robot.clock_s:+.0f} s: set the time of both")
+        return Health("others", level, "; ".join(faults)) if faults else None
+
+
+def _velocity(before: Place | None, before_s: float, place: Place | None, now_s: float) -> Place:
+    """Velocity between two places [m/s]; 0 if one is missing, or they are too far apart in time."""
+    if before is None or place is None or not 0.2 <= now_s - before_s <= 5.0:
+        return 0.0, 0.0
+    return (place[0] - before[0]) / (now_s - before_s), (place[1] - before[1]) / (now_s - before_s)

@@ -36,6 +36,7 @@ class Cause(StrEnum):
     COUNTS_FRAME = "counts_frame"
     COUNTS_STAMP = "counts_stamp"
     COUNTS_BAD = "counts_bad"
+    OTHER_ROBOT = "other_robot"
 
 
 @dataclass(frozen=True)
@@ -177,6 +178,12 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             Response.PAUSE,
             ("counts_bad_s",),
             "check the sensor as /diagnostics says; the mission can be resumed when its counts are good again",
+        ),
+        Cause.OTHER_ROBOT: Failsafe(
+            "another robot is nearer than the limit while the robot drives, or is to drive first where both met",
+            Response.HOLD,
+            ("keep_apart_m",),
+            "the robot drives on by itself when the other one is away or stands; if both wait, move one of them",
         ),
     }
 )

@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from soilmoist_ros.exploration.mission.types import (
+    OTHER_ROBOT,
     READY,
     Alarm,
     Changes,
@@ -344,6 +345,8 @@ def mission_status(rules: MissionRules, state: MissionState) -> MissionStatus:
         ruled_out=state.ruled_out,
         forecast=state.forecast,
         forecast_s=state.forecast_s,
+        place=state.position,
+        yields=state.phase is Phase.PAUSED and any(alarm.cause == OTHER_ROBOT for alarm in state.alarms),
     )
 
 

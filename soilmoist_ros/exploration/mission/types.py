@@ -22,6 +22,8 @@ READY = "waiting for start"
 """End of the reason of a mission that can be started."""
 PUBLISHED_MIN_LAST_DWELL_S = 60.0
 """With the published presets, stops that leave less for counting are skipped [s]."""
+OTHER_ROBOT = "other_robot"
+"""Cause of an alarm: another robot is too near."""
 MAX_UNTIL_SD = 0.5
 """Largest standard deviation that can end a mission [m^3/m^3, or share of the rate]; more is meant in percent."""
 
@@ -326,6 +328,8 @@ class MissionStatus:
     :param ruled_out: areas in which no stop is chosen
     :param forecast: the last forecast of the map's standard deviation
     :param forecast_s: when it was made [s]; ``None`` without one
+    :param place: where the robot is [m]; ``None`` if that is not known
+    :param yields: whether it is paused until another robot is away
     """
 
     now_s: float
@@ -359,3 +363,5 @@ class MissionStatus:
     ruled_out: Polygons = ()
     forecast: Forecast | None = None
     forecast_s: float | None = None
+    place: tuple[float, float] | None = None
+    yields: bool = False

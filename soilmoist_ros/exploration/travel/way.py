@@ -26,3 +26,10 @@ class Way:
 
     corners: Array
     nodes: tuple[Stop, ...] = ()
+
+    def passes_m(self, place: tuple[float, float]) -> float:
+        """Shortest distance of the route from a place [m]."""
+        import shapely
+
+        corners = self.corners if len(self.corners) > 1 else np.repeat(self.corners, 2, axis=0)
+        return float(shapely.LineString(corners).distance(shapely.Point(place)))

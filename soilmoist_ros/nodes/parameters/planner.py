@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import Final
 
 from soilmoist_ros.exploration.control.mission_setup import ROBOT_RADIUS_M, AccessRules, ExplorerSettings
+from soilmoist_ros.exploration.control.team import Team
 from soilmoist_ros.exploration.guard.fenced_graph import Outside
 from soilmoist_ros.exploration.mission.types import (
     MAX_UNTIL_SD,
@@ -65,6 +66,22 @@ PARAMETERS: Final = (
         [],
         "namespaces of other robots whose planners explore the same field: where one is going or counting, this "
         "one does not go; the own namespace is ignored",
+    ),
+    _row(
+        "keep_apart_m",
+        0.0,
+        "distance between the centres of this robot and of each of others: for stops, ways past standing robots, "
+        "and while it drives; 0 for 2 m, or 1 m more than twice robot_radius_m if that is more",
+        "m",
+        0.0,
+    ),
+    _row(
+        "other_silent_s",
+        30.0,
+        "a robot of others whose mission was not heard for this time is lost: its place stays taken until it is "
+        "heard or somebody calls planner/release_lost",
+        "s",
+        3.0,
     ),
     _row(
         "properties",
@@ -307,6 +324,18 @@ def _knowledge(parameters: Parameters, field: Field, calibration: MoistureCurve 
     target = Target(field.frame, field.grid(), FieldMapSettings(curve=calibration))
     runs = read_earlier_runs(paths, target) if paths else ()
     return Knowledge(tuple(run.survey for run in runs), read_covariates(sources, field.frame, target.grid))
+
+
+def make_team(parameters: Parameters) -> Team:
+    """The other robots on the field.
+
+    Two robots touch when their centres are two radii apart. The places of both are known to some 0.3 m with
+    corrections, so 1 m is three standard deviations of their distance, rounded up. 2 m is for robots whose radius
+    is not given.
+    """
+    number = parameters.number
+    apart_m = number("keep_apart_m") or max(2.0, 2 * number("robot_radius_m") + 1.0)
+    return Team(apart_m, number("other_silent_s"))
 
 
 def _required(calibration: MoistureCurve | None) -> MoistureCurve:

@@ -14,6 +14,7 @@ from std_msgs.msg import String
 from msg_adapters.counts import counts_from_message, counts_to_message, quarantined_to_message
 from msg_adapters.environment import fix_to_message, weather_to_messages
 from msg_adapters.raw_line import line_to_message
+from soilmoist_ros.foundation.geodesy import LatLon
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.wiring.driver_header import StoredHeader
@@ -29,9 +30,15 @@ class DriverOutputs:
 
     :param node: the node that publishes
     :param given: parameters of the node
+
+    Attributes
+    ----------
+    datum : tuple[float, float] or None
+        datum of the places of the records [deg]
     """
 
     def __init__(self, node: Node, given: Parameters) -> None:
+        self.datum: LatLon | None = None
         self._node = node
         self._frames = given.text("frame_id"), given.text("sensor_frame"), given.text("gnss_frame")
         self._folder = given.text("record_dir")
@@ -75,7 +82,7 @@ class DriverOutputs:
 
     def publish(self, batch: Batch) -> None:
         """Publish what has come; each record is stored before."""
-        frame, sensor, gnss = self._frames
+        (frame, sensor, gnss), datum = self._frames, self.datum
         for name, lines in (("raw/logger", batch.logger_lines), ("raw/gnss", batch.gnss_lines)):
             for line in lines:
                 self._publishers[name].publish(line_to_message(line))
@@ -84,7 +91,7 @@ class DriverOutputs:
         for reading in batch.readings:
             for name, message in weather_to_messages(reading, sensor).items():
                 self._publishers[name].publish(message)
-        good = [counts_to_message([record], frame) for record in batch.records if not record.quarantine]
+        good = [counts_to_message([record], frame, datum) for record in batch.records if not record.quarantine]
         bad = [quarantined_to_message([record], frame) for record in batch.records if record.quarantine]
         self._store([record for message in (*good, *bad) for record in counts_from_message(message)], batch.header)
         for name, messages in (("counts", good), (QUARANTINED, bad)):

@@ -12,19 +12,21 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from msg_adapters.battery import battery_from_message
-from msg_adapters.counts import counts_from_message
+from msg_adapters.counts import counts_from_message, require_plane
 from msg_adapters.diagnostics import diagnostics_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import OtherFrameError, require_frame
 from msg_adapters.samples import samples_from_message
 from msg_adapters.stamps import to_seconds
-from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_control import DATUM, MissionControl
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.travel.topological_map import TopologicalMap, parse_topological_map
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.nodes.parameters.declaration import other_namespaces
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS, SENSOR
 from soilmoist_ros.nodes.runtime.topic_types import other_type
@@ -92,6 +94,8 @@ class PlannerInputs:
         for name in other_namespaces(node, others):
             control.other(name, None)
             node.create_subscription(DiagnosticStatus, f"{name}/mission", partial(self._on_other, name), LATCHED)
+        if control.team.robots:
+            node.create_service(Trigger, "planner/release_lost", self._release_lost)
 
     def _on_fix(self, message: NavSatFix) -> None:
         fix = fix_from_message(message, self._node.get_clock().now().nanoseconds * 1e-9)
@@ -112,7 +116,7 @@ class PlannerInputs:
     def _read_counts(self, name: str, message: PointCloud2) -> Sequence[CountRecord]:
         try:
             records = counts_from_message(message)
-            require_frame(message, self._frames.settings.frame)
+            require_plane(message, self._frames.settings.frame, self._control.plane)
         except OtherFrameError as error:
             self._control.watch.note(Cause.COUNTS_FRAME, str(error))
             self._ignore(f"{name} counts", error)
@@ -138,9 +142,20 @@ class PlannerInputs:
 
     def _on_other(self, name: str, message: DiagnosticStatus) -> None:
         try:
-            self._control.other(name, mission_from_message(message), name < self._node.get_namespace())
-        except ValueError as error:
+            values = {each.key: each.value for each in message.values}
+            found = read_json(values.get(DATUM, "null"))
+            datum = None if found is None else (float(found[0]), float(found[1]))
+            first = name < self._node.get_namespace()
+            self._control.other(name, mission_from_message(message), first, datum)
+        except (ValueError, TypeError, LookupError) as error:
             self._ignore(f"{name}/mission", error)
+
+    def _release_lost(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Say that lost robots are no longer where they were heard last."""
+        names = ", ".join(self._control.team.release_lost())
+        response.success, response.message = bool(names), f"released: {names}" if names else "no robot is lost"
+        self._node.get_logger().warning(f"planner/release_lost: {response.message}")
+        return response
 
     def _on_map(self, message: String) -> None:
         try:
@@ -176,6 +191,7 @@ class PlannerInputs:
     def tick(self) -> None:
         """Check the frames, and use a map that waits; to be called every second."""
         self._control.watch.report(Cause.FRAME_MISMATCH, self._frames.tick())
+        self._control.second()
         if not self._control.heard.epochs:
             self._control.heard.other_type = other_type(self._node, "fix", FIX_TYPE)
         self._ticks += 1

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pending measurements of other robots count as done, and no robot goes where another one is."""
 
+import math
+from concurrent.futures import Executor, Future
 from dataclasses import replace
+from itertools import combinations, permutations
 
 import numpy as np
 import pytest
@@ -10,21 +13,41 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, pending_measurement, taken
+from soilmoist_ros.exploration.control.mission_clock import MissionClock
+from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest
+from soilmoist_ros.exploration.control.team import (
+    PendingMeasurement,
+    Team,
+    foreseen,
+    pending_measurement,
+    taken,
+)
 from soilmoist_ros.exploration.mission.actions import RequestPlan
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind, Verb
+from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping import PoissonKriging
+from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.sensing.records import CountRecord
+
+pytest.importorskip("diagnostic_msgs")
+from msg_adapters.mission import mission_from_message, mission_to_message
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [30, 0], [30, 20], [0, 20]], float), 2.5)
 STOPS = cell_stops(GRID)
@@ -152,3 +175,191 @@ def test_robots_that_begin_together_do_not_all_go_to_the_middle():
         request(PlanKind.WARM_UP), (0.0, 0.0), [PendingMeasurement(middle.x_m, middle.y_m, 60.0)]
     ).choice.stop  # fmt: skip
     assert np.hypot(other.x_m - middle.x_m, other.y_m - middle.y_m) >= 10.0
+
+
+BEGIN_S = 1.78e9
+APART_M = 2.0
+Y_M = 32.5
+
+
+class Robot:
+    """A robot of a team at 1 m/s with its planner; it is navigator and outputs of its planner, too."""
+
+    def __init__(self, name, place, graph=None):
+        self.name, self.place, self.way, self.goal_id = name, place, [], None
+        self.heard, self.waiting_for, self.on_the_way, self.caution = True, "", "", ""
+        self.feedback_age_s, self.time_s, self.visits, self.log = math.nan, BEGIN_S, [], []
+        square = np.array([[0, 0], [60, 0], [60, 60], [0, 60]], float)
+        dwell = parse_dwell("fmi:60")
+        settings = ExplorerSettings(
+            strategy="random", preset="paper", seed=1, dwell=dwell, motion=RobotMotion(1.0),
+            access=AccessRules(robot_radius_m=0.5),
+        )  # fmt: skip
+        rules = MissionRules(budget_s=7200.0, dwell=dwell, warm_up_stops=0, speed_mps=1.0)
+        self.control = MissionControl(
+            Field("square", LocalFrame(53.0, 0.0), square, (), 5.0), settings, rules, "", 0.0, self.navigator,
+            self, executor=AtOnce(), clock=MissionClock(self.now_s, self.now_s, "boot"), team=Team(APART_M),
+        )  # fmt: skip
+        self.control.use_graph(graph)
+
+    def navigator(self, report):
+        self.report = report
+        return self
+
+    def go(self, goal_id, stop, way):
+        self.goal_id, self.way = goal_id, [tuple(corner) for corner in way.corners[1:].tolist()]
+
+    def cancel(self, goal_id):
+        if self.goal_id is not None:
+            self.goal_id, self.way = None, []
+            self.report(Ended(goal_id, Outcome.CANCELED, "cancelled"))
+
+    def now_s(self):
+        return self.time_s
+
+    def visit(self, visit):
+        self.visits.append(visit)
+
+    def show(self, status, ahead, more):
+        self.shown = status
+
+    moved = tick = save = finish = wake = lambda self, *_: None
+
+    def second(self):
+        self.time_s += 1.0
+        left_m = 1.0
+        while self.way and left_m > 0:
+            away_m = math.dist(self.place, self.way[0])
+            share = min(1.0, left_m / away_m) if away_m else 1.0
+            self.place = tuple(a + share * (b - a) for a, b in zip(self.place, self.way[0], strict=True))
+            left_m -= away_m
+            self.way = self.way[share == 1.0 :]
+        self.control.fix(self.place, 0.02, self.time_s)
+        if self.goal_id is not None and not self.way:
+            goal_id, self.goal_id = self.goal_id, None
+            self.report(Ended(goal_id, Outcome.SUCCEEDED, "arrived"))
+        if self.time_s % 10 == 0:
+            self.control.records([CountRecord(self.time_s, *self.place, 0.0, 40, 10.0, 10.0)])
+        self.control.second()
+        self.control.tick()
+        self.control.check()
+        self.control.hand_on()
+        self.control.show()
+
+    def asked(self, where):
+        """Drive there now."""
+        there = {"stops": (where,)} if isinstance(where, str) else {"place": where}
+        assert self.control.request(OperatorRequest(Verb.MEASURE, dwell="60", **there)).code == "accepted"
+        if self.goal_id is not None and "requested" not in self.shown.reason:
+            assert self.control.command(Verb.SKIP).accepted
+
+    @property
+    def others(self):
+        return next((part for part in self.control.health() if part.name == "others"), None)
+
+
+class AtOnce(Executor):
+    """Plans in the thread that asks."""
+
+    def submit(self, work, /, *args, **kwargs):
+        work(*args, **kwargs)
+        return Future()
+
+
+def together(robots, condition, limit_s=600, nearest_m=0.9 * APART_M):
+    """Let time pass until a condition holds: robots tell each other how they are, and keep apart."""
+    for _ in range(limit_s):
+        if condition():
+            return
+        for robot in robots:
+            robot.second()
+        for robot, other in permutations(robots, 2):
+            if other.heard:
+                said = mission_from_message(mission_to_message(other.shown))
+                robot.control.other(other.name, said, other.name < robot.name)
+        for robot, other in combinations(robots, 2):
+            assert math.dist(robot.place, other.place) >= nearest_m, (robot.shown, other.shown)
+    raise AssertionError([(robot.name, robot.place, robot.shown.reason) for robot in robots])
+
+
+def begun(*robots):
+    for robot in robots:
+        for _ in range(3):
+            robot.second()
+        assert robot.control.command(Verb.START).accepted
+    return robots
+
+
+AISLE = TravelGraph(
+    tuple(f"n{i}" for i in range(12)),
+    np.array([(2.5 + 5.0 * i, Y_M) for i in range(12)]),
+    np.array([(i, j) for i in range(12) for j in (i - 1, i + 1) if 0 <= j < 12]),
+    np.full(22, 5.0),
+)
+
+
+@pytest.mark.parametrize("graph", [None, AISLE], ids=["free", "aisle"])
+def test_robots_that_meet_head_on_keep_apart_and_both_go_on(graph):
+    robots = one, two = begun(Robot("/robot_1", (12.5, Y_M), graph), Robot("/robot_2", (47.5, Y_M), graph))
+    one.asked((57.5, Y_M) if graph is None else "n11")
+    two.asked((2.5, Y_M) if graph is None else "n0")
+    met = []
+
+    def both_have_met():
+        met.append([alarm.cause for robot in robots for alarm in robot.shown.alarms])
+        return met[-1]
+
+    together(robots, both_have_met, 100)
+    together(robots, lambda: not one.shown.alarms and one.goal_id is not None, 100)
+    assert two.goal_id is None, "the second one in order waits"
+    visits = [len(robot.visits) for robot in robots]
+    together(robots, lambda: all(len(r.visits) > v + 1 for r, v in zip(robots, visits, strict=True)), 3000)
+    assert not any(robot.shown.needs_operator for robot in robots)
+
+
+def test_a_stop_too_near_to_another_robot_is_not_chosen_and_a_way_leads_past_it():
+    one, two = Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0))
+    together([one, two], lambda: one.time_s > BEGIN_S + 5)
+    begun(one)
+    one.asked((57.5, 30.0))
+    way = [(2.5, 30.0), *one.way]
+    assert one.way[-1][0] == 57.5
+    assert Way(np.array(way)).passes_m(two.place) >= APART_M
+    together([one, two], lambda: one.visits)
+    assert one.control.request(OperatorRequest(Verb.MEASURE, place=(31.0, 30.0), dwell="60")).code == "accepted"
+    together([one, two], lambda: "/robot_2 is 1.0 m from it" in one.shown.reason, 100)
+    assert one.shown.failures == 1
+
+
+def test_a_robot_that_falls_silent_is_lost_and_its_place_stays_taken_until_somebody_releases_it():
+    one, two = Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0))
+    begun(one, two)
+    two.asked((47.5, 32.5))
+    together([one, two], lambda: two.place[0] > 38)
+    two.heard, died = False, two.place
+    together([one], lambda: one.time_s > two.time_s + 25)
+    assert one.others is None
+    together([one], lambda: one.others is not None, 10)
+    assert one.others.level is Level.ERROR
+    assert "/robot_2 is lost: last heard 3" in one.others.message
+    assert f"({died[0]:.1f}, {died[1]:.1f})" in one.others.message
+    places = dict(one.control.team.standing()), list(one.control.team.standing())
+    assert [there for _, there in places[1]] == [pytest.approx(died, abs=0.1), (47.5, 32.5)]
+    assert one.control.team.near(died)
+    # What it was to count there is released when it would have been counted.
+    job = lambda: one.control._queue._others  # noqa: E731
+    assert job()
+    together([one], lambda: not job(), 120)
+    assert one.control.team.near(died), "a dead robot does not move away"
+    assert one.control.team.release_lost() == ["/robot_2"]
+    assert not one.control.team.near(died)
+    assert one.control.team.release_lost() == []
+
+
+@pytest.mark.parametrize(("off_s", "named"), [(0.0, False), (2.0, False), (40.0, True), (-3600.0, True)])
+def test_a_clock_that_differs_is_named(off_s, named):
+    one, two = Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0))
+    two.time_s += off_s
+    together([one, two], lambda: one.time_s > BEGIN_S + 10)
+    said = "" if one.others is None else one.others.message
+    assert (f"the clock of /robot_2 differs by {off_s:+.0f} s" in said) == named

@@ -557,6 +557,20 @@ def test_a_response_can_be_weakened(response):
     assert set(farm.alarms) == ({"frame_mismatch"} if response is Response.WARN else set())
 
 
+def test_a_robot_in_the_way_holds_the_mission_until_it_is_away(farm):
+    """More of "other_robot" is in test_team."""
+    ahead = tuple(a + 3.0 * (b - a) / farm.way_m for a, b in zip(farm.place, farm.goal[1], strict=True))
+    farm.control.team.apart_m = 2.0
+    there = replace(farm.status, phase=Phase.TRAVELLING, target=None, place=ahead)
+    for _ in range(2):
+        farm.control.other("/robot_2", there)
+        farm.second()
+    assert farm.alarms == {"other_robot": Response.HOLD}
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
+    farm.control.other("/robot_2", replace(there, place=(90.0, 90.0)))
+    goes_on(farm)
+
+
 def test_alarms_of_a_mission_that_was_interrupted_end(farm):
     farm.fixes = farm.sensor = False
     farm.run(lambda: farm.alarms, 20)
