@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import signal
 from dataclasses import replace
 
@@ -391,3 +392,36 @@ def test_mistakes_in_parameters_end_it_with_a_suggestion(ros, params, said):
     process = ros.start("mapper", params=params)
     assert process.wait() == 2
     assert said in process.output()
+
+
+@pytest.mark.parametrize("missed", ["late start", "outage"])
+def test_a_mapper_gets_the_records_of_another_robot_that_it_has_missed(ros, field, missed):
+    names, stops = ["/robot_1", "/robot_2"], survey_records(24)
+    params = {"field": str(field), "site": "example", "use_sim_time": True, "others": names}
+    records = [replace(stops[i % 24], stamp_s=BEGIN_S + 10 * i) for i in range(500)]
+    publisher = ros.node.create_publisher(PointCloud2, "/robot_1/counts", qos.RECORDS)
+    samples = {name: ros.collect(PointCloud2, f"{name}/samples", qos.LATCHED) for name in names}
+    maps = {name: ros.collect(PointCloud2, f"{name}/soil_map", qos.LATCHED) for name in names}
+    sent = ros.collect(PointCloud2, "/robot_1/missed_counts", qos.RECORDS)
+
+    def counts(name):
+        return int(samples_from_message(samples[name][-1]).counts.sum()) if samples[name] else 0
+
+    ros.start("mapper", params=params, namespace=names[0])
+    second = ros.start("mapper", params=params, namespace=names[1]) if missed == "outage" else None
+    ros.wait_for(lambda: publisher.get_subscription_count() == (1 if second is None else 2))
+    if second is not None:
+        os.kill(second.process.pid, signal.SIGSTOP)
+    for end in range(50, 501, 50):
+        publish(publisher, records[end - 50 : end])
+        ros.wait_for(lambda end=end: counts(names[0]) == sum(one.raw_counts for one in records[:end]))
+    if second is not None:
+        os.kill(second.process.pid, signal.SIGCONT)
+    else:
+        ros.start("mapper", params=params, namespace=names[1])
+    ros.wait_for(lambda: counts(names[1]) == counts(names[0]), message="the records that were missed")
+    assert 0 < sum(message.width for message in sent) <= 2 * len(records)
+    core = on_line(field, records)
+    wanted = map_cells(core.grid, core.compute(core.state)).tobytes()
+    for name in names:
+        ros.wait_for(lambda name=name: maps[name] and soil_map_from_message(maps[name][-1]).tobytes() == wanted)
