@@ -124,6 +124,11 @@ class MapRecords:
         self._seen.pop(source, None)
         return self.take(source, records)
 
+    @property
+    def in_order(self) -> list[CountRecord]:
+        """The records in the order in which the map has added them."""
+        return self._records
+
     def reset(self, until_s: float | None = None) -> float:
         """Remove all records; sources other than messages bring only later ones from now on.
 

@@ -6,11 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.recording.bag.reader import BagReader, bags_of
 from soilmoist_ros.recording.bag.storage import recorder_notes
+from soilmoist_ros.recording.map_records import RECEIVED, TEAM, TEAM_S, MapRecords, record_key
+from soilmoist_ros.recording.record_exchange import MISSED
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, message_files, read_parameters
 from soilmoist_ros.replay.bag_lines import logger_topic
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
@@ -38,6 +41,7 @@ from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.sensing.corrections.reference import Reference
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
+from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 Progress = Callable[[str, float], None]
@@ -171,6 +175,7 @@ def _read(
     frame = str(read_parameters(configuration, "mapper").get("frame", ""))  # the mapper skips counts of others
     places = recorded_places(configuration, survey.field)
     robots: list[RunTopics] = []
+    others: list[str] = []
     if chosen.from_lines:
         robots = [
             RunTopics.of_counts(reader, f"{logger_topic(reader, chosen.logger_topic).rpartition('/')[0]}/counts")
@@ -189,9 +194,12 @@ def _read(
             together = read_parameters(configuration, "mapper").get("others", ())
             robots = RunTopics.of_team(reader, chosen.counts_topic, together)
         robots = robots or [RunTopics.of_counts(reader, reader.find_topic(chosen.counts_topic, CLOUD))]
-        counted = reader.read_counts_of([robot.counts for robot in robots], frame)
+        others, missed = _of_others(robots, configuration)
+        counted = reader.read_counts_of([*missed, *(robot.counts for robot in robots), *others], frame)
         placed = places.records([record for _, record in counted])
         counted = [(name, record) for (name, _), record in zip(counted, placed, strict=True)]
+        if missed:
+            counted = _in_order(counted, missed, survey)
     doubts = {name: places.doubts(reader, name) for name in {name for name, _ in counted}}
     counted = [(name, doubts[name].placed(record)) for name, record in counted]
     records = [record for _, record in counted]
@@ -232,7 +240,44 @@ def _read(
         if statuses := last_mission(read_statuses(robot)):
             visits = places.visits(mission_visits(statuses, read_visits(robot, number), its))
             missions.append(RobotMission(number, read_planner(configuration, robot), statuses, visits, its))
-    return _Content(survey, raw, len(robots) > 1, missions, simulated, properties, reference)
+    return _Content(survey, raw, len(robots) > 1 or bool(others), missions, simulated, properties, reference)
+
+
+def _of_others(robots: Sequence[RunTopics], configuration: Path | None) -> tuple[list[str], list[str]]:
+    """Topics of other robots that the mapper of the only robot has mapped: counts, and counts sent again."""
+    space, _, last = robots[0].counts.rpartition("/")
+    topics = robots[0].reader.topics
+    if len(robots) > 1 or not space or topics.get(f"{space}/soil_map") != CLOUD:
+        return [], []
+    names = [f"/{name.strip('/')}" for name in read_parameters(configuration, "mapper").get("others", ())]
+    found = [
+        [f"{name}/{topic}" for name in names if name != space and topics.get(f"{name}/{topic}") == CLOUD]
+        for topic in (last, MISSED)
+    ]
+    return found[0], found[1]
+
+
+def _in_order(
+    counted: Sequence[tuple[str, CountRecord]], missed: Sequence[str], survey: FieldSurvey
+) -> list[tuple[str, CountRecord]]:
+    """Records in the order in which the mapper added them, each once.
+
+    :param counted: records in the order of recording, each with its topic
+    :param missed: topics with records that mappers have sent again
+    """
+    records, topics = MapRecords(survey.map, TEAM_S), dict[bytes, str]()
+    for again, some in groupby(counted, key=lambda each: each[0] in missed):
+        part = list(some)
+        for name, record in part:
+            if not again or record_key(record) not in topics:
+                topics[record_key(record)] = name
+        found = [record for _, record in part]
+        if again:
+            records.read_anew(TEAM, found)
+        else:
+            records.take(RECEIVED, found)
+    survey.map.reset()
+    return [(topics[record_key(record)], record) for record in records.in_order]
 
 
 def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -> RunTopics:

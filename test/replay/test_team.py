@@ -93,3 +93,43 @@ def test_one_of_them_can_be_mapped_alone(run_of):
 def test_robots_whose_mapper_maps_one_of_them_are_no_team(run_of):
     with pytest.raises(InputError, match="has several topics 'counts'"):
         replay_bag(run_of([]))
+
+
+@pytest.mark.slow
+def test_a_replay_has_the_records_of_another_robot_that_its_mapper_got_later(tmp_path):
+    """Robot 1 misses a third of robot 2's records; they come at the end, some that it has among them."""
+    run = tmp_path / "run"
+    shutil.copytree(GOLDEN / CONFIGURATION, run / CONFIGURATION)
+    write_parameters(run, "mapper", {**read_parameters(run / CONFIGURATION, "mapper"), "others": list(ROBOTS)})
+    with (
+        AnyReader([GOLDEN / "bag"]) as reader,
+        Writer(run / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
+        kept = {one.topic: one for one in reader.connections if one.topic in ("/counts", "/samples", "/soil_map")}
+        added = {
+            name: writer.add_connection(name, kept[of].msgtype, typestore=reader.typestore)
+            for name, of in (
+                ("/robot_1/counts", "/counts"),
+                ("/robot_2/counts", "/counts"),
+                ("/robot_2/missed_counts", "/counts"),
+                ("/robot_1/samples", "/samples"),
+                ("/robot_1/soil_map", "/soil_map"),
+            )
+        }
+        found = list(reader.messages([kept["/counts"]]))
+        end_ns = found[-1][1]
+        later = []
+        for number, (_, stamp_ns, data) in enumerate(found):
+            robot = ROBOTS[number % 2]
+            missing = robot == "robot_2" and len(found) // 3 < number < 2 * len(found) // 3
+            later += [data] if (robot == "robot_2" and number > len(found) // 4 and number % 3) or missing else []
+            if not missing:
+                writer.write(added[f"/{robot}/counts"], stamp_ns, data)
+        for data in later:
+            writer.write(added["/robot_2/missed_counts"], end_ns, data)
+        for topic in ("/samples", "/soil_map"):
+            *_, (_, stamp_ns, data) = reader.messages([kept[topic]])
+            writer.write(added[f"/robot_1{topic}"], max(stamp_ns, end_ns), data)
+    replay = replay_bag(run, ReplaySettings(counts_topic="/robot_1/counts"))
+    assert len(replay.run.track) == len(found)
+    assert replay.comparisons[0].same or replay.comparisons[0].is_rounding, replay.comparisons[0].message
