@@ -26,7 +26,7 @@ def command() -> None:
 @click.argument("bag", type=FILE)
 @answering
 def bag_info_command(bag: Path) -> None:
-    """Show the content of a BAG. Exit code 1 if the bag is damaged or unfinished."""
+    """Show the content of a BAG. Exit code 1 if the bag is not whole."""
     from soilmoist_ros.recording.bag.info import bag_info
     from soilmoist_ros.recording.bag.tables import info_table, print_plain
     from soilmoist_ros.recording.run_folder import bag_of
@@ -44,7 +44,7 @@ def bag_info_command(bag: Path) -> None:
 @click.argument("bags", type=FILE, nargs=-1, required=True)
 @answering
 def bag_verify_command(bags: tuple[Path, ...]) -> None:
-    """Verify BAGS: checksums, every message, and what the metadata say. Exit code 1 if something is wrong."""
+    """Verify BAGS: checksums, every message, and what the metadata say. Exit code 1 if one is not whole."""
     from soilmoist_ros.recording.bag.tables import print_plain, verified_table
     from soilmoist_ros.recording.bag.verify import verify_bag
     from soilmoist_ros.recording.run_folder import bag_of

@@ -224,7 +224,7 @@ def _journal_seq(folder: Path) -> int:
 
 def _bags(path: Path, folder: Path) -> list[Path]:
     """Bags in a folder that were written since the session began."""
-    from soilmoist_ros.recording.bag.recovery import mcap_files
+    from soilmoist_ros.recording.bag.verify import mcap_files
 
     bags = [path] if any(path.glob("*.mcap")) else sorted({file.parent for file in path.glob("*/*.mcap")})
     started = _session_file(folder)

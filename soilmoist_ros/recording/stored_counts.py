@@ -17,8 +17,8 @@ from rosbags.typesys import Stores, get_typestore
 from soilmoist_ros.recording.bag.info import BagInfo
 from soilmoist_ros.recording.bag.point_cloud import QUARANTINED, count_records, quarantined_topic
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.recovery import mcap_files
 from soilmoist_ros.recording.bag.storage import TOO_MUCH
+from soilmoist_ros.recording.bag.verify import mcap_files
 from soilmoist_ros.recording.mcap.chunks import Allowance, TooMuchError
 from soilmoist_ros.recording.mcap.scan import McapScan
 from soilmoist_ros.sensing.records import CountRecord

@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-import re
 import shutil
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
@@ -13,10 +13,9 @@ from pathlib import Path
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.retention import NUMBER, next_number
-from soilmoist_ros.recording.bag.storage import TOO_MUCH, inside
+from soilmoist_ros.recording.bag.verify import compared, findings, mcap_files
 from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
-from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES
-from soilmoist_ros.recording.mcap.metadata import Extent
+from soilmoist_ros.recording.mcap.metadata import BagFile, Extent
 from soilmoist_ros.recording.mcap.scan import McapScan, ScannedMessage
 
 
@@ -38,32 +37,6 @@ class RecoveredBag:
     problems: tuple[str, ...]
 
 
-def mcap_files(path: Path) -> list[Path]:
-    """MCAP files of a bag in the order of recording.
-
-    :param path: folder of a bag, or one of its files
-    :raises InputError: if there are none, or one is a link to a file outside of the folder
-    """
-    if path.is_file() and path.suffix == ".mcap":
-        return [path]
-    if path.is_dir():
-        found = [inside(path, file) for file in sorted(path.glob("*.mcap"), key=_split_number)]
-        if found:
-            return found
-        if any(path.glob("*.mcap.zstd")):
-            raise InputError("its files are compressed", "unpack them with unzstd first", path)
-    if not path.exists():
-        raise InputError("there is no such bag", "give the folder of a bag or an MCAP file", path)
-    names = [path.name, *(file.name for file in path.glob("*"))]
-    if any(re.search(r"\.db3(\.zstd)?$", name) for name in names):
-        message = "is an SQLite bag, which needs no recovery and has no checksums: this command is for MCAP"
-        raise InputError(message, "see soilmoist bag info; without metadata.yaml: ros2 bag reindex", path)
-    if any(name.endswith(".bag") for name in names):
-        message = "is a bag of ROS 1: this command is for MCAP"
-        raise InputError(message, "see soilmoist bag info; if it was not closed: rosbag reindex (ROS 1)", path)
-    raise InputError("holds no MCAP file", "give the folder of a bag or an MCAP file", path)
-
-
 def recover_bag(path: Path, out: Path) -> RecoveredBag:
     """Write every complete message of a bag into a new bag that any reader accepts.
 
@@ -72,7 +45,15 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
     :raises InputError: if nothing can be read, or the new bag cannot be written
     """
     scans = [McapScan(file) for file in mcap_files(path)]
-    messages = chain.from_iterable(_readable(scan) for scan in scans)
+    extents, found = [Extent()] * len(scans), Counter[str]()
+
+    def readable(number: int) -> Iterator[ScannedMessage]:
+        for message in _readable(scans[number]):
+            extents[number] = extents[number].with_message(message.log_ns)
+            found[message.topic.name] += 1
+            yield message
+
+    messages = chain.from_iterable(map(readable, range(len(scans))))
     first = next(messages, None)
     if first is None:
         raise InputError("holds no complete message", "nothing can be recovered: remove it", path)
@@ -92,34 +73,11 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
         shutil.rmtree(out, ignore_errors=True)
         raise InputError(f"cannot be written: {error.strerror}", "choose a disk with more space", out) from None
     problems = [text for scan in scans for text in findings(scan)]
+    if path.is_dir() and not any(is_being_written(scan.path) for scan in scans):
+        files = [BagFile(scan.path.name, extent) for scan, extent in zip(scans, extents, strict=True)]
+        problems += compared(path, files, found)[1]
     counts = {topic.name: count for topic, count in writer.counts.items()}
     return RecoveredBag(path, out, writer.extent, counts, tuple(problems))
-
-
-def findings(scan: McapScan) -> list[str]:
-    """Problems of a scanned file, in words."""
-    name = scan.path.name
-    found = []
-    if is_being_written(scan.path):
-        found.append(f"{name} is still being recorded")
-    elif not scan.finished and not scan.too_much:
-        cut = f"; its last {scan.cut_bytes} bytes are an incomplete message" if scan.cut_bytes else ""
-        found.append(f"{name} was not closed{cut}")
-    if scan.fault:
-        found.append(f"{name} cannot be read everywhere: {scan.fault}")
-    if scan.too_much:
-        found.append(f"{name} {TOO_MUCH}; the rest of it was not read")
-        return found
-    if scan.too_large:
-        limit = f"{MAX_CHUNK_BYTES >> 20} MB"
-        found.append(
-            f"{name} has {scan.too_large} chunk{'s'[: scan.too_large > 1]} of more than {limit}: not read"
-        )
-    if scan.damaged:
-        found.append(f"{name} is damaged in {scan.damaged} place{'s'[: scan.damaged > 1]}")
-    if scan.orphans:
-        found.append(f"{name} holds {scan.orphans} messages of a topic whose description is damaged")
-    return found
 
 
 def _readable(scan: McapScan) -> Iterator[ScannedMessage]:
@@ -129,8 +87,3 @@ def _readable(scan: McapScan) -> Iterator[ScannedMessage]:
         raise InputError(
             f"cannot be read: {error.strerror}", "check the disk and permissions", scan.path
         ) from None
-
-
-def _split_number(path: Path) -> tuple[int, str]:
-    match = re.search(r"_(\d+)$", path.stem)
-    return (int(match[1]) if match else -1, path.name)

@@ -74,7 +74,7 @@ def open_storages(path: Path) -> tuple[list[Storage], contextlib.ExitStack]:
             if file.suffix == ".bag":
                 one = _Ros1(file)
             else:
-                one = _Sqlite(file, per_message) if file.suffix == ".db3" else _Mcap(file, per_message)
+                one = SqliteFile(file, per_message) if file.suffix == ".db3" else _Mcap(file, per_message)
             stack.callback(one.close)
             storages.append(one)
         return storages, stack.pop_all()
@@ -135,11 +135,12 @@ def _listed(folder: Path, stack: contextlib.ExitStack) -> tuple[list[Path], bool
         raise ValueError(f"compression {metadata.get('compression_format')!r} is not supported")
     if mode == "file":
         target = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        files = [_unpacked(file, target / file.stem) for file in files]
+        files = [unpacked(file, target / file.stem) for file in files]
     return files, mode == "message"
 
 
-def _unpacked(source: Path, target: Path) -> Path:
+def unpacked(source: Path, target: Path) -> Path:
+    """Unpack a file that was compressed as a whole, and return its new path."""
     allowance = Allowance(source.stat().st_size)
     with source.open("rb") as packed, target.open("wb") as out:
         reader = zstandard.ZstdDecompressor(max_window_size=2 * MAX_CHUNK_BYTES).stream_reader(
@@ -214,7 +215,7 @@ class _Mcap:
             raise ValueError(f"{scan.path.name} was not closed")
 
 
-class _Sqlite:
+class SqliteFile:
     """A file of rosbag2's older storage."""
 
     def __init__(self, path: Path, packed: bool) -> None:
@@ -262,6 +263,7 @@ class _Sqlite:
                 self.content.extent = Extent(had.messages + count - 2, had.start_ns, had.end_ns)
 
     def messages(self, topics: Collection[str], by_time: bool = True) -> Iterator[Message]:
+        """See :class:`Storage`."""
         wanted = {number: topic for number, topic in self._topics.items() if topic.name in topics}
         marks = ", ".join("?" * len(wanted))
         where = f"WHERE topic_id IN ({marks}) ORDER BY {'timestamp, ' if by_time else ''}id"
@@ -273,6 +275,7 @@ class _Sqlite:
             yield wanted[number].name, wanted[number].definition.type_name, _time_ns(time_ns), data
 
     def close(self) -> None:
+        """See :class:`Storage`."""
         self._base.close()
 
 

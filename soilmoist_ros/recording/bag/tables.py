@@ -72,11 +72,12 @@ def verified_table(bag: Verified) -> RenderableType:
     """The result of :func:`verify_bag`."""
     messages = sum(file.extent.messages for file in bag.files)
     number, right = len(bag.files), bag.checksums
-    files = f"{number} MCAP file{'s' * (number != 1)}, {messages} messages"
+    kind = "MCAP" if bag.storage == "mcap" else bag.storage
+    files = f"{number} {kind} file{'s' * (number != 1)}, {messages} messages"
     sums = f"right checksums of {right} file{'s' * (right != 1)}" if right else "without checksums"
     head = plain_text(f"{bag.bag}  {files}, {sums}", no_wrap=True)
     if bag.problems:
-        return Group(head, plain_text("\n".join(bag.problems), style="red"))
+        return Group(head, plain_text("\n".join(bag.problems) + f"\n-> {bag.remedy}", style="red"))
     return Group(head, Text("whole", style="green"))
 
 

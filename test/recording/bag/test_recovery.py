@@ -50,7 +50,7 @@ def test_an_unclosed_bag_becomes_a_valid_one(unclosed, tmp_path):
     bag = recover_bag(unclosed.folder, tmp_path / "recovered")
     assert read_by_rosbags(bag.folder) == unclosed.messages
     assert bag.counts == {"/robot/model": 8, "/notes": 8, "/pressure": 8}
-    assert bag.problems == ("unclosed_0.mcap was not closed",)
+    assert bag.problems == ("unclosed_0.mcap was not closed", "metadata.yaml is missing")
     assert unclosed.path.read_bytes() == before
     with AnyReader([bag.folder]) as reader:
         offered = {c.topic: c.ext.offered_qos_profiles[0].durability.name for c in reader.connections}

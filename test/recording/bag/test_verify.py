@@ -2,12 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags are verified: what is not as it was recorded is named."""
 
-import pytest
-from bags import MODEL, START_NS, text_message
+import shutil
+import struct
 
+import pytest
+import yaml
+import zstandard
+from bags import MODEL, START_NS, text_message
+from click.testing import CliRunner
+from mcap.writer import IndexType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from soilmoist_ros.cli.bag import command
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.info import bag_info
+from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.bag.verify import verify_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
 def test_a_whole_bag_is_verified(bag):
@@ -48,3 +64,145 @@ def test_a_missing_file_and_a_bad_line_are_named(bag):
     assert len(problems) == 3
     with pytest.raises(InputError, match="no such bag"):
         verify_bag(bag.folder / "none")
+
+
+def rosbag2(folder, storage, version, mode="", numbers=(4, 4, 4)):
+    """A split bag as rosbag2 writes it, with ``metadata.yaml`` of a version."""
+    plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+    ending, names, at_ns = {"mcap": "mcap", "sqlite3": "db3"}[storage], [], START_NS
+    folder.mkdir()
+    for split, count in enumerate(numbers):
+        part = folder.with_name(f"part_{split}")
+        with Writer(part, version=9, storage_plugin=plugin) as writer:
+            to = [writer.add_connection(name, "std_msgs/msg/String", typestore=STORE) for name in ("/a", "/b")]
+            for number in range(count):
+                writer.write(to[number % 2], at_ns, text_message(f"{number}"))
+                at_ns += 10**9
+        data = (part / f"part_{split}.{ending}").read_bytes()
+        name = f"{folder.name}_{split}.{ending}"
+        (folder / f"{name}{'.zstd' * (mode == 'FILE')}").write_bytes(
+            zstandard.compress(data) if mode == "FILE" else data
+        )
+        names.append(name)
+    listed = [f"{name}{'.zstd' * (mode == 'FILE')}" for name in names]
+    if version < 5:  # the folder of the bag came first
+        listed = [f"{folder.name}/{name}" for name in listed]
+    said = {
+        "version": version,
+        "storage_identifier": storage,
+        "relative_file_paths": listed,
+        "duration": {"nanoseconds": max(numbers) * 10**9},  # Humble wrote that of one file
+        "starting_time": {"nanoseconds_since_epoch": START_NS},
+        "message_count": sum(numbers),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {"name": name, "type": "std_msgs/msg/String", "serialization_format": "cdr"},
+                "message_count": count,
+            }
+            for name, count in (
+                ("/a", sum((n + 1) // 2 for n in numbers)), ("/b", sum(n // 2 for n in numbers)), ("/c", 0),
+            )
+        ],
+        "compression_format": "zstd" if mode else "",
+        "compression_mode": mode,
+    }  # fmt: skip
+    if version > 5:  # names without .zstd, and messages that were dropped in the cache are counted
+        said["files"] = [{"path": name, "message_count": n + 1} for name, n in zip(names, numbers, strict=True)]
+    (folder / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": said}))
+    return folder
+
+
+def all_agree(path, tmp_path):
+    """What the three commands say is wrong: the same, with the exit codes for it."""
+    info, verified = bag_info(path), verify_bag(path)
+    assert info.problems == verified.problems
+    assert (info.remedy == "") == info.whole == (verified.problems == ())
+    for verb in ("info", "verify"):
+        assert CliRunner().invoke(command, [verb, str(path)]).exit_code == (0 if info.whole else 1)
+    if info.storage == "mcap" and not any(path.glob("*.zstd")):
+        assert recover_bag(path, tmp_path / "recovered").problems == info.problems
+    return info.problems
+
+
+@pytest.mark.parametrize("mode", ["", "FILE"])
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("version", [4, 5, 6, 9])
+def test_the_verbs_agree_on_bags_of_every_version_storage_and_compression(tmp_path, version, storage, mode):
+    bag = rosbag2(tmp_path / "run", storage, version, mode)
+    assert all_agree(bag, tmp_path) == ()
+    assert bag_info(bag).extent.messages == 12
+    missing = sorted(bag.glob("run_1*"))[0]
+    data = missing.read_bytes()
+    missing.unlink()
+    shutil.rmtree(tmp_path / "recovered", ignore_errors=True)
+    problems = all_agree(bag, tmp_path)
+    assert problems[0] == f"{missing.name} is missing"
+    assert "/a has 4 messages, and metadata.yaml says 6" in problems
+    assert "copy the missing files" in bag_info(bag).remedy
+    missing.write_bytes(data[: len(data) // 2])  # cut
+    shutil.rmtree(tmp_path / "recovered", ignore_errors=True)
+    problems = all_agree(bag, tmp_path)
+    assert any(name in problems[0] for name in (missing.name, missing.stem))
+    assert bag_info(bag).extent.messages >= 8
+    missing.write_bytes(data)
+    (bag / "metadata.yaml").unlink()
+    shutil.rmtree(tmp_path / "recovered", ignore_errors=True)
+    assert all_agree(bag, tmp_path) == ("metadata.yaml is missing",)
+
+
+@pytest.mark.parametrize(
+    ("said", "problem"),
+    [
+        ("{}", "metadata.yaml cannot be read: metadata.yaml is not that of a bag"),
+        ("rosbag2_bagfile_information: {version: 9}", "metadata.yaml cannot be read: 'relative_file_paths'"),
+        ("a: [", "metadata.yaml cannot be read: "),
+    ],
+)
+def test_metadata_that_say_nothing_make_no_bag_whole(tmp_path, said, problem):
+    bag = rosbag2(tmp_path / "run", "mcap", 9)
+    (bag / "metadata.yaml").write_text(said)
+    (found,) = all_agree(bag, tmp_path)
+    assert found.startswith(problem)
+
+
+def test_a_bag_that_is_shorter_than_its_metadata_say_is_not_whole(tmp_path):
+    bag = rosbag2(tmp_path / "run", "mcap", 9)
+    path = bag / "metadata.yaml"
+    path.write_text(path.read_text().replace("nanoseconds: 4000000000", "nanoseconds: 60000000000"))
+    assert all_agree(bag, tmp_path) == ("it lasts 11.0 s, and metadata.yaml says 60.0 s",)
+    (bag / "run_0.mcap").unlink()
+    for name in ("run_1.mcap", "run_2.mcap"):
+        (bag / name).unlink()
+    assert bag_info(bag).problems[:3] == tuple(f"run_{number}.mcap is missing" for number in range(3))
+
+
+def test_a_bag_of_ros_1_needs_no_metadata_and_is_compared_with_its_index(tmp_path):
+    with Ros1Writer(tmp_path / "run.bag") as writer:
+        to = writer.add_connection("/a", "std_msgs/msg/String", typestore=get_typestore(Stores.ROS1_NOETIC))
+        for number in range(3):
+            writer.write(to, START_NS + number, b"\1\0\0\0x")
+    assert all_agree(tmp_path / "run.bag", tmp_path) == ()
+    data = (tmp_path / "run.bag").read_bytes()
+    at = data.rindex(struct.pack("<II", 0, 3))
+    (tmp_path / "run.bag").write_bytes(data[:at] + struct.pack("<II", 0, 4) + data[at + 8 :])
+    assert all_agree(tmp_path / "run.bag", tmp_path) == ("/a has 3 messages, and the index of run.bag says 4",)
+
+
+def test_a_file_that_was_closed_without_a_summary_is_whole(tmp_path):
+    """As with the preset ``fastwrite`` of rosbag2."""
+    path = tmp_path / "fast.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(
+            file, use_chunking=False, use_statistics=False, use_summary_offsets=False, repeat_schemas=False,
+            repeat_channels=False, index_types=IndexType.NONE,
+        )  # fmt: skip
+        writer.start("ros2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/a", "cdr", schema)
+        for number in range(3):
+            writer.add_message(channel, START_NS + number, text_message("x"), START_NS + number)
+        writer.finish()
+    assert all_agree(path, tmp_path) == ()
+    path.write_bytes(path.read_bytes()[:-60])
+    shutil.rmtree(tmp_path / "recovered")
+    assert all_agree(path, tmp_path)[0].startswith("fast.mcap was not closed")
