@@ -12,8 +12,7 @@ from pathlib import Path
 from soilmoist_ros.foundation.errors import IllConditionedError, InputError
 from soilmoist_ros.recording.bag.reader import BagReader, bags_of
 from soilmoist_ros.recording.bag.storage import recorder_notes
-from soilmoist_ros.recording.map_records import RECEIVED, TEAM, TEAM_S, MapRecords, record_key
-from soilmoist_ros.recording.record_exchange import MISSED
+from soilmoist_ros.recording.map_records import MISSED, RECEIVED, TEAM, TEAM_S, MapRecords, record_key
 from soilmoist_ros.recording.run_folder import bag_of, configuration_of, message_files, read_parameters
 from soilmoist_ros.replay.bag_lines import logger_topic
 from soilmoist_ros.replay.comparison import Comparison, read_published_map

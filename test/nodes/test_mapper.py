@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The mapper as a real process."""
+"""The mapper as a real process; for several robots with wiring/mapper_exchange.py."""
 
 from __future__ import annotations
 
@@ -425,3 +425,36 @@ def test_a_mapper_gets_the_records_of_another_robot_that_it_has_missed(ros, fiel
     wanted = map_cells(core.grid, core.compute(core.state)).tobytes()
     for name in names:
         ros.wait_for(lambda name=name: maps[name] and soil_map_from_message(maps[name][-1]).tobytes() == wanted)
+
+
+def test_records_about_another_datum_and_robots_in_one_namespace_are_named_and_not_mapped(ros, field):
+    said = ros.collect(DiagnosticArray, "/diagnostics")
+    params = {"field": str(field), "site": "example", "use_sim_time": True, "others": ["/robot_1", "/robot_2"]}
+    process = ros.start("mapper", params=params, namespace="/robot_1")
+    publishers = {
+        name: ros.node.create_publisher(PointCloud2, f"{name}/counts", qos.RECORDS)
+        for name in ("/robot_1", "/robot_2")
+    }
+    held = ros.node.create_publisher(String, "/robot_2/held_records", qos.LATCHED)
+    for publisher in publishers.values():
+        ros.wait_for(publisher.get_subscription_count)
+    here, there = (53.268, -0.5245), (53.368, -0.5245)
+    records = survey_records(8)
+    for number, one in enumerate(records):
+        publishers["/robot_1"].publish(counts_to_message([one], datum=here))
+        publishers["/robot_2"].publish(counts_to_message([replace(one, x_m=1.0 + number)], datum=there))
+    held.publish(String(data=json.dumps({"field": "other", "datum": there})))
+    own = ros.node.create_publisher(PointCloud2, "/robot_1/counts", qos.RECORDS)
+
+    def values(name):
+        found = [status for message in said for status in message.status if status.name.endswith(name)]
+        return (found[-1].message, {each.key: each.value for each in found[-1].values}) if found else ("", {})
+
+    ros.wait_for(lambda: values(": map")[1].get("skipped: other frame") == "8", message="records are left out")
+    assert values(": map")[1]["records"] == "8"
+    assert "another datum (53.368000 N, 0.524500 W, 11 km away)" in values(": map")[1]["last skipped: other frame"]
+    ros.wait_for(lambda: "/robot_2 is not mapped: its places are about another datum" in values(": others")[0])
+    ros.wait_for(
+        lambda: "several nodes publish /robot_1/counts" in values(": others")[0], message=process.output()
+    )
+    ros.node.destroy_publisher(own)

@@ -708,13 +708,13 @@ class MissionControl:
         if near := self.team.near((stop.x_m, stop.y_m)):
             raise InputError(f"{stop.name} is not free: {near}", "choose another stop")
         way, apart_m = access.way(place, stop), self.team.apart_m
-        beside = {name: at for name, at in self.team.standing() if way.passes_m(at) < apart_m + PAST_M}
-        if not (apart_m and beside):
+        close = {name: at for name, at in self.team.standing() if way.passes_m(at) < apart_m + PAST_M}
+        if not (apart_m and close):
             return way
         try:
             return access.around(place, [at for _, at in self.team.standing()], apart_m).way(place, stop)
         except InputError as refusal:
-            names = " and ".join(beside)
+            names = " and ".join(close)
             raise InputError(f"{names} stands in the way: {refusal}", "choose another stop") from None
 
     def _not_free(self, access: FieldAccess, request: RequestPlan, place: tuple[float, float]) -> set[str]:

@@ -59,7 +59,7 @@ ROBOT_RADIUS_M = 0.75
 """Half the width of Thorvald [m]."""
 PAST_M = 0.5
 """Distance that a way past a standing robot keeps in addition, so that noise of the fixes stops nobody [m]."""
-_BESIDE_M = 0.05
+_STAYS_M = 0.05
 MOVED_M = 2.0
 """A stop that a new map places this far away is another one [m]; frames of robot and field may differ by less."""
 
@@ -195,7 +195,7 @@ class FieldAccess:
     ) -> FieldAccess:
         """The same for a robot at a place, with ways that keep apart from places where other robots stand.
 
-        Ways keep :data:`PAST_M` more, and from a robot that stands beside the robot no less than now.
+        Ways keep :data:`PAST_M` more, and from a robot that stands close by no less than now.
 
         :param others: where they stand [m]
         :param apart_m: distance to keep [m]
@@ -205,7 +205,7 @@ class FieldAccess:
         angles = np.arange(16) * (np.pi / 8)
         circle = np.column_stack([np.cos(angles), np.sin(angles)])
         margin_m = rules.robot_radius_m
-        radii = [min(apart_m + PAST_M, math.dist(place, other) - _BESIDE_M) - 1.1 * margin_m for other in others]
+        radii = [min(apart_m + PAST_M, math.dist(place, other) - _STAYS_M) - 1.1 * margin_m for other in others]
         rings = [radius * circle + other for other, radius in zip(others, radii, strict=True) if radius > 0]
         home = "" if self.home is None else self.home.name
         if self.home is not None:

@@ -31,7 +31,7 @@ MIN_EXPOSURE_S = 1e-3
 SAME_CELLS = 0.5
 """Stops nearer than this to that of another robot count as the same stop [cells]."""
 NEARER_M: Final = 0.5
-"""A robot that sets off beside another one may come this much nearer, by the noise of both fixes [m]."""
+"""A robot that sets off next to another one may come this much nearer, by the noise of both fixes [m]."""
 AHEAD_S: Final = 2.0
 """Time that a robot needs to stop, the second between two statuses of the other one included [s]."""
 WAITS_M: Final = 4.0
@@ -232,7 +232,7 @@ class Team:
         return ""
 
     def set_off(self) -> None:
-        """The robot sets off: from now on it comes no nearer to those that are beside it."""
+        """The robot sets off: from now on it comes no nearer to those that are close by."""
         self._farthest_m.clear()
 
     def fault(self, place: Place | None, driving: bool, waiting: bool, now_s: float) -> str:

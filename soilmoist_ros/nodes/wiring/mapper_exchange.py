@@ -22,8 +22,7 @@ from soilmoist_ros.foundation.places import other_datum
 from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
-from soilmoist_ros.recording.map_records import MapRecords
-from soilmoist_ros.recording.record_exchange import HELD, LIST_S, MAX_RECORDS, MISSED, RecordExchange
+from soilmoist_ros.recording.map_records import HELD, LIST_S, MAX_RECORDS, MISSED, MapRecords, RecordExchange
 
 _REPEAT: Final = 6
 """An unchanged list is published every so many times, for receivers that have lost one."""

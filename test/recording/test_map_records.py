@@ -13,8 +13,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping.expected_counts import UNEXPECTED
-from soilmoist_ros.recording.map_records import RECEIVED, START, TEAM, TEAM_S, MapRecords
-from soilmoist_ros.recording.record_exchange import LIST_S, MAX_RECORDS, RecordExchange, record_key
+from soilmoist_ros.recording.map_records import (
+    LIST_S,
+    MAX_RECORDS,
+    RECEIVED,
+    START,
+    TEAM,
+    TEAM_S,
+    MapRecords,
+    RecordExchange,
+    record_key,
+)
 from soilmoist_ros.sensing.records import CountRecord
 
 BEGIN_S = 1.78e9
