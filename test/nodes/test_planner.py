@@ -3,6 +3,7 @@
 """Missions with a real planner process (planner_inputs.py, planner_outputs.py), a virtual robot and navigation."""
 
 import math
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -21,7 +22,7 @@ from virtual_navigation import FIELD, STOPS, VirtualNavigation, World, make_map
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters.counts import counts_to_message
-from msg_adapters.mission import mission_from_message
+from msg_adapters.mission import mission_from_message, mission_to_message
 from msg_adapters.plan import path_to_places
 from msg_adapters.samples import samples_from_message
 from soilmoist_ros.exploration.mission.journal import VISIT
@@ -312,6 +313,32 @@ def test_two_robots_share_one_mapper_and_never_count_at_the_same_place(ros, tmp_
     # The map has the counts of both robots, more than each robot counted alone.
     counted = samples_from_message(samples[-1]).counts.sum()
     assert counted > max(sum(world.counted.values()) for world in worlds)
+
+
+def test_a_robot_that_falls_silent_is_lost_until_somebody_releases_it(ros, tmp_path):
+    said = ros.collect(DiagnosticArray, "/diagnostics")
+    others = {name: ros.node.create_publisher(DiagnosticStatus, f"{name}/mission", LATCHED)
+              for name in ("/robot_2", "/robot_3")}  # fmt: skip
+    planning = Planning(
+        ros, tmp_path, "/robot_1", navigator="goal_pose", graph="free", others=["/robot_1", *others],
+        other_silent_s=3.0,
+    )  # fmt: skip
+    planning.wait_phase(Phase.IDLE)
+
+    def named(text):
+        found = [status for message in said for status in message.status if status.name.endswith(": others")]
+        return found and text in found[-1].message
+
+    ros.wait_for(lambda: named("no status of /robot_2, /robot_3 yet"))
+    there = replace(planning.status, phase=Phase.COUNTING, place=(12.0, 7.0))
+    others["/robot_2"].publish(mission_to_message(there))
+    others["/robot_3"].publish(mission_to_message(there, {"datum": "[53.9, -0.5]"}))
+    ros.wait_for(lambda: named("/robot_3 is not heard: its places are about another datum (53.900000 N"))
+    ros.wait_for(lambda: named("/robot_2 is lost: last heard"))
+    assert named("at (12.0, 7.0)")
+    assert planning.call("release_lost").message == "released: /robot_2"
+    ros.wait_for(lambda: named("no status of /robot_2 yet"))
+    assert not planning.call("release_lost").success
 
 
 def test_the_map_may_not_come(ros, tmp_path):
