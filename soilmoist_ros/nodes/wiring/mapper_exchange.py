@@ -53,6 +53,7 @@ class MapperExchange:
         self._node, self._guard, self._frame = node, guard, frame
         self._exchange = RecordExchange(records)
         self._strangers: dict[str, str] = {}
+        self._fields: dict[str, str] = {}  # of mappers that map another field about the same datum
         self._arrived: list[PointCloud2] = []
         self._last, self._unchanged = "", 0
         if not others:
@@ -72,8 +73,9 @@ class MapperExchange:
 
     @property
     def health(self) -> list[Health]:
-        """Mappers whose records do not belong here, and robots in one namespace."""
+        """Mappers of another field or about another datum, and robots in one namespace."""
         faults = [f"{name} is not mapped: {fault}" for name, fault in self._strangers.items()]
+        faults += [f"{name} maps the field {field}, not {self.field.name}" for name, field in self._fields.items()]
         twice = [name for name in (HELD, "counts") if self._node.count_publishers(name) > 1] if self._last else []
         if twice:
             topic = self._node.resolve_topic_name(twice[0])
@@ -106,6 +108,9 @@ class MapperExchange:
                 self._strangers[name] = fault
                 return
             self._strangers.pop(name, None)
+            self._fields.pop(name, None)
+            if (theirs := str(held.get("field", self.field.name))) != self.field.name:
+                self._fields[name] = theirs
             now_s = time.monotonic()
             with self._guard:
                 self._exchange.update(now_s)
