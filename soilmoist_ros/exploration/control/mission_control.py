@@ -103,6 +103,10 @@ RECORD_STAMP = "record_stamp_s"
 _DECISIONS = (Verb.START, Verb.RESUME, Verb.ABORT, Verb.SKIP, Verb.RETURN)
 """Commands after which a mission that was interrupted is an ordinary one again."""
 
+_SHUT_IN = "other robots stand in the way to the stops that are left"
+_LOOK_S = 5.0
+"""Time between two looks whether one of them is out of the way [s]."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -199,6 +203,9 @@ class MissionControl:
         self._planning = PlanningThread(outputs.wake, executor)
         self._choice: Choice | None = None
         self._cut_off = False  # whether another robot stood in the way to stops when the last one was chosen
+        self._planned_for: RequestPlan | None = None
+        self._shut_in: RequestPlan | None = None  # waits until a robot is out of the way
+        self._looked_s = -math.inf
         self._learned = LearnedMotion(settings.motion, settings.learn_travel)
         self._record_stamp_s = self._shown_stamp_s = self._shown_place_s = -math.inf
         self.navigator = make_navigator(self.ended)
@@ -544,6 +551,7 @@ class MissionControl:
             doing = self._watching.doing(self._mission, self.navigator)
             waits = Cause.OTHER_ROBOT in self.watch.on
             near = self.team.fault(self._feed.place, doing.driving, waits, now_s)
+            near = near or (_SHUT_IN if self._is_shut_in(now_s) else "")
             self.watch.report(Cause.OTHER_ROBOT, near)
             for event in self.watch.check(now_s, doing):
                 self._feed.give(event)
@@ -555,8 +563,8 @@ class MissionControl:
             if isinstance(event, Planned):
                 self._choice = event.choice
                 if event.choice is None and self._cut_off:  # the survey is not over: they drive on some day
-                    reason = "other robots stand in the way to the stops that are left"
-                    event = PlanFailed(event.now_s, event.plan_id, reason)
+                    self._shut_in, self._looked_s = self._planned_for, event.now_s
+                    event = PlanFailed(event.now_s, event.plan_id, _SHUT_IN)
             self._feed.give(event)
 
     def close(self) -> None:
@@ -735,14 +743,32 @@ class MissionControl:
             except InputError:
                 reached = set()
             cut_off = {stop.name for stop in access.stops} - reached - near
-        rules = self._mission.current_rules
-        self._cut_off = any(
-            stop.name in cut_off - set(request.blacklisted)
+        self._cut_off = self._any_fits(access, request, place, cut_off)
+        return (near | cut_off) - {request.staying}
+
+    def _any_fits(
+        self, access: FieldAccess, request: RequestPlan, place: tuple[float, float], names: set[str]
+    ) -> bool:
+        """Whether there is time for one of these stops, and it is not ruled out."""
+        rules, names = self._mission.current_rules, names - set(request.blacklisted)
+        return any(
+            stop.name in names
             and rules.travel_s(place, (stop.x_m, stop.y_m)) + rules.needed_dwell_s
             <= request.budget_left_s - rules.way_home_s((stop.x_m, stop.y_m))
             for stop in access.stops
         )
-        return (near | cut_off) - {request.staying}
+
+    def _is_shut_in(self, now_s: float) -> bool:
+        """Whether other robots still stand in the way to all stops that are left."""
+        access, place, request = self._access, self._feed.place, self._shut_in
+        if request is None or access is None or place is None or not self.under_way:
+            self._shut_in = None
+        elif now_s - self._looked_s >= _LOOK_S:
+            self._looked_s = now_s
+            free = {stop.name for stop in access.stops} - self._not_free(access, request, place)
+            if not self._cut_off or self._any_fits(access, request, place, free):
+                self._shut_in = None
+        return self._shut_in is not None
 
     def _learn(self) -> None:
         """Learn from the leg that has just ended, if one has, how the robot moves."""
@@ -763,6 +789,7 @@ class MissionControl:
             _log.warning(fault)
         rules, state = self._mission.current_rules, self._mission.state
         settings = changed_settings(self._settings, rules, state.changes)
+        self._planned_for, self._shut_in = job.request, None
         if not_free := self._not_free(access, job.request, job.place):
             blacklisted = (*job.request.blacklisted, *sorted(not_free))
             job = replace(job, request=replace(job.request, blacklisted=blacklisted))

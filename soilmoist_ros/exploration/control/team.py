@@ -32,9 +32,9 @@ SAME_CELLS = 0.5
 """Stops nearer than this to that of another robot count as the same stop [cells]."""
 NEARER_M: Final = 0.5
 """A robot that sets off next to another one may come this much nearer, by the noise of both fixes [m]."""
-AHEAD_S: Final = 2.0
-"""Time that a robot needs to stop, the second between two statuses of the other one included [s]."""
-WAITS_M: Final = 4.0
+AHEAD_S: Final = 3.0
+"""Time that a robot needs to stop, with a second for the status of the other one and one for its velocity [s]."""
+WAITS_M: Final = 8.0
 """Distance, in addition to that which robots keep, from which one that waits lets the other pass [m]."""
 CLOCK_S: Final = 5.0
 """Difference between the clocks of two robots that is reported [s]; messages are on their way for less."""

@@ -317,6 +317,15 @@ def test_robots_that_meet_head_on_keep_apart_and_both_go_on(graph):
     assert not any(robot.shown.needs_operator for robot in robots)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("graph", [None, AISLE], ids=["free", "aisle"])
+def test_three_robots_keep_apart_and_none_waits_for_ever(graph):
+    """In an aisle the one in the middle is shut in again and again."""
+    robots = begun(*(Robot(f"/robot_{n}", (x, Y_M), graph) for n, x in enumerate((27.5, 57.5, 42.5))))
+    together(robots, lambda: min(len(robot.visits) for robot in robots) >= 6, 1500, nearest_m=APART_M)
+    assert not any(robot.shown.needs_operator for robot in robots)
+
+
 def test_a_stop_too_near_to_another_robot_is_not_chosen_and_a_way_leads_past_it():
     one, two = Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0))
     together([one, two], lambda: one.time_s > BEGIN_S + 5)
