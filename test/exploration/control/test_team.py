@@ -187,7 +187,7 @@ class Robot:
 
     def __init__(self, name, place, graph=None):
         self.name, self.place, self.way, self.goal_id = name, place, [], None
-        self.heard, self.waiting_for, self.on_the_way, self.caution = True, "", "", ""
+        self.heard, self.waiting_for, self.on_the_way, self.caution, self.other_client = True, "", "", "", ""
         self.feedback_age_s, self.time_s, self.visits, self.log = math.nan, BEGIN_S, [], []
         square = np.array([[0, 0], [60, 0], [60, 60], [0, 60]], float)
         dwell = parse_dwell("fmi:60")
