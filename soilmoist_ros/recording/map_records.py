@@ -121,7 +121,7 @@ class MapRecords:
 
     def sent_by(self, robot: str, records: Iterable[CountRecord]) -> None:
         """Note which robot of several has sent records, before they are added."""
-        self._robots.update((_key(record), robot) for record in records)
+        self._robots.update((record_key(record), robot) for record in records)
 
     def doubt(self, doubt: Doubt, robot: str | None = None) -> bool:
         """Take a doubt about the place of a robot, or its end, and make the map again if that changes it.
@@ -139,7 +139,7 @@ class MapRecords:
     def _placed(self, record: CountRecord) -> CountRecord:
         if not self._doubts:
             return record
-        robot = self._robots.get(_key(record)) if self._robots else ""
+        robot = self._robots.get(record_key(record)) if self._robots else ""
         doubts = None if robot is None else self._doubts.get(robot)
         return record if doubts is None else doubts.placed(record)
 
