@@ -10,13 +10,17 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from soilmoist_ros.exploration.mission.types import Response
+from soilmoist_ros.exploration.mission.types import MOVING, Response
 
 
 class Cause(StrEnum):
     """What may be wrong."""
 
+    IN_NO_GO = "in_no_go"
     OUTSIDE = "outside"
+    FAR_OFF_ROUTE = "far_off_route"
+    OFF_ROUTE = "off_route"
+    MOVING = MOVING
     JUMP = "jump"
     RELOCATED = "relocated"
     SPEED = "speed"
@@ -56,11 +60,37 @@ class Failsafe:
 
 FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
     {
-        Cause.OUTSIDE: Failsafe(
-            "the robot is farther outside the field than the limit",
+        Cause.IN_NO_GO: Failsafe(
+            "the robot is deeper in a no-go area, its margin included, than the limit and the noise of the fixes",
             Response.PAUSE,
-            ("max_outside_m",),
-            "bring the robot back, or check the field file",
+            ("max_in_no_go_m",),
+            "drive the robot out by hand, or check the no-go areas",
+        ),
+        Cause.OUTSIDE: Failsafe(
+            "the robot is farther outside the field than the limit and the noise of the fixes",
+            Response.PAUSE,
+            ("max_outside_m", "max_entry_m"),
+            "drive the robot back in by hand, or check the field file",
+        ),
+        Cause.FAR_OFF_ROUTE: Failsafe(
+            "the robot drives farther from the route than the second limit; or it is off the route, and would be "
+            "outside the field or in a no-go area in 3 s",
+            Response.PAUSE,
+            ("far_off_route_m",),
+            "look at the robot and its navigation, drive it back by hand if needed, then resume",
+        ),
+        Cause.OFF_ROUTE: Failsafe(
+            "the robot drives farther from the route that was sent than the limit and the noise of the fixes",
+            Response.WARN,
+            ("off_route_m",),
+            "look at the robot: it may drive around an obstacle, or lose its way",
+        ),
+        Cause.MOVING: Failsafe(
+            "the robot moves farther than the limit and the noise of the fixes, and no goal of the planner drives "
+            "it; all goals of the navigation are cancelled",
+            Response.PAUSE,
+            ("moving_m",),
+            "look at what moves the robot: its navigation, people, a slope; resume once it stands",
         ),
         Cause.JUMP: Failsafe(
             "several fixes in a row are at places that the robot cannot have reached; they are not used",

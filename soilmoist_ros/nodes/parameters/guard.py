@@ -44,10 +44,25 @@ WATCH_PARAMETERS: Final = (
     _row(
         "max_outside_m",
         _WATCH.max_outside_m,
-        "distance from the field, or depth in a no-go area, that counts as outside: no goal is sent from there; "
-        "from nearer the robot drives straight back in",
+        "distance outside the field from which a mission pauses; a robot that starts outside may drive in",
         "m",
     ),
+    _row(
+        "max_entry_m",
+        _WATCH.max_entry_m,
+        "distance outside the field, or depth in a no-go area, from which no goal is sent; from nearer the robot "
+        "drives straight back in. At least max_outside_m counts",
+        "m",
+    ),
+    _row(
+        "max_in_no_go_m",
+        _WATCH.max_in_no_go_m,
+        "depth in a no-go area, the margin robot_radius_m included, from which a mission pauses",
+        "m",
+    ),
+    _row("off_route_m", _WATCH.off_route_m, "distance from the route that counts as off the route", "m"),
+    _row("far_off_route_m", _WATCH.far_off_route_m, "distance from the route from which a mission pauses", "m"),
+    _row("moving_m", _WATCH.moving_m, "motion without a goal from which the robot is stopped again", "m"),
     _row("max_jump_m", _PLACE.max_jump_m, "moves between two fixes up to this distance are plausible", "m"),
     _row(
         "max_speed_mps",
@@ -124,6 +139,11 @@ def make_watch(parameters: Parameters) -> Watch:
             place=place,
             stamps=stamp_limits(parameters),
             max_outside_m=number("max_outside_m"),
+            max_entry_m=number("max_entry_m"),
+            max_in_no_go_m=number("max_in_no_go_m"),
+            off_route_m=number("off_route_m"),
+            far_off_route_m=number("far_off_route_m"),
+            moving_m=number("moving_m"),
             fix_old_s=number("fix_old_s"),
             fix_frozen_s=number("fix_frozen_s"),
             records_old_s=number("records_old_s"),
