@@ -16,7 +16,7 @@ from typing import Final
 
 from soilmoist_ros.exploration.guard.battery import Battery, BatteryLimit
 from soilmoist_ros.exploration.guard.count_trust import CountTrust
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
 from soilmoist_ros.exploration.guard.motion import UNKNOWN_SD_M, Motion
 from soilmoist_ros.exploration.guard.place_filter import PlaceFilter, PlaceFix, PlaceLimits, Verdict
 from soilmoist_ros.exploration.mission.events import AlarmOver
@@ -56,28 +56,10 @@ _LOST: Final = frozenset((Cause.IN_NO_GO, Cause.OUTSIDE, Cause.JUMP, Cause.RELOC
 
 @dataclass(frozen=True, kw_only=True)
 class WatchLimits:
-    """Limits of the causes.
+    """Limits of the causes; those of :data:`.LIMITS` have its names, meanings and defaults.
 
     :param place: what a place must satisfy; its ``max_speed_mps`` is also the limit of the cause ``speed``
     :param stamps: stamps that a record can have
-    :param max_outside_m: distance outside the field that is still allowed in a mission [m]
-    :param max_entry_m: likewise before it starts [m]; at least ``max_outside_m`` counts
-    :param max_in_no_go_m: depth in a no-go area, its margin included, that is still allowed in a mission [m]
-    :param off_route_m: distance from the route that is still normal [m]
-    :param far_off_route_m: distance from the route that is still allowed [m]
-    :param moving_m: motion without a goal that is still allowed [m]
-    :param fix_old_s: longest time without a plausible place [s]
-    :param fix_frozen_s: longest time in which the place of a driving robot does not change at all [s]; 0: any
-    :param records_old_s: longest time without a record in a mission [s]
-    :param counts_bad_s: time in which more than half of the records must be good [s]
-    :param map_old_s: longest time that the map stays without the newest records [s]
-    :param navigation_silent_s: longest time without the navigation, or its feedback where that is regular [s]
-    :param battery_low: charge from which the robot goes home [0..1]; 0 to ignore the charge
-    :param battery_empty: charge from which the robot stops [0..1]; 0 to ignore the charge
-    :param battery_low_v: voltage from which the robot goes home [V]; 0 to ignore the voltage
-    :param battery_empty_v: voltage from which the robot stops [V]; 0 to ignore the voltage
-    :param battery_silent_s: longest time without the state of a battery that was heard before [s]; 0: any
-    :param clear_s: time for which a cause must be over before its alarm ends [s]
     :param min_checks: number of checks without a message after which silence counts, so that a busy computer first
         reads the messages that have come
     :raises ValueError: if a value is out of its range
@@ -85,24 +67,24 @@ class WatchLimits:
 
     place: PlaceLimits = field(default_factory=PlaceLimits)
     stamps: StampLimits = field(default_factory=StampLimits)
-    max_outside_m: float = 2.0
-    max_entry_m: float = 10.0
-    max_in_no_go_m: float = 0.5
-    off_route_m: float = 5.0
-    far_off_route_m: float = 10.0
-    moving_m: float = 0.5
-    fix_old_s: float = 10.0
-    fix_frozen_s: float = 12.0
-    records_old_s: float = 60.0
-    counts_bad_s: float = 60.0
-    map_old_s: float = 300.0
-    navigation_silent_s: float = 10.0
-    battery_low: float = 0.25
-    battery_empty: float = 0.1
-    battery_low_v: float = 0.0
-    battery_empty_v: float = 0.0
-    battery_silent_s: float = 60.0
-    clear_s: float = 10.0
+    max_outside_m: float = LIMITS["max_outside_m"].default
+    max_entry_m: float = LIMITS["max_entry_m"].default
+    max_in_no_go_m: float = LIMITS["max_in_no_go_m"].default
+    off_route_m: float = LIMITS["off_route_m"].default
+    far_off_route_m: float = LIMITS["far_off_route_m"].default
+    moving_m: float = LIMITS["moving_m"].default
+    fix_old_s: float = LIMITS["fix_old_s"].default
+    fix_frozen_s: float = LIMITS["fix_frozen_s"].default
+    records_old_s: float = LIMITS["records_old_s"].default
+    counts_bad_s: float = LIMITS["counts_bad_s"].default
+    map_old_s: float = LIMITS["map_old_s"].default
+    navigation_silent_s: float = LIMITS["navigation_silent_s"].default
+    battery_low: float = LIMITS["battery_low"].default
+    battery_empty: float = LIMITS["battery_empty"].default
+    battery_low_v: float = LIMITS["battery_low_v"].default
+    battery_empty_v: float = LIMITS["battery_empty_v"].default
+    battery_silent_s: float = LIMITS["battery_silent_s"].default
+    clear_s: float = LIMITS["clear_s"].default
     min_checks: int = 10
 
     def __post_init__(self) -> None:
