@@ -53,7 +53,7 @@ class Watching:
 
     def sent(self, way: Way) -> None:
         """A goal is sent with its route."""
-        self._route = shapely.multilinestrings(list(shapely.linestrings(way.lines)))
+        self._route = shapely.multilinestrings(list(shapely.linestrings(way.lines))) if len(way.lines) else None
 
     def stopped(self, now_s: float) -> None:
         """People have asked for a stop [s]: whatever drives the robot, it should stand soon."""

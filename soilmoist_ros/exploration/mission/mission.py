@@ -269,7 +269,8 @@ class _Turn(Commands, Dangers, Deadlines):
             return
         still_at, still_since_s = self.state.still_at, self.state.still_since_s
         if still_s is not None:
-            still_at, still_since_s = place, self.now_s - still_s
+            still_at, before_s = place, still_since_s if still_s and still_since_s is not None else self.now_s
+            still_since_s = min(before_s, self.now_s - still_s)
         elif still_at is None or math.dist(still_at, place) > STILL_M:
             still_at, still_since_s = place, self.now_s
         self.state = replace(

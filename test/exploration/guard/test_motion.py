@@ -105,6 +105,9 @@ def test_standing_takes_as_long_as_asked_for_and_places_after_a_time():
         assert (motion.standing(4.0).for_s > 0) == (second >= 9)
     assert motion.standing(4.0, since_s=5.0).for_s == 4.0
     assert motion.standing(4.0, since_s=6.0).for_s == 0
+    for second in range(10, 100):
+        motion.take(float(second), (0.0, 0.0), 3.0)
+    assert motion.standing(30.0).for_s == motion.standing(200.0).for_s == 60.0, "no longer are places kept"
 
 
 def test_places_are_kept_thinned_in_order_and_a_clock_that_goes_back_begins_anew():

@@ -81,6 +81,14 @@ def test_the_noise_of_the_fixes_decides_whether_the_robot_stands_and_what_it_hid
     assert "a motion below 0.5 m/s would not show in the noise" in driver.reason
 
 
+def test_a_standstill_may_be_longer_than_the_noise_is_judged():
+    driver = Driver(standstill_s=90.0, cancel_limit_s=1000.0).travelling().command("pause")
+    driver.send(GoalFailed, 1, "cancelled").send(Moved, 5.0, 0.0, 0.0)
+    for _ in range(6):
+        assert driver.send(Moved, 5.0, 0.0, 60.0, after=5.0).phase is Phase.CANCELLING
+    assert driver.send(Moved, 5.0, 0.0, 60.0, after=5.0).phase is Phase.PAUSED
+
+
 def test_a_robot_that_moves_without_a_goal_is_stopped_again_with_each_alarm():
     driver = Driver(standstill_s=4.0).counting().record()
     for number in range(1, 4):
