@@ -186,7 +186,7 @@ def moving(watched):
     watched.world.drift_m = 0.0
     watched.resumes()
     watched.world.shift_m = 0.0
-    watched.works()
+    watched.works(Phase.COUNTING)
 
 
 def jump(watched):
