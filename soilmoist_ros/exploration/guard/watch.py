@@ -104,7 +104,6 @@ class Doing:
     :param under_way: whether a mission has started and not ended
     :param driving: whether a goal has been sent and has not ended
     :param still: whether the robot should stand: it is the planner's, and no goal has been sent that has not ended
-    :param others_drive: whether another client of the navigation is known to drive the robot
     :param going_home: whether the robot is on its way home for good
     :param waiting_for: what is missing of the navigation; empty if nothing is
     :param other_client: who drives the robot instead of the planner; empty if nobody does
@@ -116,7 +115,6 @@ class Doing:
     under_way: bool = False
     driving: bool = False
     still: bool = False
-    others_drive: bool = False
     going_home: bool = False
     waiting_for: str = ""
     other_client: str = ""
@@ -474,7 +472,7 @@ class Watch:
 
     def _motion_fault(self, now_s: float, doing: Doing) -> str:
         """How far the robot has moved since it should stand; it begins anew when it stands again."""
-        if not doing.still or doing.others_drive:
+        if not doing.still or doing.other_client:
             self._still_since_s = math.inf
             return ""
         self._still_since_s = min(self._still_since_s, now_s)

@@ -222,7 +222,7 @@ def test_a_robot_that_should_stand_and_moves(speed_mps, within_s):
 
 
 @pytest.mark.parametrize(
-    "doing", [Doing(), Doing(under_way=True, driving=True), Doing(still=True, others_drive=True)]
+    "doing", [Doing(), Doing(under_way=True, driving=True), Doing(still=True, other_client="another client")]
 )
 def test_a_robot_may_move_when_people_or_a_goal_drive_it(doing):
     observed = Creeping(doing=doing)
