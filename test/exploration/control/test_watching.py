@@ -347,7 +347,7 @@ def test_while_another_client_drives_the_planner_waits_for_people(farm, phase):
     farm.cancel, cancel = lambda goal_id: (asked.append(goal_id), cancel(goal_id)), farm.cancel
     farm.second()
     assert "another client drives the robot with /nav" in stands_because_of(farm, "other_client")
-    farm.place = (farm.place[0] + 20.0, farm.place[1])
+    farm.place = (farm.place[0] - 20.0, farm.place[1])
     farm.pass_by(30)
     assert ANYBODYS not in asked, "the other client's goal is not ours to cancel"
     assert (farm.goal, farm.status.failures) == (None, 0)
