@@ -15,8 +15,8 @@ from launch_ros.actions import Node
 
 from soilmoist_ros.nodes.system.launching import parameters_from
 
-TOPICS = ("counts", "quarantined_counts", "fix", "pressure", "temperature", "relative_humidity", "plan",
-          "plan_markers", "mission", "mission_state", "visits", "robot_pose")  # fmt: skip
+TOPICS = ("counts", "quarantined_counts", "place_doubts", "fix", "pressure", "temperature", "relative_humidity",
+          "plan", "plan_markers", "mission", "mission_state", "visits", "robot_pose")  # fmt: skip
 """Topics that the mapper does not publish itself."""
 MAPPER = {
     "field": "field file, or name of a shipped one",

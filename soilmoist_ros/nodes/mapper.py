@@ -47,6 +47,7 @@ from soilmoist_ros.recording.earlier_records import read_earlier
 from soilmoist_ros.recording.map_records import TEAM_S, MapRecords
 from soilmoist_ros.recording.map_sources import MapSources
 from soilmoist_ros.reporting.field_survey import open_survey
+from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt
 from soilmoist_ros.sensing.records import CountRecord
 
 __all__ = ["PARAMETERS", "Mapper", "main"]
@@ -94,6 +95,7 @@ class Mapper(Node):
         # The planner needs the cell size before the first map.
         self._model.publish(model_to_message(Model(None, 0.0, self._online.grid.cell_m)))
         others = other_namespaces(self, parameters.texts("others"))
+        self._several = bool(others)
         self._records = MapRecords(self._online, TEAM_S if others else 0.0)
         topics = [self.resolve_topic_name(topic) for topic in ("counts", *(f"{name}/counts" for name in others))]
         folder, named = parameters.text("record_dir"), parameters.text("start_property")
@@ -110,14 +112,20 @@ class Mapper(Node):
             self._records.take("start_from", read_earlier(Path(earlier).expanduser(), named))
         self._began_s = time.monotonic()
         self._arrived = Batches(self._add, "records", _POLL_S)
-        for topic in (*topics, *map(quarantined_topic, topics)):
-            self.create_subscription(PointCloud2, topic, self._arrived.put, qos.RECORDS)
+        for robot, topic in zip(("", *others), topics, strict=True):
+            for name in (topic, quarantined_topic(topic)):
+                self.create_subscription(PointCloud2, name, partial(self._put, robot), qos.RECORDS)
         self._aside = Aside(self)  # a save takes seconds
         self._aside.offer(Trigger, "~/reset", self._on_reset)
         self._aside.offer(Trigger, "~/save", self._on_save)
         parameters.watch(self._on_parameters)
         above = [f"{self.get_namespace().removesuffix('/' + named.strip('/'))}/"] if named else []  # the planner's
         self._follow_planners(["", *(f"{name}/" for name in others), *above])
+        for robot in ("", *others):
+            below = f"{robot}/" if robot else above[0] if above else ""
+            self.create_subscription(
+                String, f"{below}{DOUBTS}", partial(self._put, robot if others else None), qos.VISITS
+            )
         # Steady time gives one report a second even if simulated time runs fast or stands still.
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -174,14 +182,23 @@ class Mapper(Node):
 
     # Records and maps -------------------------------------------------------------------------------------------
 
-    def _add(self, messages: Sequence[PointCloud2]) -> None:
+    def _put(self, robot: str | None, message: PointCloud2 | String) -> None:
+        self._arrived.put((robot, message))
+
+    def _add(self, messages: Sequence[tuple[str | None, PointCloud2 | String]]) -> None:
         """Add the records of messages, and what is new on the disk; called once a second without messages."""
         missed = self._sources.missed(time.monotonic() - self._began_s)
         records: list[CountRecord] = []
-        for message in messages:
+        doubts: list[tuple[Doubt, str | None]] = []
+        for robot, message in messages:
             try:
+                if isinstance(message, String):
+                    doubts.append((Doubt.from_text(message.data), robot))
+                    continue
                 found = counts_from_message(message)
                 require_frame(message, self._frame)
+                if self._several:
+                    self._records.sent_by(robot or "", found)
                 for record in found:
                     if fault := self._fault(record):
                         self._skip(Skip.STAMP, fault)
@@ -196,6 +213,8 @@ class Mapper(Node):
                 self._sources.received(records[start : start + _SLICE])
         with self._guard:
             self._sources.merge(missed)
+            for doubt, robot in doubts:
+                self._records.doubt(doubt, robot)
             if messages or self._online.state.records:
                 self._worker.submit(self._online.state)
 

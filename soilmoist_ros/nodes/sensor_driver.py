@@ -13,7 +13,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import NavSatFix
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, String
 
 from msg_adapters.diagnostics import diagnostics_to_message
 from soilmoist_ros.foundation.configuration import resource
@@ -30,6 +30,7 @@ from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
 from soilmoist_ros.sensing.gnss import FIX_TYPE, fix_from_message
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
+from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings
 
 _RELEASE_S = 0.1
@@ -47,6 +48,7 @@ class SensorDriver(LifecycleNode):
         text = self._given.text
         if not text("gnss_uri"):
             self.create_subscription(NavSatFix, "fix", self._on_fix, qos.SENSOR)
+        self.create_subscription(String, DOUBTS, self._on_doubt, qos.VISITS)
         self._outputs = DriverOutputs(self, self._given)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
         self._intensity = LatestIntensity()
@@ -138,6 +140,15 @@ class SensorDriver(LifecycleNode):
         if self._driver is not None:
             self._driver.stream.take_fix(fix_from_message(message, self._now_s()))
             self._step()
+
+    def _on_doubt(self, message: String) -> None:
+        try:
+            doubt = Doubt.from_text(message.data)
+        except ValueError as error:
+            self.get_logger().warning(f"{DOUBTS} is ignored: {error}", throttle_duration_sec=60.0)
+            return
+        if self._driver is not None:
+            self._driver.doubts.take(doubt)
 
     def _on_intensity(self, message: Float64) -> None:
         if not self._intensity.take(float(message.data), time.monotonic()):

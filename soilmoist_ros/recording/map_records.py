@@ -14,6 +14,7 @@ from typing import Final
 from soilmoist_ros.mapping.expected_counts import without_verdict
 from soilmoist_ros.mapping.field_map import FieldMap, SkippedRecords
 from soilmoist_ros.mapping.record_check import Skip
+from soilmoist_ros.sensing.position.place_doubt import Doubt, Doubts
 from soilmoist_ros.sensing.records import CountRecord
 
 RECEIVED: Final = ""
@@ -46,6 +47,8 @@ class MapRecords:
         self._late_s = late_s
         self._until_s = -math.inf
         self._records: list[CountRecord] = []
+        self._doubts: dict[str, Doubts] = {}
+        self._robots: dict[bytes, str] = {}
         self._total: Counter[bytes] = Counter()
         self._seen: dict[str, Counter[bytes]] = {}
 
@@ -74,9 +77,33 @@ class MapRecords:
                 self._rebuild(new)
                 return new
         for record in new:
-            self.map.add(record)
+            self.map.add(self._placed(record))
         self._records += new
         return new
+
+    def sent_by(self, robot: str, records: Iterable[CountRecord]) -> None:
+        """Note which robot of several has sent records, before they are added."""
+        self._robots.update((_key(record), robot) for record in records)
+
+    def doubt(self, doubt: Doubt, robot: str | None = None) -> bool:
+        """Take a doubt about the place of a robot, or its end, and make the map again if that changes it.
+
+        :param robot: which robot of several; ``None`` if there is one
+        :returns: whether the map was made again
+        """
+        before = list(map(self._placed, self._records))
+        new = self._doubts.setdefault(robot or "", Doubts()).take(doubt)
+        if not new or before == list(map(self._placed, self._records)):
+            return False
+        self._rebuild([])
+        return True
+
+    def _placed(self, record: CountRecord) -> CountRecord:
+        if not self._doubts:
+            return record
+        robot = self._robots.get(_key(record)) if self._robots else ""
+        doubts = None if robot is None else self._doubts.get(robot)
+        return record if doubts is None else doubts.placed(record)
 
     def read_anew(self, source: str, records: Iterable[CountRecord]) -> list[CountRecord]:
         """Add the records of a source that is read as a whole each time; otherwise as :meth:`take`."""
@@ -110,7 +137,7 @@ class MapRecords:
         self.map.reset()
         self.map.skipped |= skipped
         for record in self._records:
-            self.map.add(record)
+            self.map.add(self._placed(record))
 
 
 def _key(record: CountRecord) -> bytes:

@@ -192,6 +192,8 @@ def _read(
         counted = reader.read_counts_of([robot.counts for robot in robots], frame)
         placed = places.records([record for _, record in counted])
         counted = [(name, record) for (name, _), record in zip(counted, placed, strict=True)]
+    doubts = {name: places.doubts(reader, name) for name in {name for name, _ in counted}}
+    counted = [(name, doubts[name].placed(record)) for name, record in counted]
     records = [record for _, record in counted]
     reference = None
     if chosen.reference is not None and (good := [record for record in records if not record.quarantine]):
@@ -206,7 +208,7 @@ def _read(
     for one in wanted:
         own = one.counts == tuple(robot.counts for robot in robots)
         try:
-            its = records if own else places.records([it for _, it in reader.read_counts_of(one.counts, frame)])
+            its = records if own else places.trusted_records(reader, one.counts, frame)
         except InputError as error:
             if one.weight or one.name in chosen.properties:
                 raise

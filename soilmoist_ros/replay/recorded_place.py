@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,8 +23,10 @@ from soilmoist_ros.mapping.placement import PositionSource, require_near
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes, unread_positions
+from soilmoist_ros.replay.topics import TEXT
 from soilmoist_ros.reporting.field_survey import FieldSurvey
 from soilmoist_ros.sensing.position.heard import Heard
+from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Doubts
 from soilmoist_ros.sensing.records import CountRecord
 
 
@@ -53,6 +57,32 @@ class RecordedPlaces:
         if np.isfinite(recorded).all(axis=1).any() and not np.isfinite(xy).any():
             require_near(self.field, self.latlon(recorded), 0.0, PositionSource("the recording"))
         return [replace(record, x_m=x, y_m=y) for record, (x, y) in zip(records, xy, strict=True)]
+
+    def doubts(self, reader: BagReader, counts: str) -> Doubts:
+        """What the planner of a robot doubted about its place; as empty as the bag is of it.
+
+        :param counts: full name of a topic with records of the robot
+        """
+        doubts, above = Doubts(), counts
+        while above:
+            above = above.rpartition("/")[0]
+            if reader.topics.get(f"{above}/{DOUBTS}") == TEXT:
+                for text in reader.read_texts(f"{above}/{DOUBTS}"):
+                    with suppress(ValueError):
+                        doubt = Doubt.from_text(text)
+                        if self.recorded != self.field.frame and math.isfinite(doubt.x_m):
+                            [(x_m, y_m)] = self._to_field([(doubt.x_m, doubt.y_m)])
+                            doubt = replace(doubt, x_m=x_m, y_m=y_m)
+                        doubts.take(doubt)
+                break
+        return doubts
+
+    def trusted_records(self, reader: BagReader, counts: Sequence[str], frame: str) -> list[CountRecord]:
+        """Records of topics in the plane of the field, as far as their places are trusted."""
+        doubts = {name: self.doubts(reader, name) for name in counts}
+        found = reader.read_counts_of(counts, frame)
+        moved = self.records([record for _, record in found])
+        return [doubts[name].placed(record) for (name, _), record in zip(found, moved, strict=True)]
 
     def visits(self, visits: Sequence[Visit]) -> list[Visit]:
         """Visits with their places in the plane of the field."""

@@ -78,6 +78,7 @@ class Kind(enum.StrEnum):
     IMPOSSIBLE_WEATHER = "impossible_weather", "impossible weather", Severity.WARNING
     FROZEN_PRESSURE = "frozen_pressure", "pressure never changes", Severity.WARNING
     PLACE_JUMP = "place_jump", "jump of place", Severity.WARNING
+    PLACE_DOUBT = "place_doubt", "place not trusted", Severity.WARNING
     CLOCK_DRIFT = "clock_drift", "logger clock drifts against GNSS time", Severity.WARNING
     OVERDISPERSED = "overdispersed", "counts scatter more than counting statistics", Severity.WARNING
     RATE_JUMP = "rate_jump", "count unlike the records before", Severity.WARNING

@@ -206,6 +206,8 @@ def relocated(watched):
 
 
 def speed(watched):
+    watched.world.drift_m = -2.0
+    watched.ros.wait_for(lambda: watched.world.shift_m < 0, LIMIT_S)
     watched.world.drift_m = -4.0
     watched.alarm(Cause.SPEED)
     watched.world.drift_m = watched.world.shift_m = 0.0

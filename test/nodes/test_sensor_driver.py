@@ -34,6 +34,7 @@ from soilmoist_ros.nodes.wiring.driver_header import NAME
 from soilmoist_ros.recording.record_log import DRIVER, RecordTail
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message
+from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences, sentences_without_fix
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey
@@ -354,6 +355,25 @@ def test_fixes_come_by_topic_if_no_receiver_is_given(ros, start, outputs, logger
     assert outputs.records[0].x_m == pytest.approx(50.0, abs=10.0)  # a fix may be lost on its way
     assert outputs.records[0].y_m == pytest.approx(20.0, abs=1e-2)
     assert not outputs.raw_gnss
+
+
+def test_records_of_a_place_that_the_planner_doubts_are_quarantined(ros, start, outputs, logger, receiver):
+    start(receiver)
+    doubts = ros.node.create_publisher(String, DOUBTS, qos.VISITS)
+    for doubt in (Doubt(T0 + 25.0), Doubt(T0 + 25.0, T0 + 45.0, Outcome.LOST)):
+        doubts.publish(String(data=doubt.to_text()))
+    doubts.publish(String(data="no doubt"))
+    ros.wait_for(doubts.get_subscription_count)
+    time.sleep(1.0)
+    for number in range(1, 8):
+        receiver.send(*epoch(10.0 * number - 5.0, 20.0))
+        logger.send(line(number))
+    ros.wait_for(lambda: len(outputs.records) + len(outputs.quarantined) == 7, message="all records")
+    assert outputs.numbers == [1, 2, 6, 7]
+    bad = [record for message in outputs.quarantined for record in counts_from_message(message)]
+    assert [(round(record.stamp_s - T0), record.quarantine) for record in bad] == [
+        (30, "place_doubt"), (40, "place_doubt"), (50, "place_doubt"),
+    ]  # fmt: skip
 
 
 def test_intensity_comes_by_topic(ros, start, outputs, logger, tmp_path):

@@ -18,12 +18,17 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping.field_map import FieldMap
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.mcap.scan import McapScan
 from soilmoist_ros.replay import ReplaySettings, replay_bag
 from soilmoist_ros.replay.comparison import Comparison
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.run import NoteCode
+from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden"
@@ -37,6 +42,7 @@ CASES = {
 }
 REPLAYS = [(case, name) for case, replays in CASES.items() for name in replays]
 STORE = get_typestore(Stores.ROS2_JAZZY)
+TEXT = "std_msgs/msg/String"
 
 
 @pytest.fixture(scope="session")
@@ -53,10 +59,11 @@ def bands(soil_map):
     return {name: getattr(soil_map, name) for name in ("rate", "rate_sd", "vwc", "vwc_sd")}
 
 
-def copy_bag(source, target, keep=lambda topic, number: True, rename=lambda topic: topic, **options):
+def copy_bag(source, target, keep=lambda topic, number: True, rename=lambda topic: topic, texts=(), **options):
     """Copy a bag message by message with another writer, in its storage.
 
     :param keep: which messages, by topic and number within the topic
+    :param texts: further messages at the end, each the name of its topic and its text
     """
     mode = options.pop("compression", None)
     with AnyReader([source]) as reader, writer_of(target, mode, **options) as writer:
@@ -70,6 +77,9 @@ def copy_bag(source, target, keep=lambda topic, number: True, rename=lambda topi
             seen[connection.id] += 1
             if keep(connection.topic, number):
                 writer.write(topics[connection.id], stamp_ns, data)
+        further = {name: writer.add_connection(name, TEXT, typestore=STORE) for name in dict(texts)}
+        for name, text in texts:
+            writer.write(further[name], stamp_ns, STORE.serialize_cdr(STORE.types[TEXT](text), TEXT))
     return target
 
 
@@ -218,6 +228,27 @@ def test_bags_of_other_recorders(tmp_path, options, in_file):
     assert replay.comparisons == own.comparisons
     files = [item for item in replay.run.inputs if item.role == "bag"]
     assert len(files) == 1
+
+
+def test_doubts_about_the_place_give_the_map_of_the_mapper(tmp_path):
+    with BagReader(GOLDEN / "one_stop" / "bag") as reader:
+        records = reader.read_counts()
+        topic = reader.find_topic("counts", "sensor_msgs/msg/PointCloud2").replace("counts", DOUBTS)
+    first, middle, last = records[0].stamp_s, records[len(records) // 2].stamp_s, records[-1].stamp_s
+    stood = Doubt(middle - 35.0, middle, Outcome.RETURNED, 21.0, 22.0)
+    doubts = [Doubt(first - 100.0), Doubt(first - 100.0, first + 25.0, Outcome.LOST), stood, Doubt(last - 5.0)]
+    bag = copy_bag(
+        GOLDEN / "one_stop" / "bag", tmp_path / "bag", texts=[(topic, doubt.to_text()) for doubt in doubts],
+        storage_plugin=StoragePlugin.MCAP,
+    )  # fmt: skip
+    replay = replay_bag(bag, with_files("one_stop"))
+    live = MapRecords(FieldMap(FieldGrid.from_polygon([(-500, -500), (500, -500), (500, 500), (-500, 500)], 50.0)))
+    live.take(RECEIVED, records)
+    assert all(map(live.doubt, doubts))
+    replayed = sorted([*replay.run.track, *replay.run.quarantined], key=lambda record: record.stamp_s)
+    assert repr(replayed) == repr(live.map.track)
+    assert {record.quarantine for record in replayed} == {"", "place_doubt"}
+    assert any((record.x_m, record.y_m) == (21.0, 22.0) for record in replayed)
 
 
 @pytest.mark.slow

@@ -40,7 +40,6 @@ from soilmoist_ros.exploration.control.planning_thread import PlanningThread, Te
 from soilmoist_ros.exploration.control.team import pending_measurement, taken
 from soilmoist_ros.exploration.control.watching import Watching
 from soilmoist_ros.exploration.guard.fence import Fence
-from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.actions import (
     Action,
@@ -83,6 +82,7 @@ from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.position.heard import Heard
+from soilmoist_ros.sensing.position.place_judge import PlaceFix
 from soilmoist_ros.sensing.records import CountRecord
 
 PLACE_TIME = "place_s"
@@ -336,6 +336,8 @@ class MissionControl:
             self._current.use_home(self._feed.place)
         if answer.accepted:
             self._last_command = f"{verb} by {command.by}: {answer.message}", command.now_s
+            if sets_off:
+                self.watch.places.confirm()
             if verb in _DECISIONS or verb is Verb.PAUSE:
                 self._resume_when_ready = False
             if verb in _DECISIONS:
@@ -389,6 +391,7 @@ class MissionControl:
         :param stamp_s: when it was measured [s], NaN if unknown
         """
         now_s = self._clock.now_s()
+        self._watching.expect(self._mission.state, now_s)
         if self._feed.fix(PlaceFix(now_s, *place, sd_m, stamp_s)):
             self._moved(now_s, sd_m)
             if self.under_way and now_s - self._shown_place_s >= PLACE_SHOWN_S:

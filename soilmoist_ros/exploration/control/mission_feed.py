@@ -12,8 +12,6 @@ from dataclasses import replace
 from threading import RLock
 
 from soilmoist_ros.exploration.guard.motion import Motion
-from soilmoist_ros.exploration.guard.place_ages import PlaceAges
-from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.mission.actions import Action, Answer, Publish
 from soilmoist_ros.exploration.mission.events import (
     ClockStepped,
@@ -27,6 +25,8 @@ from soilmoist_ros.exploration.mission.events import (
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
+from soilmoist_ros.sensing.position.place_ages import PlaceAges
+from soilmoist_ros.sensing.position.place_judge import PlaceFix
 from soilmoist_ros.sensing.records import CountRecord
 
 FIX_SILENCE_S = 5.0
@@ -118,10 +118,9 @@ class MissionFeed:
 
     def fix(self, fix: PlaceFix) -> bool:
         """The robot may be here; whether that is its place now."""
-        if not self._moved(fix, self._fix_ages):
-            return False
-        self._fix_s = fix.now_s
-        return True
+        if _anywhere(fix) is not None:  # records have the places of the receiver that is not believed now
+            self._fix_s = fix.now_s
+        return self._moved(fix, self._fix_ages)
 
     def records(self, now_s: float, records: Sequence[CountRecord], more: bool = False) -> None:
         """Records have come; one without a position is only counted.

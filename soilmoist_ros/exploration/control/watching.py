@@ -16,9 +16,11 @@ from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.watch import NEAR_ROUTE_M, Doing, Surroundings, Watch
 from soilmoist_ros.exploration.mission.events import ClockStepped, Event
 from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.navigation.navigator import Navigator
 from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.sensing.position.place_judge import Expected
 from soilmoist_ros.sensing.records import CountRecord
 
 if TYPE_CHECKING:
@@ -78,6 +80,11 @@ class Watching:
                     ahead_no_go_m=fence.in_no_go_m(ahead),
                 )
         self._watch.moved(around)
+
+    def expect(self, state: MissionState, now_s: float) -> None:
+        """Say what the robot does: in a mission it stands unless it has a goal."""
+        does = Expected.DRIVING if state.goal is not None else Expected.STANDING
+        self._watch.places.expect(does if state.under_way else Expected.ANYTHING, now_s)
 
     def stamped(self, records: Sequence[CountRecord], clock_s: float) -> list[CountRecord]:
         """The records whose stamps are possible; the others are reported.

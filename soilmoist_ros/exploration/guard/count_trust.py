@@ -16,7 +16,7 @@ MAX_RECORDS: Final = 200
 """Number of records that are remembered."""
 FORGOTTEN: Final = 3.0
 """Multiple of the time after which records without a successor are no longer judged."""
-OF_PLACE: Final = frozenset((Kind.PLACE_JUMP.value, Kind.CLOCK_DRIFT.value))
+OF_PLACE: Final = frozenset((Kind.PLACE_JUMP.value, Kind.PLACE_DOUBT.value, Kind.CLOCK_DRIFT.value))
 """Reasons that say nothing about the counts; the causes ``jump``, ``fix_old`` and ``counts_stamp`` are theirs."""
 
 

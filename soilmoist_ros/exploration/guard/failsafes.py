@@ -165,7 +165,8 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "check the GNSS receiver and its corrections",
         ),
         Cause.RELOCATED: Failsafe(
-            "the fixes agree on another place, which the robot cannot have reached by itself",
+            "the fixes agree on another place, which the robot cannot have reached by itself, "
+            "or the place of a standing robot drifts",
             Response.PAUSE,
             ("max_jump_m", "agree_fixes"),
             "check that the robot is where the map shows it, then resume",

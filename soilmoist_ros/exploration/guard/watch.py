@@ -18,11 +18,11 @@ from soilmoist_ros.exploration.guard.battery import Battery, BatteryLimit
 from soilmoist_ros.exploration.guard.count_trust import CountTrust
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
 from soilmoist_ros.exploration.guard.motion import UNKNOWN_SD_M, Motion
-from soilmoist_ros.exploration.guard.place_filter import PlaceFilter, PlaceFix, PlaceLimits, Verdict
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.record_check import StampLimits
+from soilmoist_ros.sensing.position.place_judge import PlaceFix, PlaceJudge, PlaceLimits, Verdict
 
 MIN_JUMPS: Final = 3
 """Number of implausible fixes in a row from which the place counts as lost; also of fixes that are too fast."""
@@ -185,7 +185,7 @@ class Watch:
     ----------
     responses : dict[Cause, Response]
         what follows each cause; may be changed at any time
-    places : PlaceFilter
+    places : PlaceJudge
         decides on measured places
     motion : Motion
         estimates by plausible places whether the robot moves
@@ -196,12 +196,12 @@ class Watch:
     ) -> None:
         self.limits = limits or WatchLimits()
         self.responses = {cause: responses.get(cause, row.response) for cause, row in FAILSAFES.items()}
-        self.places = PlaceFilter(self.limits.place)
+        self.places = PlaceJudge(self.limits.place)
         self.motion = Motion()
         self._states = {cause: _State() for cause in Cause}
         self._heard: dict[str, _Heard] = {}
         self._under_way = False
-        self._fast = 0
+        self._fast, self._strayed = 0, False
         self._around = Surroundings()
         self._allowed_outside_m = self._allowed_no_go_m = 0.0  # where the mission has begun
         self._seen = dict.fromkeys((Cause.IN_NO_GO, Cause.OUTSIDE, Cause.OFF_ROUTE, Cause.FAR_OFF_ROUTE), 0)
@@ -237,6 +237,9 @@ class Watch:
         self.report(Cause.JUMP, "")
         if places.relocated_m > 0:
             self.note(Cause.RELOCATED, f"the fixes agree on a place {places.relocated_m:.0f} m from the last one")
+        if places.strayed_m > 0 and not self._strayed:
+            self.note(Cause.RELOCATED, f"the place of the standing robot has moved by {places.strayed_m:.1f} m")
+        self._strayed = places.strayed_m > 0
         if fix.age_s > self.limits.fix_old_s:
             return None
         self._hear("fix", fix.now_s)
@@ -402,6 +405,7 @@ class Watch:
             "in no-go area [m]": f"{self._around.no_go_m:.1f}",
             "off route [m]": f"{self._around.off_route_m:.1f}",
             "speed [m/s]": f"{self.places.speed_mps:.2f}",
+            "place trusted": "yes" if (doubt := self.places.doubt) is None else f"not since {doubt.since_s:.1f} s",
             **{f"fixes {verdict}": str(count) for verdict, count in self.places.counts.items() if count},
         }
         for name, heard in self._heard.items():

@@ -7,13 +7,13 @@ from __future__ import annotations
 from typing import Any, Final
 
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
-from soilmoist_ros.exploration.guard.place_filter import PlaceLimits
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
 from soilmoist_ros.exploration.mission.types import Response
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.parameter import Parameter, Value
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
+from soilmoist_ros.sensing.position.place_judge import PlaceLimits
 
 _PLACE = PlaceLimits()
 _FASTER: Final = 2.0
@@ -42,7 +42,13 @@ WATCH_PARAMETERS: Final = (
         for cause, row in FAILSAFES.items()
     ),
     *(_row(name, limit.default, limit.about, limit.unit, limit.low, limit.high) for name, limit in LIMITS.items()),
-    _row("max_jump_m", _PLACE.max_jump_m, "moves between two fixes up to this distance are plausible", "m"),
+    _row(
+        "max_jump_m",
+        _PLACE.max_jump_m,
+        "largest accepted distance of a fix from where the robot can have driven since the last ones, "
+        "whatever error the receiver states",
+        "m",
+    ),
     _row(
         "max_speed_mps",
         0.0,

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.task import Future
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -26,6 +27,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, VISITS
 from soilmoist_ros.nodes.runtime.soon import Soon
+from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt
 
 SAVE_LIMIT_S: Final = 120.0
 """Longest wait for the saved map at the end of the process [s]."""
@@ -49,6 +51,7 @@ class PlannerOutputs:
         self._path = node.create_publisher(Path, "plan", LATCHED)
         self._markers = node.create_publisher(MarkerArray, "plan_markers", LATCHED)
         self._publish_visit, self._publish_state = self._typed_publishers()
+        self._doubts = node.create_publisher(String, DOUBTS, VISITS)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         services = ("mapper/save", *(f"{name}/mapper/save" for name in properties))
         self._saves = [node.create_client(Trigger, service) for service in services]
@@ -86,6 +89,11 @@ class PlannerOutputs:
         """Log a visit, and publish it."""
         self._node.get_logger().info(f"visit: {visit.name}, {visit.raw_counts} counts in {visit.exposure_s:.0f} s")
         self._publish_visit(visit)
+
+    def doubt(self, doubts: Iterable[Doubt]) -> None:
+        """Publish doubts about the place that have begun or ended."""
+        for doubt in doubts:
+            self._doubts.publish(String(data=doubt.to_text()))
 
     def diagnose(self, parts: list[Health]) -> None:
         """Publish the planner's health."""

@@ -14,7 +14,7 @@ from soilmoist_ros.recording.bag.topic_choice import TopicChoice
 from soilmoist_ros.recording.mcap.metadata import Qos
 
 INPUTS: Final = (
-    ".*/(counts|quarantined_counts|fix|pressure|temperature|relative_humidity|raw/logger|raw/gnss"
+    ".*/(counts|quarantined_counts|place_doubts|fix|pressure|temperature|relative_humidity|raw/logger|raw/gnss"
     "|topological_map_2|closest_node|current_node)"
 )
 """Inputs of mapper and planner, and the raw lines; without the topics that the nodes publish."""

@@ -36,6 +36,7 @@ REASONS: Final[Mapping[int, str]] = MappingProxyType(
         9: Kind.OVERDISPERSED.value,
         10: Kind.UNEXPECTED_COUNT.value,
         11: Kind.RATE_JUMP.value,
+        12: Kind.PLACE_DOUBT.value,
     }
 )
 """Reason codes by number. Bags hold the numbers: they never change, new ones are added at the end."""

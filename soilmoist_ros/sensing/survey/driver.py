@@ -23,6 +23,7 @@ from soilmoist_ros.sensing.links.recording import PlaybackClock
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.nmea import NmeaParser
+from soilmoist_ros.sensing.position.place_doubt import Doubts
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.driver_health import fix_health, link_health, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream
@@ -91,6 +92,8 @@ class Driver:
         self._open_all()  # checks the addresses without connecting
         self._readers: dict[str, LineReader] = {}
         self._awake = threading.Event()
+        self.doubts = Doubts()
+        """What a planner doubts about the place; records of that time are quarantined."""
         self._heard_s = math.inf  # monotonic time at which bytes of the logger were seen first
 
     def start(self, wake: Callable[[], None]) -> None:
@@ -136,8 +139,13 @@ class Driver:
                 if now_s > 0:
                     self.stream.compare_clocks(reading.stamp_s, now_s)
         more = jammed or len(logger_lines) == LINES_PER_STEP
-        ready, header = self.stream.take_ready(steady_s), self.stream.parser.header if readings else None
+        ready, header = self._ready(steady_s), self.stream.parser.header if readings else None
         return Batch(logger_lines, gnss_lines, fixes, readings, ready, more, header)
+
+    def _ready(self, steady_s: float) -> list[CountRecord]:
+        """Records that are ready. One of a doubt that has ended stays as it is: the mapper places it."""
+        ready = self.stream.take_ready(steady_s)
+        return [placed if (placed := self.doubts.placed(record)).quarantine else record for record in ready]
 
     def health(self, now_s: float) -> list[Health]:
         """State of all parts.

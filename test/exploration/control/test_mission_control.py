@@ -12,7 +12,6 @@ import pytest
 from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
-from soilmoist_ros.exploration.guard.place_filter import PlaceLimits
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
@@ -26,6 +25,7 @@ from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.sensing.position.place_judge import PlaceLimits
 from soilmoist_ros.sensing.records import CountRecord
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import pytest
 
 from soilmoist_ros.exploration.control.mission_feed import FIX_SILENCE_S, MissionFeed
-from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.mission.actions import GoTo, Publish, RequestPlan, VisitDone
 from soilmoist_ros.exploration.mission.events import ClockStepped, Command, Moved, Planned, RecordArrived
 from soilmoist_ros.exploration.mission.mission import Mission
@@ -17,6 +16,7 @@ from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.sensing.position.place_judge import PlaceFix
 from soilmoist_ros.sensing.records import CountRecord
 
 EAST = Stop("east", 30.0, 0.0)

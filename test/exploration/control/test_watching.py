@@ -296,10 +296,34 @@ def test_a_robot_outside_the_field_waits_for_an_operator(farm):
 
 def test_a_robot_that_is_too_fast_waits_for_an_operator(farm):
     began_s = farm.steady_s
-    farm.fix = lambda true: (true[0] + 4.0 * (farm.steady_s - began_s), true[1])
+    drifted = lambda time_s: 0.5 * time_s**2 if time_s < 4 else 4 * time_s - 8  # noqa: E731
+    farm.fix = lambda true: (true[0] + drifted(farm.steady_s - began_s), true[1])
     farm.run(lambda: "speed" in farm.alarms, 10)
     assert farm.alarms["speed"] is Response.PAUSE
     assert farm.goal is None
+
+
+@pytest.mark.parametrize("lasts_s", [20.0, math.inf])
+def test_a_place_of_a_counting_robot_that_jumps_is_doubted_until_it_is_back_or_people_resume(farm, lasts_s):
+    farm.run(lambda: farm.shown.phase is Phase.COUNTING, 200)
+    for _ in range(10):
+        farm.second()
+    began_s, stood = farm.steady_s, farm.place
+    shifted = lambda true: (true[0] + 8.0, true[1])  # noqa: E731
+    farm.fix = lambda true: shifted(true) if farm.steady_s - began_s < lasts_s else true
+    for _ in range(30):
+        farm.second()
+    first, *later = farm.control.watch.places.news()
+    assert first.since_s == pytest.approx(BEGIN_S + began_s, abs=2.0)
+    if math.isinf(lasts_s):
+        assert later == []
+        farm.run(lambda: farm.shown.phase is Phase.PAUSED and farm.shown.needs_operator, 60)
+        farm.run(lambda: not farm.alarms, 30)
+        assert farm.control.command(Verb.RESUME).accepted
+        later = farm.control.watch.places.news()
+    [last] = later
+    assert (last.since_s, last.outcome) == (first.since_s, "confirmed" if math.isinf(lasts_s) else "returned")
+    assert math.isinf(lasts_s) or math.dist((last.x_m, last.y_m), stood) < 0.1
 
 
 def test_without_fixes_and_places_of_records_the_robot_holds(farm):

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
-from soilmoist_ros.exploration.guard.place_filter import PlaceFix
 from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, Surroundings, Watch, WatchLimits
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.sensing.position.place_judge import PlaceFix
 
 IDLE, MISSION = Doing(), Doing(under_way=True)
 LIMITS = WatchLimits()
@@ -269,8 +269,8 @@ def test_one_bad_fix_is_no_alarm():
 
 def test_speed():
     observed = Observed().run(5)
-    for _ in range(12):
-        observed.place = (observed.place[0] + 5.0, 0.0)
+    for second in range(12):
+        observed.place = (observed.place[0] + min(second, 5.0), 0.0)
         observed.run(1)
     assert observed.alarms == ["speed"]
     assert observed.events[0].reason.startswith("the robot moves at")

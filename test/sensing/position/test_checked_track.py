@@ -45,7 +45,8 @@ def test_a_jump_out_and_back_is_left_out():
         (np.cumsum(np.minimum(np.arange(60) * 3.0, 30.0)), 1.0, 0.02),  # a car that gathers speed
         (np.arange(50) * 1500.0, 60.0, math.nan),  # a rover on a motorway, one place a minute
         (np.random.default_rng(1).normal(0.0, 4.0, 500), 1.0, 4.0),  # a standing receiver without corrections
-        (np.concatenate([np.zeros(30), np.full(30, 8.0)]), 1.0, 0.02),  # corrections come back
+        (np.concatenate([np.zeros(30), np.full(30, 4.0)]), 1.0, 0.02),  # corrections come back
+        (np.concatenate([np.zeros(30), np.full(30, 12.0)]), 1.0, math.nan),  # of a receiver that states no error
     ],
 )
 def test_vehicles_and_noise_are_no_jumps(x_m, period_s, sd_m):

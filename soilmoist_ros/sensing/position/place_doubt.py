@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Times in which the place of a robot is not trusted, and what becomes of the records of such a time."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Final
+
+from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.records import CountRecord
+
+DOUBTS: Final = "place_doubts"
+"""Topic of the doubts, next to ``counts``."""
+CLOCKS_S: Final = 2.0
+"""Clocks of receiver and logger may differ so far [s]."""
+_NUMBERS: Final = ("since_s", "until_s", "x_m", "y_m")
+_OF_PLACE: Final = frozenset((Kind.PLACE_JUMP.value, Kind.PLACE_DOUBT.value))
+
+
+class Outcome(StrEnum):
+    """How a doubt ended."""
+
+    OPEN = "open"
+    """It has not ended."""
+    RETURNED = "returned"
+    """The place jumped away and came back to where the robot stood all the time."""
+    CONFIRMED = "confirmed"
+    """People have confirmed the new place."""
+    LOST = "lost"
+    """Nobody knows where the robot was."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A time in which the place is not trusted.
+
+    :param since_s: stamp of the last trusted place [s since 1970 UTC]
+    :param until_s: stamp from which on it is trusted again [s since 1970 UTC]; inf while that is open
+    :param outcome: how it ended
+    :param x_m: where the robot stood meanwhile [m], NaN unless it ``returned``
+    :param y_m: the same northwards [m]
+    """
+
+    since_s: float
+    until_s: float = math.inf
+    outcome: Outcome = Outcome.OPEN
+    x_m: float = math.nan
+    y_m: float = math.nan
+
+    def covers(self, record: CountRecord) -> bool:
+        """Whether a part of a record was counted in this time."""
+        begin_s = record.stamp_s - record.exposure_s
+        return record.stamp_s >= self.since_s - CLOCKS_S and begin_s <= self.until_s + CLOCKS_S
+
+    def to_text(self) -> str:
+        """JSON of the doubt."""
+        numbers = {name: getattr(self, name) for name in _NUMBERS}
+        known = {name: value for name, value in numbers.items() if math.isfinite(value)}
+        return json.dumps({"outcome": self.outcome.value, **known})
+
+    @classmethod
+    def from_text(cls, text: str) -> Doubt:
+        """Doubt from its JSON.
+
+        :raises ValueError: if it is none
+        """
+        try:
+            content = json.loads(text)
+            numbers = {
+                name: float(content[name]) for name in ("since_s", "until_s", "x_m", "y_m") if name in content
+            }
+            return cls(outcome=Outcome(content["outcome"]), **numbers)
+        except (LookupError, TypeError) as error:
+            raise ValueError(f"this is no doubt about a place: {text[:80]}") from error
+
+
+def none_since(stamp_s: float) -> Doubt:
+    """A doubt that covers nothing: a planner trusts its first place, so doubts of a planner before it are over."""
+    return Doubt(stamp_s, 0.0, Outcome.LOST)
+
+
+def placed(record: CountRecord, doubts: Iterable[Doubt]) -> CountRecord:
+    """A record with its place as the doubts leave it: as it is, quarantined, or where the robot stood.
+
+    >>> record = CountRecord(100.0, 9.0, 0.0, 0.0, 5, 10.0, 10.0)
+    >>> placed(record, [Doubt(80.0)]).quarantine
+    'place_doubt'
+    >>> placed(record, [Doubt(80.0, 120.0, Outcome.RETURNED, 1.0, 0.0)]).x_m
+    1.0
+
+    :param record: a record of the robot
+    :param doubts: doubts about its place, each with its newest outcome
+    """
+    ended = None
+    for doubt in doubts:
+        if not doubt.covers(record):
+            continue
+        if doubt.outcome in (Outcome.OPEN, Outcome.LOST):
+            return record if record.quarantine else replace(record, quarantine=Kind.PLACE_DOUBT.value)
+        ended = doubt
+    if ended is None or (record.quarantine and record.quarantine not in _OF_PLACE):
+        return record
+    if ended.outcome is Outcome.CONFIRMED:
+        return replace(record, quarantine="")
+    return replace(record, x_m=ended.x_m, y_m=ended.y_m, quarantine="")
+
+
+class Doubts:
+    """The doubts about the place of one robot, each with its newest outcome."""
+
+    def __init__(self) -> None:
+        self._doubts: dict[float, Doubt] = {}
+
+    def take(self, doubt: Doubt) -> bool:
+        """Add a doubt, or its end; those that are still open before it end where it begins.
+
+        :returns: whether it is new
+        """
+        new = self._doubts.get(doubt.since_s) != doubt
+        for since_s, other in self._doubts.items():
+            if other.outcome is Outcome.OPEN and since_s < doubt.since_s:
+                self._doubts[since_s] = replace(other, until_s=doubt.since_s, outcome=Outcome.LOST)
+        self._doubts[doubt.since_s] = doubt
+        return new
+
+    def placed(self, record: CountRecord) -> CountRecord:
+        """See :func:`placed`."""
+        return placed(record, self._doubts.values()) if self._doubts else record
