@@ -18,6 +18,7 @@ from soilmoist_ros.console.board import Board
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
 from soilmoist_ros.exploration.mission.types import TRIGGERS, Verb
 from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 
 REPEAT_S: Final = 0.5
 """Time between two messages of a pressed stop [s]; a planner takes silence of 2 s for a release."""
@@ -105,16 +106,16 @@ class ConsoleSteering:
 
     def _typed_clients(self, below: dict[str, str]) -> tuple[dict[str, Any], Any]:
         try:
-            from soilmoist_msgs.srv import Command
+            kind = interface_class("soilmoist_msgs/srv/Command")
 
             from msg_adapters.soilmoist.command import reply_from_message, request_to_message
-        except ImportError:
+        except ImportError as error:
             self._node.get_logger().warning(
                 "the console can start, pause, resume, abort and skip only: soilmoist_msgs is not installed "
-                "(build interfaces/soilmoist_msgs)"
+                f"({error}; build interfaces/soilmoist_msgs)"
             )
             return {}, None
         clients = {
-            robot: self._node.create_client(Command, f"{name}planner/command") for robot, name in below.items()
+            robot: self._node.create_client(kind, f"{name}planner/command") for robot, name in below.items()
         }
         return clients, (request_to_message, reply_from_message)
