@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from msg_adapters.offered_qos import offered_qos, requested_qos
+from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.recording.mcap.metadata import request_for
 
@@ -44,7 +45,7 @@ class RouteFeedback:
         for name in ("route", "data"):
             text = getattr(content, name, None)
             if isinstance(text, str):
-                self.route = text
+                self.route = foreign_text(text)
 
     def look_for_topic(self) -> None:
         """Subscribe to the plain topic once it exists; its type and quality of service depend on the version."""

@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
 from soilmoist_ros.exploration.mission.types import TRIGGERS, Verb
+from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.nodes.runtime.qos import LATCHED
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
 
@@ -100,7 +101,7 @@ class ConsoleSteering:
 
         def read(response: Any) -> Reply:
             code = ReplyCode.ACCEPTED if response.success else ReplyCode.REFUSED
-            return Reply(code, response.message)
+            return Reply(code, foreign_text(response.message))
 
         return self._triggers.get((robot, request.verb)), Trigger.Request(), read
 

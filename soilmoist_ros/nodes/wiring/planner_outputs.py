@@ -25,6 +25,7 @@ from soilmoist_ros.exploration.mission.types import MissionStatus, Polygons
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health
+from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, VISITS
 from soilmoist_ros.nodes.runtime.soon import Soon
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
@@ -146,4 +147,4 @@ class PlannerOutputs:
     def _on_saved(self, future: Future) -> None:
         answer = future.result()
         if answer is not None and not answer.success:
-            self._node.get_logger().error(f"the mapper did not save: {answer.message}")
+            self._node.get_logger().error(f"the mapper did not save: {foreign_text(answer.message)}")

@@ -145,7 +145,9 @@ class RobotInterface:
                 for server in self._navigation:
                     server.end(output)
                 if not self._by_topic:  # whoever sends poses gets no results, and watches the place instead
-                    self._progress = replace(self._progress, goal_ended_s=self.robot.now_s)
+                    self._progress = replace(
+                        self._progress, goal_ended_s=self.robot.now_s, goal_untrue=output.untrue
+                    )
             case ServerPresent(present):
                 self._log.info(f"the {self._below}navigation server is {'back' if present else 'gone'}")
                 for server in self._navigation:
@@ -167,7 +169,8 @@ class RobotInterface:
         target = None if status.target is None else (status.target.x_m, status.target.y_m)
         same = (status.phase, target) == (self._progress.phase, self._target_xy)
         ended_s = self._progress.goal_ended_s if same else math.nan
-        self._progress = RobotProgress(status.phase, handled_s=handled_s, goal_ended_s=ended_s, placed_s=placed_s)
+        untrue = same and self._progress.goal_untrue
+        self._progress = RobotProgress(status.phase, -math.inf, handled_s, ended_s, untrue, placed_s=placed_s)
         self._target_xy = target
 
     def _on_goal_pose(self, pose: PoseStamped) -> None:

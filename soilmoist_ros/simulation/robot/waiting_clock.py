@@ -11,6 +11,7 @@ from enum import StrEnum
 from types import MappingProxyType
 
 from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.exploration.navigation.goal_client import GoalLimits
 from soilmoist_ros.foundation.health import Health, Level
 
 
@@ -71,6 +72,7 @@ class RobotProgress:
     :param sent_s: end of the last record that the logger sent whole to a client [s]; -inf for none
     :param handled_s: end of the last record that the planner has received [s]; NaN or -inf if unknown
     :param goal_ended_s: end of a goal to which the mission has not reacted [s]; NaN for none
+    :param goal_untrue: whether the navigation reported an arrival without motion
     :param waits_for_goal: whether the robot stands away from the mission's target, without a goal
     :param fixed_s: time of the last fix that the receiver sent whole to a client [s]; -inf for none
     :param placed_s: when the planner received its last position [s]; NaN or -inf if unknown
@@ -80,6 +82,7 @@ class RobotProgress:
     sent_s: float = -math.inf
     handled_s: float = math.nan
     goal_ended_s: float = math.nan
+    goal_untrue: bool = False
     waits_for_goal: bool = False
     fixed_s: float = -math.inf
     placed_s: float = math.nan
@@ -165,7 +168,10 @@ class WaitingClock:
         # The planner checks the place by a position after the result, so the next position comes when the result
         # should be there. If it is late, more positions come, and the time between two doubles: a result is never
         # without one for long, and a long wait takes little simulated time.
-        epochs = math.log2(1 + (self._wall_s - self._since[key]) / max(CRAWL_S, 2 * self._answer_s))
+        # The client doubts an arrival after this number of positions that do not agree. They come at once: if time
+        # crawled, the client's limit on the computer's clock would come first, after 30 s.
+        untrue = GoalLimits.positions if progress.goal_untrue else 0
+        epochs = untrue + math.log2(1 + (self._wall_s - self._since[key]) / max(CRAWL_S, 2 * self._answer_s))
         return progress.goal_ended_s + epochs * self._epoch_s
 
     @property

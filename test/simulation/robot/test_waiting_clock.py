@@ -8,6 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
+from soilmoist_ros.exploration.navigation.navigator import Outcome
+from soilmoist_ros.exploration.navigation.way_points import WayPoint
+from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.simulation.robot.waiting_clock import (
     LIMITS_S,
@@ -176,3 +180,20 @@ def test_time_never_stands_forever(history, forever):
         clock.may_run_to(wall_s, robots)
     clock.may_run_to(wall_s, forever)
     assert clock.may_run_to(wall_s + max(LIMITS_S.values()) + 0.1, forever) == math.inf
+
+
+def test_an_untrue_arrival_does_not_stop_time_for_the_limit_of_the_client():
+    """The client doubts an arrival after ten positions, or after 30 s of the computer's clock."""
+    clock, limits = Clock(), GoalLimits()
+    untrue = {"robot_1": replace(ARRIVAL["robot_1"], goal_untrue=True)}
+    assert clock.may_run_to(0.0, ARRIVAL) == 107.0
+    assert clock.may_run_to(0.0, untrue) == 107.0 + limits.positions
+    assert limits.positions < clock.may_run_to(1.0, untrue) - 107.0 < limits.positions + 5, "then it crawls"
+    client, target = GoalClient(2.0, limits), WayPoint(Stop("far", 50.0, 0.0))
+    client.tick(1, 0.0)
+    client.go(1, (target,), 0.0)
+    client.answered(1, True, 0.0)
+    client.ended(1, 4, True, 0.0)
+    reports = [client.moved((0.0, 0.0), 0.1) for _ in range(limits.positions)]
+    assert [bool(report) for report in reports] == [False] * 9 + [True]
+    assert reports[-1][0].outcome is Outcome.FAILED
