@@ -9,6 +9,8 @@ from typing import Any
 
 from rclpy.node import Node
 
+from soilmoist_ros.foundation.suggestions import listing
+
 
 def interface_class(name: str) -> Any:
     """Class of a message, service or action that may not be installed, ready for use.
@@ -35,14 +37,15 @@ def interface_class(name: str) -> Any:
 
 
 def other_type(node: Node, topic: str, expected: str) -> str:
-    """What the publishers of a topic send instead of a type, in words; empty if one sends it, or there is none.
-
-    A subscription to another type hears nothing, without a word.
+    """Why a subscription hears nothing, without a word: another type, or another name; empty if one sends it.
 
     :param topic: name of the topic, as in the subscription
     :param expected: type as in ``sensor_msgs/msg/NavSatFix``
     """
     sent = {one.topic_type for one in node.get_publishers_info_by_topic(topic)}
-    return (
-        "" if expected in sent or not sent else f"the topic {topic} has {', '.join(sorted(sent))}, not {expected}"
-    )
+    if sent:
+        return "" if expected in sent else f"the topic {topic} has {', '.join(sorted(sent))}, not {expected}"
+    offered = [name for name, kinds in node.get_topic_names_and_types() if expected in kinds]
+    elsewhere = sorted(name for name in offered if node.count_publishers(name))
+    here = node.resolve_topic_name(topic)
+    return f"nobody publishes {here}, but {expected} is on {listing(elsewhere)}" if elsewhere else ""

@@ -9,11 +9,12 @@ import sys
 import pytest
 
 pytest.importorskip("rclpy")
+from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import String
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.navigation.action_navigator import action_class
-from soilmoist_ros.nodes.runtime.topic_types import interface_class
+from soilmoist_ros.nodes.runtime.topic_types import interface_class, other_type
 
 # As rosidl generates a class, without the C library beside it.
 GENERATED = """
@@ -62,3 +63,15 @@ def test_a_type_that_is_there_and_one_that_is_not():
         interface_class("std_msgs/msg/Strin")
     with pytest.raises(ImportError, match="no_such_msgs"):
         interface_class("no_such_msgs/srv/Odd")
+
+
+def test_positions_on_another_topic_are_found(ros):
+    """A wrong namespace hears nothing, without a word."""
+    expected = "sensor_msgs/msg/NavSatFix"
+    assert other_type(ros.node, "fix", expected) == ""
+    ros.node.create_publisher(NavSatFix, "/r1/gps/fix", 1)
+    ros.wait_for(lambda: other_type(ros.node, "fix", expected))
+    said = "nobody publishes /fix, but sensor_msgs/msg/NavSatFix is on /r1/gps/fix"
+    assert other_type(ros.node, "fix", expected) == said
+    ros.node.create_publisher(NavSatFix, "fix", 1)
+    ros.wait_for(lambda: other_type(ros.node, "fix", expected) == "")
