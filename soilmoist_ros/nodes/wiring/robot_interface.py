@@ -32,7 +32,7 @@ from soilmoist_ros.simulation.robot.virtual_navigation import (
     Remaining,
     ServerPresent,
 )
-from soilmoist_ros.simulation.robot.waiting_clock import RobotProgress
+from soilmoist_ros.simulation.robot.waiting_clock import RobotProgress, end_to_react_to
 from soilmoist_ros.simulation.simulated_robot import GNSS, LOGGER, Output, PropertyCounted, SimulatedRobot
 
 
@@ -60,7 +60,7 @@ class RobotInterface:
         start_s: float,
     ) -> None:
         self.robot, self.name = robot, below.rstrip("/") or "the robot"
-        self._start_s = start_s
+        self._start_s, self._epoch_s = start_s, given.number("gnss_period_s")
         self._log = node.get_logger()
         self._below = below
         self._closest = node.create_publisher(String, f"{below}closest_node", LATCHED)
@@ -105,12 +105,14 @@ class RobotInterface:
             return RobotProgress()  # a planner that has died is not waited for
         has_driver = bool(self._servers[LOGGER].clients)
         idle = self._target_xy is not None and self.robot.waits_for_goal(self._target_xy)
+        ended_s = self._progress.goal_ended_s if self.robot.goal_id is None else math.nan
+        fixed_s = self.robot.fixed_s if self._servers[GNSS].clients else -math.inf
         return replace(
             self._progress,
             sent_s=self.robot.sent_s if has_driver else -math.inf,
-            goal_ended_s=self._progress.goal_ended_s if self.robot.goal_id is None else math.nan,
+            goal_ended_s=end_to_react_to(ended_s, self.robot.now_s, fixed_s, self._epoch_s),
             waits_for_goal=idle,
-            fixed_s=self.robot.fixed_s if self._servers[GNSS].clients else -math.inf,
+            fixed_s=fixed_s,
         )
 
     def poll(self) -> None:

@@ -88,6 +88,19 @@ class RobotProgress:
     placed_s: float = math.nan
 
 
+def end_to_react_to(ended_s: float, now_s: float, fixed_s: float, epoch_s: float) -> float:
+    """End of a goal to which a mission can react [s]; NaN for none.
+
+    Without positions the planner cannot confirm an arrival, and time must run until the receiver has a fix again.
+
+    :param ended_s: end of the goal [s]
+    :param now_s: simulated time [s]
+    :param fixed_s: time of the last fix that the receiver sent whole to a client [s]
+    :param epoch_s: time between epochs of the receiver [s]
+    """
+    return math.nan if now_s - ended_s > 2 * epoch_s and fixed_s <= ended_s else ended_s
+
+
 def awaited(progress: RobotProgress) -> Awaited | None:
     """What simulated time waits for at a robot, ``None`` for nothing.
 

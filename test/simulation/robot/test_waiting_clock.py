@@ -20,6 +20,7 @@ from soilmoist_ros.simulation.robot.waiting_clock import (
     RobotProgress,
     WaitingClock,
     awaited,
+    end_to_react_to,
 )
 
 WAITED_FOR = (
@@ -197,3 +198,12 @@ def test_an_untrue_arrival_does_not_stop_time_for_the_limit_of_the_client():
     reports = [client.moved((0.0, 0.0), 0.1) for _ in range(limits.positions)]
     assert [bool(report) for report in reports] == [False] * 9 + [True]
     assert reports[-1][0].outcome is Outcome.FAILED
+
+
+@pytest.mark.parametrize(
+    ("now_s", "fixed_s", "waited_for"),
+    [(101.0, 99.0, True), (102.5, 100.5, True), (102.5, 99.0, False), (102.5, -math.inf, False)],
+)
+def test_an_arrival_without_positions_is_not_waited_for(now_s, fixed_s, waited_for):
+    assert (end_to_react_to(100.0, now_s, fixed_s, 1.0) == 100.0) is waited_for
+    assert math.isnan(end_to_react_to(math.nan, now_s, fixed_s, 1.0))
