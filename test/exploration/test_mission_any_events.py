@@ -24,6 +24,7 @@ from soilmoist_ros.exploration.mission.actions import (
     VisitDone,
 )
 from soilmoist_ros.exploration.mission.events import (
+    STILL_M,
     AlarmOver,
     ClockStepped,
     Command,
@@ -157,7 +158,7 @@ class AnyEvents(RuleBasedStateMachine):
         first_s = max(
             (time_s for time_s, _ in self.places if time_s <= last_s - self.rules.standstill_s), default=None
         )
-        near_m = 2 * self.rules.arrival_radius_m / 3
+        near_m = 2 * STILL_M
         return first_s is not None and all(
             math.dist(place, last) <= near_m for time_s, place in self.places if time_s >= first_s
         )
@@ -216,6 +217,15 @@ class AnyEvents(RuleBasedStateMachine):
     @rule()
     def robot_stands(self):
         self.stand()
+
+    @rule(still_s=st.sampled_from([0.0, 4.0, 30.0]), unseen_mps=st.sampled_from([0.0, 0.3]))
+    def noise_is_judged(self, still_s, unseen_mps):
+        """The estimate of the motion decides; a robot that stands is where it was."""
+        if still_s and len({place for _, place in self.places[-4:]}) > 1:
+            return
+        if still_s:
+            self.stand()
+        self.take(Moved(self.now_s, *self.mission.state.position, still_s, unseen_mps))
 
     @rule(cause=st.sampled_from("ab"), response=st.sampled_from(list(Response)))
     def guard_warns(self, cause, response):

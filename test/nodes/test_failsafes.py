@@ -178,6 +178,17 @@ def outside(watched):
     watched.resumes()
 
 
+def moving(watched):
+    watched.works(Phase.COUNTING)
+    watched.world.drift_m = 0.1
+    watched.alarm(Cause.MOVING)
+    watched.stands(Phase.PAUSED)
+    watched.world.drift_m = 0.0
+    watched.resumes()
+    watched.world.shift_m = 0.0
+    watched.works(Phase.COUNTING)
+
+
 def jump(watched):
     watched.world.shift_m, watched.world.drift_m = 2000.0, 200.0
     watched.alarm(Cause.JUMP)
@@ -334,7 +345,7 @@ def returned(watched, end=Phase.FINISHED):
 
 
 CAUSES = (
-    outside, jump, relocated, speed, fix_old, records_old, map_old, counts_frame, counts_stamp,
+    moving, outside, jump, relocated, speed, fix_old, records_old, map_old, counts_frame, counts_stamp,
     counts_bad, navigation_silent, other_client, map_changed, battery_silent, battery_low, reserve, battery_empty,
 )  # fmt: skip
 
@@ -348,6 +359,8 @@ def test_failsafe(watched, cause):
 
 
 def test_the_others_are_tested_where_they_are_found():
-    """TF is in test_planner_frames, a clock that is set in test_mission_control, a frozen place in test_watch."""
+    """TF is in test_planner_frames, a clock that is set in test_mission_control, the others in test_watching."""
     tested = {cause.__name__ for cause in CAUSES}
-    assert {cause.value for cause in Cause} - tested == {"frame_mismatch", "clock_step", "fix_frozen"}
+    assert {cause.value for cause in Cause} - tested == {
+        "frame_mismatch", "clock_step", "fix_frozen", "in_no_go", "off_route", "far_off_route",
+    }  # fmt: skip

@@ -202,6 +202,7 @@ class MissionControl:
             lambda event: journal.note(mission, event),
             self.watch.fix,
             journal.secure,
+            self.watch.motion,
         )
 
     def take_up(self, mission: Mission, auto: bool) -> None:
@@ -341,6 +342,8 @@ class MissionControl:
                 self._resume_when_ready = False
             if verb in _DECISIONS:
                 self._interrupted = ""
+            if verb is Verb.ABORT:
+                self._watching.stopped(command.now_s)
             self.show()
         return answer
 
@@ -392,18 +395,18 @@ class MissionControl:
         now_s = self._clock.now_s()
         self._watching.expect(self._mission.state, now_s)
         if self._feed.fix(PlaceFix(now_s, *place, sd_m, stamp_s)):
-            self._moved(now_s)
+            self._moved(now_s, sd_m)
             if self.under_way and now_s - self._shown_place_s >= PLACE_SHOWN_S:
                 self.show()
 
-    def _moved(self, now_s: float) -> None:
+    def _moved(self, now_s: float, sd_m: float = math.nan) -> None:
         place = self._feed.place
         assert place is not None
         if not self.under_way:
             self._current.moved(place, self._mission.rules.arrival_radius_m)
-        self._watching.moved(place)
+        self._watching.moved(place, sd_m)
         if self._feed.place_age_s <= MAX_AGE_S:  # where the robot was is no arrival, and no place to stop at
-            self.navigator.moved(place, now_s)
+            self.navigator.moved(place, now_s, sd_m)
 
     def battery(self, charge: float, voltage_v: float) -> None:
         """The state of the robot's battery: charge [0..1] and voltage [V], NaN if unknown."""
@@ -653,6 +656,7 @@ class MissionControl:
             self._feed.give(GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True))
         else:
             self._learned.set_off(self._clock.now_s(), way.corners)
+            self._watching.sent(way)
             nodes = tuple(map(self._reached, way.nodes))
             self.navigator.go(goal.goal_id, self._reached(goal.stop), replace(way, nodes=nodes))
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from threading import RLock
 
+from soilmoist_ros.exploration.guard.motion import Motion
 from soilmoist_ros.exploration.mission.actions import Action, Answer, Publish
 from soilmoist_ros.exploration.mission.events import (
     ClockStepped,
@@ -23,6 +24,7 @@ from soilmoist_ros.exploration.mission.events import (
 )
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
+from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
 from soilmoist_ros.sensing.position.place_ages import PlaceAges
 from soilmoist_ros.sensing.position.place_judge import PlaceFix
 from soilmoist_ros.sensing.records import CountRecord
@@ -49,6 +51,7 @@ class MissionFeed:
     :param locate: the robot's place by a measured one, ``None`` if that is not plausible; all are if left out
     :param secure: makes sure that what was noted is on the disk; called before actions are carried out, other than
         publishing, and at the end
+    :param motion: estimate of the motion by the located places; ``None`` for none
     """
 
     def __init__(
@@ -58,8 +61,10 @@ class MissionFeed:
         note: Callable[[Event], None] | None = None,
         locate: Callable[[PlaceFix], tuple[float, float] | None] = _anywhere,
         secure: Callable[[], None] = lambda: None,
+        motion: Motion | None = None,
     ) -> None:
         self.mission = mission
+        self._motion = motion
         self.place: tuple[float, float] | None = None
         self.place_s = -math.inf
         self.place_age_s = math.inf
@@ -161,7 +166,14 @@ class MissionFeed:
         if place is None:
             return False
         self.place, self.place_s, self.place_age_s = place, fix.now_s, age_s
-        self.give(Moved(fix.now_s, *place, sd_m=fix.sd_m if math.isfinite(fix.sd_m) else 0.0))
+        sd_m = fix.sd_m if math.isfinite(fix.sd_m) else 0.0
+        if self._motion is None:
+            self.give(Moved(fix.now_s, *place, sd_m=sd_m))
+        elif age_s > MAX_AGE_S:  # it shows where the robot was
+            self.give(Moved(fix.now_s, *place, still_s=0.0, sd_m=sd_m))
+        else:
+            standing = self._motion.standing(self.mission.rules.standstill_s)
+            self.give(Moved(fix.now_s, *place, standing.for_s, standing.unseen_mps, sd_m))
         return True
 
     def _take(self, event: Event) -> None:

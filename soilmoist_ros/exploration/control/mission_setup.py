@@ -211,7 +211,7 @@ class FieldAccess:
         if not self._rules.by_name:
             return Way(corners, (stop,))
         names = self._fenced.nodes_to_send(place, stop, self._rules.entry_m)
-        return Way(corners, tuple(map(self.stop, names)))
+        return Way(corners, tuple(map(self.stop, names)), self._fenced.choices(place, names))
 
     def stop(self, name: str) -> Stop:
         """The stop of this name, also one outside the field.

@@ -6,21 +6,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import shapely
 
 from soilmoist_ros.exploration.control.mission_setup import FieldAccess
 from soilmoist_ros.exploration.guard.failsafes import Cause
-from soilmoist_ros.exploration.guard.watch import Doing, Watch
+from soilmoist_ros.exploration.guard.watch import NEAR_ROUTE_M, Doing, Surroundings, Watch
 from soilmoist_ros.exploration.mission.events import ClockStepped, Event
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.navigation.navigator import Navigator
+from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.sensing.position.place_judge import Expected
 from soilmoist_ros.sensing.records import CountRecord
 
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
 STEP_S: Final = 1.0
 """Smaller steps of the clock are the work of a time service [s]."""
+WATCHED_S: Final = 60.0
+"""Time for which the robot should stand after a mission or a stop [s]; then it belongs to people."""
+AHEAD_S: Final = 3.0
+"""Time by which the robot's place is predicted [s]."""
 _MOVED_M: Final = 2.0
 """Distance from which the way home is computed anew [m]."""
 
@@ -34,21 +45,46 @@ class Watching:
     def __init__(self, watch: Watch) -> None:
         self._watch = watch
         self._access: FieldAccess | None = None
+        self._route: BaseGeometry | None = None
+        self._watched_until_s = -math.inf
         self._way_home: tuple[tuple[float, float], float] | None = None  # from where, and how long [s]
 
     def use(self, access: FieldAccess) -> None:
         """Where the robot may go from now on."""
         self._access, self._way_home = access, None
 
+    def sent(self, way: Way) -> None:
+        """A goal is sent with its route."""
+        self._route = shapely.multilinestrings(list(shapely.linestrings(way.lines))) if len(way.lines) else None
+
+    def stopped(self, now_s: float) -> None:
+        """People have asked for a stop [s]: whatever drives the robot, it should stand soon."""
+        self._watched_until_s = now_s + WATCHED_S
+
+    def moved(self, place: tuple[float, float], sd_m: float) -> None:
+        """The robot is here [m], by a fix of this standard deviation [m]."""
+        if self._access is None:
+            return
+        fence = self._access.fence
+        outside_m, no_go_m = fence.beyond_border_m(place), fence.in_no_go_m(place)
+        around = Surroundings(outside_m=outside_m, no_go_m=no_go_m, sd_m=sd_m, leaving_m=fence.leaving_m)
+        if self._route is not None:
+            off_m = float(self._route.distance(shapely.Point(place)))
+            around = replace(around, off_route_m=off_m)
+            if off_m > NEAR_ROUTE_M and (shift := self._watch.motion.shift(AHEAD_S)) is not None:
+                factor = AHEAD_S / shift.span_s
+                ahead = place[0] + factor * shift.east_m, place[1] + factor * shift.north_m
+                around = replace(
+                    around,
+                    ahead_outside_m=fence.beyond_border_m(ahead),
+                    ahead_no_go_m=fence.in_no_go_m(ahead),
+                )
+        self._watch.moved(around)
+
     def expect(self, state: MissionState, now_s: float) -> None:
         """Say what the robot does: in a mission it stands unless it has a goal."""
         does = Expected.DRIVING if state.goal is not None else Expected.STANDING
         self._watch.places.expect(does if state.under_way else Expected.ANYTHING, now_s)
-
-    def moved(self, place: tuple[float, float]) -> None:
-        """The robot is here [m]."""
-        if self._access is not None:
-            self._watch.outside(self._access.fence.outside_m(place))
 
     def stamped(self, records: Sequence[CountRecord], clock_s: float) -> list[CountRecord]:
         """The records whose stamps are possible; the others are reported.
@@ -86,11 +122,17 @@ class Watching:
 
     def doing(self, mission: Mission, navigator: Navigator) -> Doing:
         """What a mission and its navigation do now."""
-        state = mission.state
+        state, now_s = mission.state, mission.state.now_s or 0.0
         place = state.position
+        if state.goal is None:
+            self._route = None
+        if state.under_way:
+            self._watched_until_s = now_s + WATCHED_S
+        watched = now_s < self._watched_until_s or Cause.MOVING in self._watch.on
         return Doing(
             under_way=state.under_way,
             driving=state.goal is not None,
+            still=state.goal is None and watched,
             going_home=state.ended is not None or state.phase is Phase.RETURNING,
             waiting_for=navigator.waiting_for,
             other_client=navigator.other_client,

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The table of failsafes: what may be wrong, what follows, and what the operator can do."""
+"""The tables of the watch: what may be wrong, what follows, what the operator can do, and the limits.
+
+Parameters of the planner, their documentation and the table of the failsafes are made from them.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,17 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from soilmoist_ros.exploration.mission.types import Response
+from soilmoist_ros.exploration.mission.types import MOVING, Response
 
 
 class Cause(StrEnum):
     """What may be wrong."""
 
+    IN_NO_GO = "in_no_go"
     OUTSIDE = "outside"
+    FAR_OFF_ROUTE = "far_off_route"
+    OFF_ROUTE = "off_route"
+    MOVING = MOVING
     JUMP = "jump"
     RELOCATED = "relocated"
     SPEED = "speed"
@@ -44,7 +51,7 @@ class Failsafe:
 
     :param about: when the alarm begins
     :param response: what follows unless it is set otherwise
-    :param limits: names of the parameters that limit it
+    :param limits: names of the parameters that limit it, in :data:`LIMITS` or others of the planner
     :param remedy: what the operator can do
     """
 
@@ -54,13 +61,102 @@ class Failsafe:
     remedy: str
 
 
+@dataclass(frozen=True)
+class Limit:
+    """A limit of the watch.
+
+    :param default: value unless it is set otherwise
+    :param unit: its unit
+    :param about: what it limits
+    :param low: lowest value
+    :param high: highest value, ``None`` for any
+    """
+
+    default: float
+    unit: str
+    about: str
+    low: float = 0.0
+    high: float | None = None
+
+
+LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
+    {
+        "max_outside_m": Limit(
+            2.0,
+            "m",
+            "distance outside the field from which a mission pauses; a robot that starts outside may drive in",
+        ),
+        "max_entry_m": Limit(
+            10.0,
+            "m",
+            "distance outside the field, or depth in a no-go area, from which no goal is sent; from nearer the "
+            "robot drives straight back in. At least max_outside_m counts",
+        ),
+        "max_in_no_go_m": Limit(
+            0.5, "m", "depth in a no-go area, the margin robot_radius_m included, from which a mission pauses"
+        ),
+        "off_route_m": Limit(5.0, "m", "distance from the route that counts as off the route"),
+        "far_off_route_m": Limit(10.0, "m", "distance from the route from which a mission pauses"),
+        "moving_m": Limit(0.5, "m", "motion without a goal from which the robot is stopped again"),
+        "fix_old_s": Limit(10.0, "s", "longest time without a plausible position"),
+        "fix_frozen_s": Limit(
+            12.0,
+            "s",
+            "longest time without any change of the position while the robot is to drive; 0 for no limit",
+        ),
+        "records_old_s": Limit(60.0, "s", "longest time without a record in a mission"),
+        "counts_bad_s": Limit(60.0, "s", "time in which more than half of the records must be good", 1.0),
+        "map_old_s": Limit(300.0, "s", "longest time that the map stays without the newest records"),
+        "navigation_silent_s": Limit(
+            10.0, "s", "longest time without the navigation, or its feedback where that is regular"
+        ),
+        "battery_low": Limit(0.25, "", "charge below which the battery is low; 0 for no limit", 0.0, 1.0),
+        "battery_empty": Limit(0.1, "", "charge below which the battery is empty; 0 for no limit", 0.0, 1.0),
+        "battery_low_v": Limit(0.0, "V", "voltage below which the battery is low; 0 for no limit"),
+        "battery_empty_v": Limit(0.0, "V", "voltage below which the battery is empty; 0 for no limit"),
+        "battery_silent_s": Limit(
+            60.0,
+            "s",
+            "longest time in a mission without the state of a battery that was heard before; 0 for no limit",
+        ),
+        "clear_s": Limit(10.0, "s", "time for which a cause must be over before its alarm ends"),
+    }
+)
+"""The limits of the watch, by the name of their parameter."""
+
 FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
     {
-        Cause.OUTSIDE: Failsafe(
-            "the robot is farther outside the field than the limit",
+        Cause.IN_NO_GO: Failsafe(
+            "the robot is deeper in a no-go area, its margin included, than the limit and the noise of the fixes",
             Response.PAUSE,
-            ("max_outside_m",),
-            "bring the robot back, or check the field file",
+            ("max_in_no_go_m",),
+            "drive the robot out by hand, or check the no-go areas",
+        ),
+        Cause.OUTSIDE: Failsafe(
+            "the robot is farther outside the field than the limit and the noise of the fixes",
+            Response.PAUSE,
+            ("max_outside_m", "max_entry_m"),
+            "drive the robot back in by hand, or check the field file",
+        ),
+        Cause.FAR_OFF_ROUTE: Failsafe(
+            "the robot drives farther from the route than the second limit; or it is off the route, and would be "
+            "outside the field or in a no-go area in 3 s",
+            Response.PAUSE,
+            ("far_off_route_m",),
+            "look at the robot and its navigation, drive it back by hand if needed, then resume",
+        ),
+        Cause.OFF_ROUTE: Failsafe(
+            "the robot drives farther from the route that was sent than the limit and the noise of the fixes",
+            Response.WARN,
+            ("off_route_m",),
+            "look at the robot: it may drive around an obstacle, or lose its way",
+        ),
+        Cause.MOVING: Failsafe(
+            "the robot moves farther than the limit and the noise of the fixes, and no goal of the planner drives "
+            "it; all goals of the navigation are cancelled",
+            Response.PAUSE,
+            ("moving_m",),
+            "look at what moves the robot: its navigation, people, a slope; resume once it stands",
         ),
         Cause.JUMP: Failsafe(
             "several fixes in a row are at places that the robot cannot have reached; they are not used",

@@ -63,6 +63,7 @@ class Fence:
         self.corridors = np.asarray(corridors, float).reshape(-1, 2, 2)
         self._no_go_areas = [shapely.Polygon(ring) for ring in field.no_go]
         self._no_go = [area.buffer(margin_m, join_style="mitre") for area in self._no_go_areas]
+        self._closed = shapely.union_all(self._no_go)
         self._border = DrivableArea((field.polygon,), (), margin_m, beyond_m)
         self.area = DrivableArea((field.polygon,), field.no_go, margin_m, beyond_m)
         if self.area.shape.is_empty:
@@ -105,7 +106,7 @@ class Fence:
         import shapely
 
         start, end = np.asarray(start_xy, float).reshape(-1, 2), np.asarray(end_xy, float).reshape(-1, 2)
-        entered = shapely.union_all(self._no_go).buffer(-TOLERANCE_M, join_style="mitre")
+        entered = self._closed.buffer(-TOLERANCE_M, join_style="mitre")
         shapely.prepare(entered)
         lines = shapely.linestrings(np.stack([start, end], axis=1))
         return ~np.asarray(shapely.intersects(entered, lines), bool)
@@ -141,6 +142,24 @@ class Fence:
             return float("inf")
         away_m = float(self.area.shape.distance(shapely.Point(xy))) - self.margin_m
         return max(0.0, round(away_m, 3))  # errors of rounding make nobody stand outside
+
+    def beyond_border_m(self, place: tuple[float, float]) -> float:
+        """Distance of a place beyond the border of the field [m]: 0 inside, in the margin and in no-go areas."""
+        import shapely
+
+        return max(0.0, round(float(self._border.shape.distance(shapely.Point(place))) - self.margin_m, 3))
+
+    def in_no_go_m(self, place: tuple[float, float]) -> float:
+        """Depth of a place in a no-go area, the margin included [m]; 0 outside all of them."""
+        import shapely
+
+        here = shapely.Point(place)
+        return round(float(self._closed.boundary.distance(here)), 3) if self._closed.contains(here) else 0.0
+
+    @property
+    def leaving_m(self) -> float:
+        """Largest depth in a no-go area, the margin included, from which a robot is sent out of it [m]."""
+        return self.margin_m + max(self.margin_m, _STUCK_M)
 
     def refusal(self, polyline: ArrayLike) -> str:
         """Why a route or place is not allowed: what it enters or leaves, where, and by how much; empty if it is.
@@ -227,7 +246,7 @@ class Fence:
         import shapely
 
         lines = shapely.union_all(shapely.linestrings(self.corridors)).buffer(corridor_m)
-        return area.joined(lines.difference(shapely.union_all(self._no_go)))
+        return area.joined(lines.difference(self._closed))
 
     def _text(self, what: str, line: BaseGeometry, part: BaseGeometry, how: str) -> str:
         import shapely

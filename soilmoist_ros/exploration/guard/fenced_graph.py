@@ -10,7 +10,7 @@ fence. Otherwise the robot is sent node by node along an allowed route.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from enum import StrEnum
 from itertools import pairwise
 
@@ -34,6 +34,8 @@ ON_EDGE_M = 1.5
 """The navigation may also plan from an end of an edge this close to the robot [m]."""
 _MAX_HOME_M = 5000.0
 """Distance of the home from the field beyond which it is a mistake [m]."""
+_LONGER, _LONGER_M = 1.1, 2.0
+"""A navigation that counts lengths differently may prefer a route that is longer by this factor, and metres."""
 _TIE_M = 1e-3
 """Routes whose lengths differ by less count as equally long [m]."""
 
@@ -240,6 +242,31 @@ class FencedGraph:
         names = self.whole.names
         following = self.whole.index(self.whole.path(names[origin], names[target])[1])
         return not self.fence.refusal_of_entry(place, self.whole.xy[following], entry_m)
+
+    def choices(self, place: tuple[float, float], names: Sequence[str]) -> Array:
+        """Lines that the navigation may follow to nodes sent one after the other, shape (k, 2, 2) [m].
+
+        These are the edges of all routes that are about as short as the shortest, and the way to their begin.
+
+        :param place: where the robot is [m]
+        :param names: names of the nodes
+        """
+        whole, origins = self.whole, self.origins(place)
+        begin, end = whole.edges.T
+        used = np.zeros(len(whole.edges), bool)
+        entered = list(origins)
+        for leg, name in enumerate(names):
+            target = whole.index(name)
+            to = whole.routes_from(target, back=True)[0]
+            for origin in origins:
+                through = whole.routes_to_all(origin)[0][begin] + whole.length_m + to[end]
+                used |= through <= _LONGER * to[origin] + _LONGER_M
+            if leg == 0:  # some versions drive straight to the node after the origin
+                entered += end[used & np.isin(begin, origins)].tolist()
+            origins = [target]
+        edges = np.stack([whole.xy[begin[used]], whole.xy[end[used]]], axis=1)
+        first = np.stack(np.broadcast_arrays(np.asarray(place, float), whole.xy[entered]), axis=1)
+        return np.concatenate([edges, first])
 
     def origins(self, place: tuple[float, float]) -> list[int]:
         """Nodes from which the navigation may plan: the nearest one, then the ends of edges at the robot."""

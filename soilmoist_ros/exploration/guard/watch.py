@@ -16,7 +16,8 @@ from typing import Final
 
 from soilmoist_ros.exploration.guard.battery import Battery, BatteryLimit
 from soilmoist_ros.exploration.guard.count_trust import CountTrust
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
+from soilmoist_ros.exploration.guard.motion import UNKNOWN_SD_M, Motion
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation.health import Health, Level
@@ -32,29 +33,33 @@ FROZEN_M: Final = 1e-3
 RECORDS_APART: Final = 6.0
 """An alarm about single records ends after this multiple of the usual time, as they come every 10 s or so."""
 
-_LOST: Final = frozenset((Cause.OUTSIDE, Cause.JUMP, Cause.RELOCATED, Cause.SPEED))
+IN_A_ROW: Final = 2
+"""Number of fixes in a row that must agree that the robot is where it must not be."""
+NOISE_SDS: Final = 4.0
+"""Errors of a place across a border up to this many standard deviations are noise ..."""
+MAX_NOISE_M: Final = 10.0
+"""... and up to this distance [m]."""
+NEAR_ROUTE_M: Final = 2.0
+"""A robot this close to its route follows it, wherever it heads [m]."""
+SETTLE_S: Final = 3.0
+"""Time after the end of a goal in which the robot may roll out [s] ..."""
+SETTLE_M: Final = 1.0
+"""... by this distance [m]."""
+STILL_S: Final = 4.0
+"""Standstill after which a robot that moved without a goal counts as standing [s]."""
+AGAIN_S: Final = 10.0
+"""Time after which an alarm about such a robot is repeated, so that it is stopped again [s]."""
+
+_LOST: Final = frozenset((Cause.IN_NO_GO, Cause.OUTSIDE, Cause.JUMP, Cause.RELOCATED, Cause.SPEED))
 """While these are on, the way home is not known."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WatchLimits:
-    """Limits of the causes.
+    """Limits of the causes; those of :data:`.LIMITS` have its names, meanings and defaults.
 
     :param place: what a place must satisfy; its ``max_speed_mps`` is also the limit of the cause ``speed``
     :param stamps: stamps that a record can have
-    :param max_outside_m: distance to the field that is still allowed [m]
-    :param fix_old_s: longest time without a plausible place [s]
-    :param fix_frozen_s: longest time in which the place of a driving robot does not change at all [s]; 0: any
-    :param records_old_s: longest time without a record in a mission [s]
-    :param counts_bad_s: time in which more than half of the records must be good [s]
-    :param map_old_s: longest time that the map stays without the newest records [s]
-    :param navigation_silent_s: longest time without the navigation, or its feedback where that is regular [s]
-    :param battery_low: charge from which the robot goes home [0..1]; 0 to ignore the charge
-    :param battery_empty: charge from which the robot stops [0..1]; 0 to ignore the charge
-    :param battery_low_v: voltage from which the robot goes home [V]; 0 to ignore the voltage
-    :param battery_empty_v: voltage from which the robot stops [V]; 0 to ignore the voltage
-    :param battery_silent_s: longest time without the state of a battery that was heard before [s]; 0: any
-    :param clear_s: time for which a cause must be over before its alarm ends [s]
     :param min_checks: number of checks without a message after which silence counts, so that a busy computer first
         reads the messages that have come
     :raises ValueError: if a value is out of its range
@@ -62,19 +67,24 @@ class WatchLimits:
 
     place: PlaceLimits = field(default_factory=PlaceLimits)
     stamps: StampLimits = field(default_factory=StampLimits)
-    max_outside_m: float = 10.0
-    fix_old_s: float = 10.0
-    fix_frozen_s: float = 12.0
-    records_old_s: float = 60.0
-    counts_bad_s: float = 60.0
-    map_old_s: float = 300.0
-    navigation_silent_s: float = 10.0
-    battery_low: float = 0.25
-    battery_empty: float = 0.1
-    battery_low_v: float = 0.0
-    battery_empty_v: float = 0.0
-    battery_silent_s: float = 60.0
-    clear_s: float = 10.0
+    max_outside_m: float = LIMITS["max_outside_m"].default
+    max_entry_m: float = LIMITS["max_entry_m"].default
+    max_in_no_go_m: float = LIMITS["max_in_no_go_m"].default
+    off_route_m: float = LIMITS["off_route_m"].default
+    far_off_route_m: float = LIMITS["far_off_route_m"].default
+    moving_m: float = LIMITS["moving_m"].default
+    fix_old_s: float = LIMITS["fix_old_s"].default
+    fix_frozen_s: float = LIMITS["fix_frozen_s"].default
+    records_old_s: float = LIMITS["records_old_s"].default
+    counts_bad_s: float = LIMITS["counts_bad_s"].default
+    map_old_s: float = LIMITS["map_old_s"].default
+    navigation_silent_s: float = LIMITS["navigation_silent_s"].default
+    battery_low: float = LIMITS["battery_low"].default
+    battery_empty: float = LIMITS["battery_empty"].default
+    battery_low_v: float = LIMITS["battery_low_v"].default
+    battery_empty_v: float = LIMITS["battery_empty_v"].default
+    battery_silent_s: float = LIMITS["battery_silent_s"].default
+    clear_s: float = LIMITS["clear_s"].default
     min_checks: int = 10
 
     def __post_init__(self) -> None:
@@ -93,6 +103,7 @@ class Doing:
 
     :param under_way: whether a mission has started and not ended
     :param driving: whether a goal has been sent and has not ended
+    :param still: whether the robot should stand: it is the planner's, and no goal has been sent that has not ended
     :param going_home: whether the robot is on its way home for good
     :param waiting_for: what is missing of the navigation; empty if nothing is
     :param other_client: who drives the robot instead of the planner; empty if nobody does
@@ -103,12 +114,41 @@ class Doing:
 
     under_way: bool = False
     driving: bool = False
+    still: bool = False
     going_home: bool = False
     waiting_for: str = ""
     other_client: str = ""
     feedback_age_s: float = math.nan
     time_left_s: float = math.inf
     way_home_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings:
+    """Where the robot is in the field, and where it will be in three seconds if it drives on.
+
+    :param outside_m: distance outside the field [m]
+    :param no_go_m: depth in a no-go area, its margin included [m]
+    :param off_route_m: distance from the route [m]; 0 without a goal
+    :param ahead_outside_m: distance outside the field in three seconds [m]
+    :param ahead_no_go_m: depth in a no-go area in three seconds [m]
+    :param sd_m: standard deviation of each coordinate [m], NaN if unknown
+    :param leaving_m: how deep in a no-go area a robot may be that is sent out of it [m]
+    """
+
+    outside_m: float = 0.0
+    no_go_m: float = 0.0
+    off_route_m: float = 0.0
+    ahead_outside_m: float = 0.0
+    ahead_no_go_m: float = 0.0
+    sd_m: float = math.nan
+    leaving_m: float = 0.0
+
+    @property
+    def noise_m(self) -> float:
+        """Error of the place across a border that noise explains [m]."""
+        sd_m = self.sd_m if math.isfinite(self.sd_m) else UNKNOWN_SD_M
+        return min(NOISE_SDS * sd_m, MAX_NOISE_M)
 
 
 @dataclass
@@ -129,6 +169,7 @@ class _State:
     on: bool = False
     reason: str = ""
     times: int = 0
+    told_s: float = -math.inf
 
 
 class Watch:
@@ -146,6 +187,8 @@ class Watch:
         what follows each cause; may be changed at any time
     places : PlaceJudge
         decides on measured places
+    motion : Motion
+        estimates by plausible places whether the robot moves
     """
 
     def __init__(
@@ -154,11 +197,15 @@ class Watch:
         self.limits = limits or WatchLimits()
         self.responses = {cause: responses.get(cause, row.response) for cause, row in FAILSAFES.items()}
         self.places = PlaceJudge(self.limits.place)
+        self.motion = Motion()
         self._states = {cause: _State() for cause in Cause}
         self._heard: dict[str, _Heard] = {}
         self._under_way = False
         self._fast, self._strayed = 0, False
-        self._outside_m = 0.0
+        self._around = Surroundings()
+        self._allowed_outside_m = self._allowed_no_go_m = 0.0  # where the mission has begun
+        self._seen = dict.fromkeys((Cause.IN_NO_GO, Cause.OUTSIDE, Cause.OFF_ROUTE, Cause.FAR_OFF_ROUTE), 0)
+        self._still_since_s = math.inf
         self._frozen: tuple[tuple[float, float], float] | None = None  # a place, and since when it is the last
         self._driving_since_s = math.inf
         self._record_stamp_s = self._map_stamp_s = -math.inf
@@ -196,6 +243,7 @@ class Watch:
         if fix.age_s > self.limits.fix_old_s:
             return None
         self._hear("fix", fix.now_s)
+        self.motion.take(fix.measured_s, fix.xy, fix.sd_m)
         if self._frozen is None or math.dist(self._frozen[0], fix.xy) > FROZEN_M:
             self._frozen = fix.xy, fix.now_s
         fast = places.speed_mps > self.limits.place.max_speed_mps
@@ -205,11 +253,39 @@ class Watch:
         )
         return fix.xy
 
-    def outside(self, outside_m: float) -> None:
-        """How far outside the field the robot is [m]; 0 inside."""
-        self._outside_m = outside_m
-        far = outside_m > self.limits.max_outside_m
-        self.report(Cause.OUTSIDE, f"the robot is {outside_m:.0f} m outside the field" if far else "")
+    def moved(self, around: Surroundings) -> None:
+        """The robot is at a plausible place.
+
+        A mission may begin outside, or at the edge of a no-go area. Only what is worse than its best place since
+        then counts.
+        """
+        self._around, limits, noise_m = around, self.limits, around.noise_m
+        self._allowed_outside_m = min(self._allowed_outside_m, around.outside_m)
+        self._allowed_no_go_m = min(self._allowed_no_go_m, around.no_go_m)
+        outside_m, no_go_m = limits.max_outside_m + self._allowed_outside_m, math.inf
+        if self._under_way:
+            no_go_m = limits.max_in_no_go_m + self._allowed_no_go_m
+        else:
+            outside_m = max(limits.max_outside_m, limits.max_entry_m)
+        outside_m, no_go_m = outside_m + noise_m, no_go_m + noise_m
+        off_m, near_m = around.off_route_m, NEAR_ROUTE_M + noise_m
+        ahead = ""
+        if off_m > near_m and around.ahead_no_go_m > no_go_m:
+            ahead = " and heads for a no-go area"
+        elif off_m > near_m and around.ahead_outside_m > outside_m:
+            ahead = " and heads for the border"
+        for cause, wrong, text in (
+            (Cause.IN_NO_GO, around.no_go_m > no_go_m, f"{around.no_go_m:.1f} m deep in a no-go area"),
+            (Cause.OUTSIDE, around.outside_m > outside_m, f"{around.outside_m:.0f} m outside the field"),
+            (Cause.OFF_ROUTE, off_m > limits.off_route_m + noise_m, f"{off_m:.0f} m off its route"),
+            (
+                Cause.FAR_OFF_ROUTE,
+                bool(ahead) or off_m > limits.far_off_route_m + noise_m,
+                f"{off_m:.0f} m off its route{ahead}",
+            ),
+        ):
+            self._seen[cause] = self._seen[cause] + 1 if wrong else 0
+            self.report(cause, f"the robot is {text}" if self._seen[cause] >= IN_A_ROW else "")
 
     def record(self, now_s: float, stamp_s: float, in_field: bool) -> None:
         """A record that can be used has come.
@@ -325,7 +401,9 @@ class Watch:
 
     def _facts(self, now_s: float) -> dict[str, str]:
         facts = {
-            "outside [m]": f"{self._outside_m:.1f}",
+            "outside [m]": f"{self._around.outside_m:.1f}",
+            "in no-go area [m]": f"{self._around.no_go_m:.1f}",
+            "off route [m]": f"{self._around.off_route_m:.1f}",
             "speed [m/s]": f"{self.places.speed_mps:.2f}",
             "place trusted": "yes" if (doubt := self.places.doubt) is None else f"not since {doubt.since_s:.1f} s",
             **{f"fixes {verdict}": str(count) for verdict, count in self.places.counts.items() if count},
@@ -346,8 +424,9 @@ class Watch:
             state.seen_s = now_s
         if state.momentary:
             state.text, state.momentary = "", False
-        if wrong and not state.on:
-            state.on, state.reason = True, wrong
+        again = cause is Cause.MOVING and now_s - state.told_s >= AGAIN_S
+        if wrong and (again or not state.on):
+            state.on, state.reason, state.told_s = True, wrong, now_s
             return Alarm(now_s, cause.value, response, state.reason)
         apart = RECORDS_APART if cause in (Cause.COUNTS_FRAME, Cause.COUNTS_STAMP) else 1.0
         if state.on and not wrong and now_s - state.seen_s >= apart * self.limits.clear_s:
@@ -362,6 +441,8 @@ class Watch:
             self._hear("record", now_s)
             self._hear("map", now_s)
             self._battery.start(now_s)
+            self._allowed_outside_m = min(self._around.outside_m, limits.max_entry_m)
+            self._allowed_no_go_m = min(self._around.no_go_m, self._around.leaving_m)
         self._under_way = doing.under_way
         behind = doing.under_way and self._record_stamp_s > self._map_stamp_s
         fault = f" ({self._logger_fault})" if self._logger_fault else ""
@@ -373,6 +454,7 @@ class Watch:
         ):
             silent_s = self._silent_s(name, now_s) if missed else 0.0
             self.report(cause, f"{what} {silent_s:.0f} s{why}" if silent_s > limit_s else "")
+        self.report(Cause.MOVING, self._motion_fault(now_s, doing))
         self.report(Cause.COUNTS_BAD, self._trust.fault(now_s))
         self.report(Cause.BATTERY_SILENT, self._battery_fault(now_s, doing))
         self.report(Cause.FIX_FROZEN, self._frozen_fault(now_s, doing))
@@ -391,6 +473,21 @@ class Watch:
             return ""
         frozen_s = heard.now_s - max(self._frozen[1], self._driving_since_s)
         return f"the place has not changed at all for {frozen_s:.0f} s" if frozen_s > limit_s else ""
+
+    def _motion_fault(self, now_s: float, doing: Doing) -> str:
+        """How far the robot has moved since it should stand; it begins anew when it stands again."""
+        if not doing.still or doing.other_client:
+            self._still_since_s = math.inf
+            return ""
+        self._still_since_s = min(self._still_since_s, now_s)
+        settling = now_s - self._still_since_s < SETTLE_S
+        shift = self.motion.moved(self._still_since_s + (0.0 if settling else SETTLE_S))
+        if shift.certain_m <= self.limits.moving_m + (SETTLE_M if settling else 0.0):
+            return ""
+        if self._states[Cause.MOVING].on and self.motion.standing(STILL_S).for_s > 0:
+            self._still_since_s = now_s
+            return ""
+        return f"the robot moves without a goal: {shift.length_m:.1f} m in {shift.span_s:.0f} s"
 
     def _battery_fault(self, now_s: float, doing: Doing) -> str:
         limit_s = self.limits.battery_silent_s

@@ -55,6 +55,7 @@ class Commands(Moves):
             position_sd_m=self.state.position_sd_m,
             still_at=self.state.still_at,
             still_since_s=self.state.still_since_s,
+            unseen_mps=self.state.unseen_mps,
             stamp_offset_s=self.state.stamp_offset_s,
             boot=self.state.boot,
             steady_offset_s=self.state.steady_offset_s,
@@ -104,6 +105,8 @@ class Commands(Moves):
             if self.state.phase is Phase.FINISHED:
                 self.enter(Phase.IDLE, READY)
             self.do(CancelGoal(ANYBODYS, reason))
+            if not self.seen_standing:
+                return True, f"{reason}: whatever drives the robot is asked to stop; it is not known to stand"
         return True, self.state.reason
 
     def skip(self, command: Command) -> tuple[bool, str]:

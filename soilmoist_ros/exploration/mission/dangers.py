@@ -7,7 +7,7 @@ from __future__ import annotations
 from soilmoist_ros.exploration.mission.actions import ANYBODYS, CancelGoal
 from soilmoist_ros.exploration.mission.moves import Moves, after_colon
 from soilmoist_ros.exploration.mission.state import Todo, replace
-from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, Phase, Response
+from soilmoist_ros.exploration.mission.types import MOVING, Alarm, MissionEnd, Phase, Response
 
 
 class Dangers(Moves):
@@ -21,6 +21,8 @@ class Dangers(Moves):
             self.state = replace(self.state, alarms=others)
             return
         self.state = replace(self.state, alarms=(*others, alarm))
+        if alarm.cause == MOVING and alarm.response.stops and self.state.goal is None:
+            self.do(CancelGoal(ANYBODYS, alarm.reason))  # again with each alarm: nothing else tells it to stop
         if self.state.under_way and (known is None or known.response is not alarm.response):
             self.respond(alarm)
 

@@ -118,7 +118,7 @@ class Deadlines(Moves):
         stays = todo in (Todo.PAUSE, Todo.IDLE, Todo.FINISH)
         if self.stands and stays:
             self.state = replace(self.state, goal=None)
-            cause = f"{self.state.cause} (the end of the goal was not reported in {limit_s:.0f} s)"
+            cause = f"{self.state.cause} (the end of the goal was not reported in {limit_s:.0f} s){self.unseen}"
             self.carry_out(todo, cause)
             return
         self.do(CancelGoal(goal.goal_id, self.state.cause))

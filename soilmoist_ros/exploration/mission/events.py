@@ -17,6 +17,8 @@ from soilmoist_ros.sensing.records import CountRecord
 
 RESTART = "a restart of the planner"
 """Who pauses a mission that a planner finds under way when it starts."""
+STILL_M = 0.1
+"""Without an estimate of the noise, a robot that stays within this distance stands [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +121,22 @@ class RecordArrived:
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """The robot is at this place [m]; standard deviation of each coordinate [m], 0 if unknown."""
+    """The robot is at a place.
+
+    :param now_s: time [s]
+    :param x_m: where [m]
+    :param y_m: where [m]
+    :param still_s: for how long it stands, by the noise of its places [s]; 0 if it moves. ``None``, as in journals
+        of before: it stands while it stays within :data:`STILL_M`
+    :param unseen_mps: a slower motion would not show in the noise [m/s]; 0 if it is negligible
+    :param sd_m: standard deviation of each coordinate [m], 0 if unknown
+    """
 
     now_s: float
     x_m: float
     y_m: float
+    still_s: float | None = None
+    unseen_mps: float = 0.0
     sd_m: float = 0.0
 
 

@@ -29,6 +29,7 @@ from soilmoist_ros.exploration.mission.commands import Commands
 from soilmoist_ros.exploration.mission.dangers import Dangers
 from soilmoist_ros.exploration.mission.deadlines import Deadlines
 from soilmoist_ros.exploration.mission.events import (
+    STILL_M,
     AlarmOver,
     ClockStarted,
     ClockStepped,
@@ -135,10 +136,6 @@ def _turn(rules: MissionRules, state: MissionState, event: Event) -> _Turn:
     return turn
 
 
-STILL_SHARE = 1 / 3
-"""A robot that stays within this share of the arrival radius stands still."""
-
-
 MOVED_S = 3.0
 """A robot is moved away from where it counts when it is seen elsewhere for this time [s]; one fix may be bad."""
 UNDER_THE_WHEELS_M = 0.1
@@ -156,8 +153,8 @@ class _Turn(Commands, Dangers, Deadlines):
         match event:
             case RecordArrived(record=record):  # these two come first, as nearly all events are of them
                 self.on_record(record)
-            case Moved(x_m=x_m, y_m=y_m, sd_m=sd_m):
-                self.on_moved((x_m, y_m), sd_m)
+            case Moved(x_m=x_m, y_m=y_m, still_s=still_s, unseen_mps=unseen_mps, sd_m=sd_m):
+                self.on_moved((x_m, y_m), sd_m, still_s, unseen_mps)
             case Command():
                 self.do(Answer(event.verb, *self.command(event)))
             case Planned(plan_id=plan_id):
@@ -261,11 +258,20 @@ class _Turn(Commands, Dangers, Deadlines):
         else:
             self.goal_failed(reason, refused)
 
-    def on_moved(self, place: tuple[float, float], sd_m: float) -> None:
+    def on_moved(
+        self,
+        place: tuple[float, float],
+        sd_m: float,
+        still_s: float | None = None,
+        unseen_mps: float | None = None,
+    ) -> None:
         if not (math.isfinite(place[0]) and math.isfinite(place[1])):
             return
         still_at, still_since_s = self.state.still_at, self.state.still_since_s
-        if still_at is None or math.dist(still_at, place) > self.rules.arrival_radius_m * STILL_SHARE:
+        if still_s is not None:
+            still_at, before_s = place, still_since_s if still_s and still_since_s is not None else self.now_s
+            still_since_s = min(before_s, self.now_s - still_s)
+        elif still_at is None or math.dist(still_at, place) > STILL_M:
             still_at, still_since_s = place, self.now_s
         self.state = replace(
             self.state,
@@ -274,6 +280,7 @@ class _Turn(Commands, Dangers, Deadlines):
             position_sd_m=sd_m if math.isfinite(sd_m) else 0.0,
             still_at=still_at,
             still_since_s=still_since_s,
+            unseen_mps=self.state.unseen_mps if unseen_mps is None else unseen_mps,
         )
         start = self.state.odometer_at
         moved_m = math.dist(start, place) if start is not None else math.inf

@@ -127,9 +127,13 @@ class Moves:
         assert goal.cancelled_s is not None
         if self.rules.standstill_s == 0:
             return True
-        if state.position_s is None or state.still_since_s is None or state.position_s < goal.cancelled_s:
-            return False
-        return state.position_s - state.still_since_s >= self.rules.standstill_s
+        return self.seen_standing and state.position_s is not None and state.position_s >= goal.cancelled_s
+
+    @property
+    def seen_standing(self) -> bool:
+        """Whether the last place showed that the robot stood."""
+        at_s, since_s = self.state.position_s, self.state.still_since_s
+        return at_s is not None and since_s is not None and at_s - since_s >= self.rules.standstill_s
 
     def stopped(self) -> None:
         """Carry out what the cancellation was for, once the goal is over and the robot stands."""
@@ -137,7 +141,13 @@ class Moves:
         if self.state.phase is Phase.CANCELLING and goal is not None and goal.over and self.stands:
             assert todo is not None
             self.state = replace(self.state, goal=None)
-            self.carry_out(todo, cause)
+            self.carry_out(todo, cause + self.unseen)
+
+    @property
+    def unseen(self) -> str:
+        """How slow a motion may be that the noise hides, to add to a text; empty if none is."""
+        mps = self.state.unseen_mps
+        return f" (a motion below {mps:.1g} m/s would not show in the noise of the fixes)" if mps else ""
 
     def carry_out(self, todo: Todo, reason: str) -> None:
         """Carry out a todo, or wait with a new attempt; no goal is open now."""

@@ -179,6 +179,7 @@ class MissionState:
     :param position_sd_m: standard deviation of the position [m], 0 if unknown
     :param still_at: the place that the robot has not left [m] ...
     :param still_since_s: ... since then [s]
+    :param unseen_mps: a slower motion would not have shown in the noise of its places [m/s]
     :param odometer_at: up to where the distance has been added up [m]
     :param last_stamp_s: stamp of the newest record [s]
     :param stamp_offset_s: the clock that stamps the records minus mission time [s]
@@ -229,6 +230,7 @@ class MissionState:
     position_sd_m: float = 0.0
     still_at: tuple[float, float] | None = None
     still_since_s: float | None = None
+    unseen_mps: float = 0.0
     stamp_offset_s: float = 0.0
     boot: str = ""
     steady_offset_s: float = 0.0

@@ -20,6 +20,8 @@ Polygons = tuple[Polygon, ...]
 
 READY = "waiting for start"
 """End of the reason of a mission that can be started."""
+MOVING = "moving"
+"""Cause of an alarm: the robot moves although no goal moves it."""
 PUBLISHED_MIN_LAST_DWELL_S = 60.0
 """With the published presets, stops that leave less for counting are skipped [s]."""
 MAX_UNTIL_SD = 0.5

@@ -65,10 +65,10 @@ class FramedNavigator:
         """See :class:`Navigator`."""
         self._navigator.cancel(goal_id)
 
-    def moved(self, place: tuple[float, float], now_s: float) -> None:
+    def moved(self, place: tuple[float, float], now_s: float, sd_m: float) -> None:
         """See :class:`Navigator`."""
         if self._frames.move is not None:
-            self._navigator.moved(self._frames.move.place(place), now_s)
+            self._navigator.moved(self._frames.move.place(place), now_s, sd_m)
 
     def tick(self, now_s: float) -> None:
         """See :class:`Navigator`."""

@@ -87,8 +87,8 @@ class Navigator(Protocol):
         """
         ...
 
-    def moved(self, place: tuple[float, float], now_s: float) -> None:
-        """The robot is at this place [m] at this time of the mission [s]."""
+    def moved(self, place: tuple[float, float], now_s: float, sd_m: float) -> None:
+        """The robot is at this place [m], of this standard deviation [m], at this time of the mission [s]."""
         ...
 
     def tick(self, now_s: float) -> None:

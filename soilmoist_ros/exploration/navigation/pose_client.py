@@ -144,9 +144,9 @@ class PoseClient:
         self._goal = goal
         return *replaced, *self._stop()
 
-    def moved(self, place: Place, now_s: float) -> tuple[Request, ...]:
-        """The robot is at a place [m] at a time [s]."""
-        plausible = self._track.moved(place, now_s)
+    def moved(self, place: Place, now_s: float, sd_m: float = math.nan) -> tuple[Request, ...]:
+        """The robot is at a place [m], of this standard deviation [m], at a time [s]."""
+        plausible = self._track.moved(place, now_s, sd_m)
         if self._other_s is not None and self._stands_since(self._other_s):
             self._other_s = None
         goal = self._goal

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from soilmoist_ros.exploration.guard.motion import Motion
 from soilmoist_ros.exploration.travel.stop import Stop
 
 MIN_AGREEING, AMONG = 3, 5
@@ -26,7 +27,7 @@ SPACING_S = 0.5
 STILL_S = 2.0
 """Shortest standstill of a robot that is at a stop [s]."""
 STILL_SHARE = 1 / 3
-"""A robot that stays within this share of the noise of positions stands still."""
+"""A robot that stands within this share of the arrival radius from a stop needs no goal to it."""
 
 Place = tuple[float, float]
 
@@ -45,6 +46,7 @@ class Track:
         self._newest: deque[tuple[float, Place]] = deque(maxlen=MIN_AGREEING)
         self._verdicts: deque[bool] = deque(maxlen=AMONG)
         self._places: deque[tuple[float, Place]] = deque()
+        self._motion = Motion()
         self.now_s = -math.inf
         self.resumed_s = -math.inf
         """Time of the first place after the last gap of more than :data:`MAX_AGE_S` [s]."""
@@ -56,11 +58,11 @@ class Track:
         if now_s < self.now_s - KEPT_S:
             for kept in (self._newest, self._verdicts, self._places):
                 kept.clear()
-            self.now_s = now_s
+            self.now_s, self._motion = now_s, Motion()
         self.now_s = max(now_s, self.now_s)  # threads may call in another order than they read the clock
 
-    def moved(self, place: Place, now_s: float) -> bool:
-        """Process a position [m]; returns whether it is plausible."""
+    def moved(self, place: Place, now_s: float, sd_m: float = math.nan) -> bool:
+        """Process a position [m] and its standard deviation [m]; returns whether it is plausible."""
         self.tick(now_s)
         now_s = self.now_s
         self._newest.append((now_s, place))
@@ -71,10 +73,13 @@ class Track:
                 reach_m = USUAL_FACTOR * self._speed_mps * (now_s - last_s) + self._noise_m
                 self.resumed_s, self.leaped = now_s, math.dist(last, place) > reach_m
             if plausible:
+                self._motion.take(now_s, place, sd_m)
                 self._keep(self._newest[-1])
             self._verdicts.append(plausible)
         elif len(self._newest) == MIN_AGREEING and all(self._agree(at, self._newest[-1]) for at in self._newest):
             self._places.extend(self._newest)
+            for at_s, agreeing in self._newest:
+                self._motion.take(at_s, agreeing, sd_m)
             self._verdicts.extend([True] * MIN_AGREEING)
         while len(self._places) > MIN_AGREEING and self._places[0][0] < now_s - KEPT_S:
             self._places.popleft()
@@ -82,7 +87,7 @@ class Track:
 
     @property
     def still_m(self) -> float:
-        """Motion that counts as none [m]."""
+        """Distance from a stop at which a robot that stands needs no goal to it [m]."""
         return self._noise_m * STILL_SHARE
 
     @property
@@ -103,19 +108,12 @@ class Track:
         return None
 
     def stands(self, for_s: float, since_s: float = -math.inf) -> bool:
-        """Whether the robot stands still.
+        """Whether the robot stands still, as :meth:`.Motion.standing`.
 
-        :param for_s: for how long [s]
+        :param for_s: for how long at least [s]
         :param since_s: only places after this time count [s]
         """
-        here = self.place
-        if here is None:
-            return False
-        begin_s = self.now_s - for_s
-        counted = [at for at in list(self._places) if at[0] >= since_s]
-        before = [at for at in counted if at[0] <= begin_s][-1:]
-        after = [at for at in counted if at[0] > begin_s]
-        return bool(before) and all(math.dist(at, here) <= self.still_m for _, at in [*before, *after])
+        return self.place is not None and self._motion.standing(for_s, since_s).for_s > 0
 
     def standing_at(self, stop: Stop, within_m: float) -> bool:
         """Whether the robot stands at a stop, and within this distance of it [m]."""

@@ -22,7 +22,15 @@ class Way:
         navigation that takes poses
     :param nodes: nodes to send one after the other to a navigation that takes names, the stop last. There is more
         than one where the navigation's own route to the stop would leave the fence; empty without a travel graph
+    :param choices: straight lines of which a navigation that plans its own route may take any, shape (k, 2, 2)
+        [m]; ``None`` where it takes the corners
     """
 
     corners: Array
     nodes: tuple[Stop, ...] = ()
+    choices: Array | None = None
+
+    @property
+    def lines(self) -> Array:
+        """Straight lines that the robot may follow, shape (k, 2, 2) [m]."""
+        return np.stack([self.corners[:-1], self.corners[1:]], axis=1) if self.choices is None else self.choices

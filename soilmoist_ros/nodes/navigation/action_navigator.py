@@ -151,10 +151,10 @@ class ActionNavigator(ABC):
         """See :class:`Navigator`."""
         self._step(self._client.cancel, goal_id)
 
-    def moved(self, place: tuple[float, float], now_s: float) -> None:
+    def moved(self, place: tuple[float, float], now_s: float, sd_m: float) -> None:
         """See :class:`Navigator`."""
         with self._lock:
-            self._track.moved(place, now_s)
+            self._track.moved(place, now_s, sd_m)
         self._step(self._client.moved, place)
 
     def tick(self, now_s: float) -> None:

@@ -121,10 +121,10 @@ class GoalPoseNavigator:
             self._node.get_logger().error(caution, throttle_duration_sec=5.0)
         self._do(requests)
 
-    def moved(self, place: tuple[float, float], now_s: float) -> None:
+    def moved(self, place: tuple[float, float], now_s: float, sd_m: float) -> None:
         """See :class:`Navigator`."""
         with self._lock:
-            requests = self._client.moved(place, now_s)
+            requests = self._client.moved(place, now_s, sd_m)
         self._do(requests)
 
     def tick(self, now_s: float) -> None:

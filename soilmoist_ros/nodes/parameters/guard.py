@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
 from soilmoist_ros.exploration.mission.types import Response
 from soilmoist_ros.foundation.errors import InputError
@@ -15,7 +15,7 @@ from soilmoist_ros.nodes.parameters.parameter import Parameter, Value
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.sensing.position.place_judge import PlaceLimits
 
-_WATCH, _PLACE = WatchLimits(), PlaceLimits()
+_PLACE = PlaceLimits()
 _FASTER: Final = 2.0
 """Highest speed as a multiple of the robot's usual one, where it is not given."""
 
@@ -41,13 +41,7 @@ WATCH_PARAMETERS: Final = (
         )
         for cause, row in FAILSAFES.items()
     ),
-    _row(
-        "max_outside_m",
-        _WATCH.max_outside_m,
-        "distance from the field, or depth in a no-go area, that counts as outside: no goal is sent from there; "
-        "from nearer the robot drives straight back in",
-        "m",
-    ),
+    *(_row(name, limit.default, limit.about, limit.unit, limit.low, limit.high) for name, limit in LIMITS.items()),
     _row(
         "max_jump_m",
         _PLACE.max_jump_m,
@@ -69,37 +63,6 @@ WATCH_PARAMETERS: Final = (
         "number of fixes in a row that must agree on a place after a jump",
         low=1,
     ),
-    _row("fix_old_s", _WATCH.fix_old_s, "longest time without a plausible position", "s"),
-    _row(
-        "fix_frozen_s",
-        _WATCH.fix_frozen_s,
-        "longest time without any change of the position while the robot is to drive; 0 for no limit",
-        "s",
-    ),
-    _row("records_old_s", _WATCH.records_old_s, "longest time without a record in a mission", "s"),
-    _row(
-        "counts_bad_s", _WATCH.counts_bad_s, "time in which more than half of the records must be good", "s", low=1
-    ),
-    _row("map_old_s", _WATCH.map_old_s, "longest time that the map stays without the newest records", "s"),
-    _row(
-        "navigation_silent_s",
-        _WATCH.navigation_silent_s,
-        "longest time without the navigation, or its feedback where that is regular",
-        "s",
-    ),
-    _row("battery_low", _WATCH.battery_low, "charge below which the battery is low; 0 for no limit", high=1),
-    _row("battery_empty", _WATCH.battery_empty, "charge below which the battery is empty; 0 for no limit", high=1),
-    _row("battery_low_v", _WATCH.battery_low_v, "voltage below which the battery is low; 0 for no limit", "V"),
-    _row(
-        "battery_empty_v", _WATCH.battery_empty_v, "voltage below which the battery is empty; 0 for no limit", "V"
-    ),
-    _row(
-        "battery_silent_s",
-        _WATCH.battery_silent_s,
-        "longest time in a mission without the state of a battery that was heard before; 0 for no limit",
-        "s",
-    ),
-    _row("clear_s", _WATCH.clear_s, "time for which a cause must be over before its alarm ends", "s"),
     *STAMP_LIMITS,
 )
 
@@ -125,23 +88,12 @@ def make_watch(parameters: Parameters) -> Watch:
         agree_fixes=parameters.whole("agree_fixes"),
         max_gap_s=number("fix_old_s"),
     )
+    values: dict[str, Any] = {name: number(name) for name in LIMITS}
     try:
         limits = WatchLimits(
             place=place,
             stamps=stamp_limits(parameters),
-            max_outside_m=number("max_outside_m"),
-            fix_old_s=number("fix_old_s"),
-            fix_frozen_s=number("fix_frozen_s"),
-            records_old_s=number("records_old_s"),
-            counts_bad_s=number("counts_bad_s"),
-            map_old_s=number("map_old_s"),
-            navigation_silent_s=number("navigation_silent_s"),
-            battery_low=number("battery_low"),
-            battery_empty=number("battery_empty"),
-            battery_low_v=number("battery_low_v"),
-            battery_empty_v=number("battery_empty_v"),
-            battery_silent_s=number("battery_silent_s"),
-            clear_s=number("clear_s"),
+            **values,
         )
     except ValueError as error:
         raise InputError(str(error), "correct the parameters") from None

@@ -281,7 +281,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
             robot_radius_m=number("robot_radius_m"),
             beyond_m=number("beyond_m"),
             outside=Outside(text("outside")),
-            entry_m=number("max_outside_m"),
+            entry_m=max(number("max_entry_m"), number("max_outside_m")),
             by_name=text("navigator") == "goto_node",
         ),
     )

@@ -90,9 +90,9 @@ class ActionNavigator:
         """See :class:`Navigator`."""
         self._do(self._client.cancel(goal_id, self._time_s()))
 
-    def moved(self, place: Place, now_s: float) -> None:
+    def moved(self, place: Place, now_s: float, sd_m: float) -> None:
         """See :class:`Navigator`."""
-        self._track.moved(place, now_s)
+        self._track.moved(place, now_s, sd_m)
         self._do(self._client.moved(place, self._time_s()))
 
     def tick(self, now_s: float) -> None:
@@ -191,9 +191,9 @@ class PoseNavigator:
         """Another client has sent a pose."""
         self._do(self._client.heard_other())
 
-    def moved(self, place: Place, now_s: float) -> None:
+    def moved(self, place: Place, now_s: float, sd_m: float) -> None:
         """See :class:`Navigator`."""
-        self._do(self._client.moved(place, now_s))
+        self._do(self._client.moved(place, now_s, sd_m))
 
     def tick(self, now_s: float) -> None:
         """See :class:`Navigator`."""

@@ -18,7 +18,7 @@ from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Span
 from soilmoist_ros.simulation.rehearsal.judge import Judge, Kind, Violation
 from soilmoist_ros.simulation.rehearsal.planner import PlannerProcess, Store
-from soilmoist_ros.simulation.rehearsal.world import Case, World
+from soilmoist_ros.simulation.rehearsal.world import FIX_SD_M, Case, World
 
 HOME_WITHIN_S = 250.0
 """A robot with a low battery is home within this time [s]."""
@@ -211,7 +211,7 @@ class _Rehearsal:
         for reply in replies:
             self.planner.link.heard(reply)
         for place, stamp_s in fixes:
-            self.planner.control.fix(place, stamp_s=stamp_s)
+            self.planner.control.fix(place, FIX_SD_M, stamp_s)
         if records:
             self.planner.control.records(records)
             self._map()

@@ -95,7 +95,7 @@ class Around:
     def cancel(self, goal_id):
         self.goals.append((goal_id, None))
 
-    def moved(self, place, now_s):
+    def moved(self, place, now_s, sd_m):
         pass
 
     def tick(self, now_s):

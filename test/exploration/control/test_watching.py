@@ -44,10 +44,12 @@ class AtOnce(Executor):
 class Farm:
     """A square field and a robot at 1 m/s with all its devices; it is navigator and outputs too."""
 
-    def __init__(self, watch=None, **rules):
+    def __init__(self, watch=None, no_go=(), **rules):
         self.steady_s, self.stepped_s = 500.0, 0.0
         self.place, self.goal, self.drive = (50.0, 50.0), None, True
         self.fix = self.stamp = lambda value: value
+        self.stray = None  # metres east and north in a second, whatever the goal
+        self.cancelled = 0
         self.fixes = self.sensor = self.mapper = True
         self.quarantine = ""
         self.charge = math.nan
@@ -61,7 +63,7 @@ class Farm:
             strategy="random", preset="paper", seed=1, dwell=dwell, motion=RobotMotion(1.0)
         )
         self.control = MissionControl(
-            Field("square", LocalFrame(53.0, 0.0), square, (), 5.0),
+            Field("square", LocalFrame(53.0, 0.0), square, no_go, 5.0),
             settings,
             MissionRules(**{"budget_s": 7200.0, "dwell": dwell, "warm_up_stops": 0, "speed_mps": 1.0, **rules}),
             "r0c0",
@@ -84,11 +86,12 @@ class Farm:
         self.goal = goal_id, (stop.x_m, stop.y_m)
 
     def cancel(self, goal_id):
+        self.cancelled += 1
         if self.goal is not None:
             self.goal = None
             self.report(Ended(goal_id, Outcome.CANCELED, "cancelled"))
 
-    def moved(self, place, now_s):
+    def moved(self, place, now_s, sd_m):
         self.moves.append(place)
 
     def tick(self, now_s):
@@ -143,6 +146,9 @@ class Farm:
         self.control.hand_on()
 
     def move(self):
+        if self.stray is not None:
+            self.place = self.place[0] + self.stray[0], self.place[1] + self.stray[1]
+            return
         if self.goal is None or self.waiting_for:
             return
         goal_id, end = self.goal
@@ -292,7 +298,7 @@ def test_a_robot_that_is_too_fast_waits_for_an_operator(farm):
     began_s = farm.steady_s
     drifted = lambda time_s: 0.5 * time_s**2 if time_s < 4 else 4 * time_s - 8  # noqa: E731
     farm.fix = lambda true: (true[0] + drifted(farm.steady_s - began_s), true[1])
-    farm.run(lambda: farm.alarms, 10)
+    farm.run(lambda: "speed" in farm.alarms, 10)
     assert farm.alarms["speed"] is Response.PAUSE
     assert farm.goal is None
 
@@ -365,7 +371,7 @@ def test_while_another_client_drives_the_planner_waits_for_people(farm, phase):
     farm.cancel, cancel = lambda goal_id: (asked.append(goal_id), cancel(goal_id)), farm.cancel
     farm.second()
     assert "another client drives the robot with /nav" in stands_because_of(farm, "other_client")
-    farm.place = (farm.place[0] + 20.0, farm.place[1])
+    farm.place = (farm.place[0] - 20.0, farm.place[1])
     farm.pass_by(30)
     assert ANYBODYS not in asked, "the other client's goal is not ours to cancel"
     assert (farm.goal, farm.status.failures) == (None, 0)
@@ -579,6 +585,97 @@ def test_alarms_of_a_mission_that_was_interrupted_end(farm):
     again.control.take_up(Mission(again.control._mission.rules, state), auto=True)
     assert set(again.alarms) == {"fix_old"}
     goes_on(again)
+
+
+# Motion
+
+
+POND = np.array([[30.0, 60.0], [35.0, 60.0], [35.0, 66.0], [30.0, 66.0]])
+
+
+def strays(farm, mps, to=(50.0, 1e6)):
+    """The robot moves towards a place, whatever it is asked for; its fixes have noise."""
+    noise, away_m = np.random.default_rng(3), math.dist(farm.place, to)
+    farm.fix = lambda true: tuple(noise.normal(true, 0.02).tolist())
+    farm.stray = tuple(mps / away_m * (end - here) for here, end in zip(farm.place, to, strict=True))
+    return farm
+
+
+def stopped(farm, cause, within_s):
+    """The robot strays until it is stopped because of this cause."""
+    farm.run(lambda: cause in farm.alarms, within_s)
+    farm.stray = None
+    return farm
+
+
+@pytest.mark.parametrize("sd_m", [0.02, 0.3])
+def test_a_robot_that_drives_into_a_small_pond_is_stopped(sd_m):
+    farm = strays(Farm(no_go=(POND,)).begin(), 0.8, (32.5, 63.0))
+    farm.run(lambda: "in_no_go" in farm.alarms, 60)
+    assert farm.goal is None
+    assert math.dist(farm.place, (32.5, 63.0)) > 1.0, "it is 3 m from the middle to the border"
+
+
+def test_a_robot_far_off_its_route_waits_for_an_operator(farm):
+    strays(farm, 1.0, (0.0, 100.0) if farm.goal[1][1] < 50 else (0.0, 0.0))
+    stopped(farm, "off_route", 40)
+    assert farm.goal is not None, "it may be the way around an obstacle"
+    strays(farm, 1.0, (0.0, 100.0) if farm.goal[1][1] < 50 else (0.0, 0.0))
+    stopped(farm, "far_off_route", 40)
+    assert "off its route" in stands_because_of(farm, Cause.FAR_OFF_ROUTE)
+
+
+@pytest.mark.parametrize("speed_mps", [0.05, 0.2])
+def test_the_pause_of_a_creeping_robot_is_not_confirmed(farm, speed_mps):
+    strays(farm, speed_mps)
+    assert farm.control.command(Verb.PAUSE).accepted
+    farm.pass_by(60)
+    assert farm.status.phase is Phase.CANCELLING
+    assert "it still moves" in farm.status.reason
+    farm.stray = None
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 20)
+
+
+def test_a_paused_robot_that_moves_is_stopped_again_until_it_stands(farm):
+    strays(farm, 0.0).control.command(Verb.PAUSE)
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 30)
+    assert farm.pass_by(60).alarms == {}
+    before = farm.cancelled
+    strays(farm, 0.4).run(lambda: "moving" in farm.alarms, 5)
+    assert farm.cancelled == before + 1
+    assert (farm.status.phase, farm.status.needs_operator) == (Phase.PAUSED, True)
+    farm.pass_by(30)
+    assert before + 3 <= farm.cancelled <= before + 4, "people may tow it"
+    assert not farm.control.command(Verb.RESUME).accepted
+    farm.stray = None
+    farm.run(lambda: not farm.alarms, 60)
+    assert farm.control.command(Verb.RESUME).accepted
+    goes_on(farm)
+
+
+def test_a_counting_robot_that_moves_is_stopped(farm):
+    farm.run(lambda: farm.status.phase is Phase.COUNTING).pass_by(20)
+    stopped(strays(farm, 0.3), "moving", 8)
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 20)
+
+
+def test_an_aborted_robot_that_moves_is_stopped_and_cannot_start(farm):
+    farm.control.command(Verb.ABORT)
+    farm.run(lambda: farm.status.phase is Phase.IDLE, 30)
+    before = farm.cancelled
+    strays(farm, 0.4).run(lambda: "moving" in farm.alarms, 8)
+    assert farm.cancelled == before + 1
+    assert "refused: the robot moves without a goal" in farm.status.reason
+    farm.stray = None
+    assert farm.pass_by(120).status.reason.endswith("waiting for start")
+    assert strays(farm, 0.4).pass_by(30).alarms == {}, "people drive it away"
+    answer = farm.control.command(Verb.ABORT)
+    assert answer.message.endswith("it is not known to stand")
+    farm.run(lambda: "moving" in farm.alarms, 8)
+
+
+def test_people_may_drive_a_robot_before_its_mission():
+    assert strays(Farm(), 0.5).pass_by(60).alarms == {}
 
 
 def test_each_cause_is_tried_here():

@@ -60,6 +60,22 @@ def test_distance_outside():
     assert fence.outside_m((np.nan, 0)) == np.inf
 
 
+def test_depth_in_no_go_areas_that_touch_and_distance_beyond_the_border():
+    halves = [
+        np.array([[10, 10], [20, 10], [20, 20], [10, 20]]),
+        np.array([[20, 10], [30, 10], [30, 20], [20, 20]]),
+    ]
+    square = np.array([[0, 0], [60, 0], [60, 40], [0, 40]])
+    fence = Fence(Field("two", FIELD.frame, square, tuple(map(np.asarray, halves))), 1.0)
+    assert fence.in_no_go_m((20.0, 15.0)) == pytest.approx(6.0), "1 m of it is the margin"
+    assert fence.in_no_go_m((9.5, 15.0)) == pytest.approx(0.5)
+    assert (
+        fence.in_no_go_m((8.9, 15.0)) == fence.beyond_border_m((0.5, 5.0)) == fence.beyond_border_m((20, 15)) == 0
+    )
+    assert fence.beyond_border_m((-3.0, 5.0)) == pytest.approx(3.0)
+    assert (fence.leaving_m, Fence(FIELD, 0.2).leaving_m) == (2.0, 0.7)
+
+
 def test_a_field_too_narrow_for_the_robot():
     with pytest.raises(InputError, match="no place of the field 'meadow' is 30 m away"):
         Fence(FIELD, 30.0)

@@ -74,6 +74,14 @@ def test_equally_long_routes_of_which_one_is_forbidden_are_not_left_to_the_navig
     assert fenced.nodes_to_send((20, 20), Stop("e", 40, 20), 5.0) == ("s", "e")
 
 
+def test_a_navigation_may_take_every_route_that_is_about_the_shortest():
+    places = {"w": (20, 10), "n": (30, 12), "e": (40, 10), "s": (30, 8), "far": (30, 30)}
+    fenced = FencedGraph(graph(places, "w n e", "w s e", "w far e"), Fence(Field("open", FRAME, SQUARE)))
+    lines = {tuple(map(tuple, line)) for line in fenced.choices((19.0, 10.0), ("e",)).tolist()}
+    assert {((20, 10), (30, 12)), ((30, 8), (40, 10)), ((19, 10), (20, 10))} <= lines
+    assert not [line for line in lines if (30, 30) in line]
+
+
 def test_a_robot_near_a_forbidden_node_is_not_sent():
     fenced = FencedGraph(pond_map(places={"q": (30, 13)}, ways=("t q",)), Fence(FIELD))
     with pytest.raises(InputError, match="may plan from q, which is near the robot but not allowed: it enters"):

@@ -5,12 +5,13 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
-from soilmoist_ros.exploration.guard.watch import Doing, Watch, WatchLimits
+from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, Surroundings, Watch, WatchLimits
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation.health import Level
@@ -110,24 +111,133 @@ def test_frozen_fixes_of_a_driving_robot(driving):
 
 def test_a_wrong_place_does_not_end_a_mission_for_want_of_time():
     observed = Observed(doing=Doing(under_way=True, time_left_s=600.0, way_home_s=20.0)).run(20)
-    observed.watch.outside(2000.0)
+    observed.place = (-2000.0, 0.0)
+    for _ in range(2):
+        observed.watch.moved(Surroundings(outside_m=2000.0))
     observed.doing = replace(observed.doing, way_home_s=2000.0)
     observed.run(20)
     assert observed.on() == {Cause.OUTSIDE}
 
 
-def test_outside():
+def around(observed, times=2, sd_m=0.02, **where):
+    """Let so many fixes show where the robot is, one a second."""
+    for _ in range(times):
+        observed.watch.moved(Surroundings(sd_m=sd_m, leaving_m=1.0, **where))
+        observed.run(1)
+    return observed.on() - {Cause.FIX_OLD}
+
+
+PLACES = [
+    ("outside_m", 2.0, Cause.OUTSIDE, Response.PAUSE, "the robot is 3 m outside the field"),
+    ("no_go_m", 0.5, Cause.IN_NO_GO, Response.PAUSE, "the robot is 0.7 m deep in a no-go area"),
+    ("off_route_m", 5.0, Cause.OFF_ROUTE, Response.WARN, "the robot is 7 m off its route"),
+    ("off_route_m", 10.0, Cause.FAR_OFF_ROUTE, Response.PAUSE, "the robot is 14 m off its route"),
+]
+
+
+@pytest.mark.parametrize(("name", "limit_m", "cause", "response", "text"), PLACES)
+def test_where_the_robot_must_not_be(name, limit_m, cause, response, text):
     observed = Observed().run(5)
-    observed.watch.outside(LIMITS.max_outside_m)
-    observed.check()
-    assert observed.on() == set()
-    observed.watch.outside(LIMITS.max_outside_m + 1)
-    observed.check()
-    (alarm,) = observed.events
-    assert alarm == Alarm(observed.now_s, "outside", Response.PAUSE, "the robot is 11 m outside the field")
-    observed.watch.outside(0.0)
-    observed.run(int(LIMITS.clear_s) + 1)
-    assert observed.overs == ["outside"]
+    assert around(observed, **{name: limit_m + 0.05}) - {Cause.OFF_ROUTE} == set(), "noise"
+    assert cause not in around(observed, times=1, **{name: 1.4 * limit_m}), "one fix"
+    assert around(observed, **{name: 1.4 * limit_m}) >= {cause}
+    alarm = next(event for event in observed.events if event.cause == cause)
+    assert (alarm.response, alarm.reason) == (response, text)
+    around(observed, int(LIMITS.clear_s) + 1)
+    assert cause in observed.overs
+
+
+@given(st.floats(0.3, 3.0), st.sampled_from([row[:3] for row in PLACES]))
+def test_a_noisy_receiver_widens_the_limits(sd_m, row):
+    name, limit_m, cause = row
+    observed = Observed().run(3)
+    noise_m = min(4 * sd_m, 10.0)
+    assert cause not in around(observed, 10, sd_m, **{name: limit_m + 0.95 * noise_m})
+    assert cause in around(observed, 2, sd_m, **{name: limit_m + 1.05 * noise_m})
+
+
+def test_a_mission_may_begin_outside_and_at_the_edge_of_a_no_go_area():
+    observed = Observed(doing=IDLE).run(2)
+    assert around(observed, outside_m=8.0, no_go_m=0.9) == set()
+    observed.doing = MISSION
+    for outside_m, no_go_m in ((8.0, 0.9), (9.5, 1.2), (5.0, 0.5)):
+        assert around(observed, outside_m=outside_m, no_go_m=no_go_m) == set()
+    assert around(observed, outside_m=7.5) == {Cause.OUTSIDE}, "it was at 5 m"
+    assert around(observed, no_go_m=1.2) >= {Cause.IN_NO_GO}
+    deep = Observed(doing=IDLE).run(2)
+    around(deep, no_go_m=3.0)
+    deep.doing = MISSION
+    assert around(deep, 3, no_go_m=3.0) == {Cause.IN_NO_GO}
+
+
+def test_before_a_mission_the_robot_may_be_as_far_outside_as_it_may_enter_from():
+    observed = Observed(doing=IDLE).run(2)
+    assert around(observed, outside_m=10.0, no_go_m=7.0) == set()
+    assert around(observed, outside_m=11.0) == {Cause.OUTSIDE}
+
+
+@pytest.mark.parametrize("ahead", ["ahead_no_go_m", "ahead_outside_m"])
+def test_a_robot_off_its_route_that_heads_for_the_border_is_stopped_before_it(ahead):
+    observed = Observed().run(3)
+    assert around(observed, off_route_m=1.0, **{ahead: 4.0}) == set()
+    assert around(observed, off_route_m=3.0, **{ahead: 0.2}) == set()
+    assert around(observed, off_route_m=3.0, **{ahead: 4.0}) == {Cause.FAR_OFF_ROUTE}
+
+
+class Creeping(Observed):
+    """A robot with RTK that can move east; each of its fixes has noise."""
+
+    speed_mps, sd_m, seed = 0.0, 0.02, 1
+
+    def run(self, seconds):
+        noise = np.random.default_rng(self.seed)
+        for _ in range(seconds):
+            self.now_s += 1.0
+            self.place = (self.place[0] + self.speed_mps, 0.0)
+            x_m, y_m = noise.normal(self.place, self.sd_m)
+            self.watch.fix(PlaceFix(self.now_s, float(x_m), float(y_m), self.sd_m))
+            self.check()
+        return self
+
+
+SHOULD_STAND = Doing(still=True)
+
+
+@pytest.mark.parametrize(("speed_mps", "within_s"), [(0.05, 20), (0.1, 12), (0.3, 6), (0.8, 3)])
+def test_a_robot_that_should_stand_and_moves(speed_mps, within_s):
+    observed = Creeping(doing=SHOULD_STAND).run(30)
+    assert observed.events == []
+    observed.speed_mps = speed_mps
+    observed.run(within_s)
+    assert observed.alarms == [Cause.MOVING]
+    assert observed.events[0].response is Response.PAUSE
+    assert "moves without a goal" in observed.events[0].reason
+    observed.run(3 * int(AGAIN_S))
+    assert observed.alarms == [Cause.MOVING] * (3 + (len(observed.alarms) > 3)), (
+        "it is stopped again, not all the time"
+    )
+    observed.speed_mps = 0.0
+    observed.run(30)
+    assert observed.on() == set(), "the place where it stands now is the right one"
+
+
+@pytest.mark.parametrize(
+    "doing", [Doing(), Doing(under_way=True, driving=True), Doing(still=True, other_client="another client")]
+)
+def test_a_robot_may_move_when_people_or_a_goal_drive_it(doing):
+    observed = Creeping(doing=doing)
+    observed.speed_mps = 0.8
+    assert Cause.MOVING not in observed.run(60).alarms
+
+
+def test_a_robot_may_roll_out_after_its_goal():
+    observed = Creeping(doing=Doing(driving=True))
+    observed.speed_mps = 0.8
+    observed.run(20)
+    observed.doing = SHOULD_STAND
+    observed.run(1)
+    observed.speed_mps = 0.0
+    assert observed.run(60).alarms == []
 
 
 def test_jump_and_speed_of_a_bad_receiver():
@@ -458,6 +568,7 @@ def test_responses_can_be_chosen(cause, response):
         Cause.RESERVE,
         Cause.BATTERY_SILENT,
         Cause.COUNTS_BAD,
+        Cause.MOVING,
     }
     if response is Response.IGNORE or cause in time_based:
         assert events == ()

@@ -71,6 +71,42 @@ def test_a_dead_navigation_and_a_robot_that_stands():
     assert "was not reported" in driver.reason
 
 
+def test_the_noise_of_the_fixes_decides_whether_the_robot_stands_and_what_it_hides_is_said():
+    driver = Driver(standstill_s=4.0).travelling().command("pause").send(GoalFailed, 1, "cancelled")
+    for _ in range(5):
+        driver.send(Moved, 5.0, 0.0, 0.0, after=2.0)
+    assert driver.phase is Phase.CANCELLING, "it creeps"
+    driver.send(Moved, 5.3, 0.0, 16.0, 0.47, after=2.0)
+    assert driver.phase is Phase.PAUSED
+    assert "a motion below 0.5 m/s would not show in the noise" in driver.reason
+
+
+def test_a_standstill_may_be_longer_than_the_noise_is_judged():
+    driver = Driver(standstill_s=90.0, cancel_limit_s=1000.0).travelling().command("pause")
+    driver.send(GoalFailed, 1, "cancelled").send(Moved, 5.0, 0.0, 0.0)
+    for _ in range(6):
+        assert driver.send(Moved, 5.0, 0.0, 60.0, after=5.0).phase is Phase.CANCELLING
+    assert driver.send(Moved, 5.0, 0.0, 60.0, after=5.0).phase is Phase.PAUSED
+
+
+def test_a_robot_that_moves_without_a_goal_is_stopped_again_with_each_alarm():
+    driver = Driver(standstill_s=4.0).counting().record()
+    for number in range(1, 4):
+        driver.send(Alarm, "moving", Response.PAUSE, "the robot moves without a goal", after=10.0)
+        assert (driver.phase, driver.count_of(CancelGoal)) == (Phase.PAUSED, number)
+        assert driver.last(CancelGoal).goal_id == ANYBODYS
+    driver.send(Alarm, "moving", Response.WARN, "the robot moves without a goal")
+    assert driver.count_of(CancelGoal) == 3
+
+
+def test_an_abort_does_not_say_that_a_robot_stands_that_was_seen_moving():
+    driver = Driver(standstill_s=4.0)
+    seen_at(driver, (0.0, 0.0), (0.3, 0.0), (0.6, 0.0), (0.9, 0.0)).command("abort")
+    assert "waiting for start" not in driver.answer.message
+    seen_at(driver, *[(1.0, 0.0)] * 4).command("abort")
+    assert "waiting for start" in driver.answer.message
+
+
 def test_a_goal_that_another_client_has_replaced_is_no_failure():
     driver = Driver(retries=0).travelling().send(GoalFailed, 1, "another client drives the robot", superseded=True)
     assert (driver.phase, driver.mission.state.failures, driver.count_of(GoTo)) == (Phase.PAUSED, 0, 1)

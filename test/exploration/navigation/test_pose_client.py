@@ -25,7 +25,9 @@ def make(settle_s=5.0):
 
 def drive(client, places, start_s=0.0):
     """One position a second; what is reported."""
-    return [request for number, place in enumerate(places) for request in client.moved(place, start_s + number)]
+    return [
+        request for number, place in enumerate(places) for request in client.moved(place, start_s + number, 0.02)
+    ]
 
 
 def test_arrives_when_it_has_stood_there():

@@ -11,7 +11,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 def track(*places, start_s=0.0):
     made = Track(0.6, 3.0)
     for number, place in enumerate(places):
-        made.moved(place, start_s + number)
+        made.moved(place, start_s + number, 0.01)
     return made
 
 
@@ -58,7 +58,7 @@ def test_standing_and_heading():
     assert made.heading_rad == math.pi / 2
     assert not made.stands(2.0)
     for number in range(4):
-        made.moved((0.0, 6.0), 4.0 + number)
+        made.moved((0.0, 6.0), 4.0 + number, 0.01)
     assert made.stands(3.0)
     assert not made.stands(3.0, since_s=6.0)
     assert made.standing_at(Stop("a", 0.0, 7.0), 1.0)

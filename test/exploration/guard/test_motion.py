@@ -1,0 +1,121 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Motion and standstill in the noise of receivers of each kind."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from soilmoist_ros.exploration.guard.motion import KEPT_S, MEAN_S, Motion
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """Noise of a receiver: one part is new with each fix, one wanders; it may hold its place until it is far."""
+
+    sd_m: float
+    fresh_m: float
+    wander_s: float = 60.0
+    holds_m: float = 0.0
+
+    def motion(self, speed_mps, hz, seconds, seed=0, still_s=60.0):
+        """What is known after each second of a robot that stands at first, and then moves east."""
+        noise, motion, shown = np.random.default_rng(seed), Motion(), None
+        keeps = math.exp(-1 / (hz * self.wander_s))
+        error = noise.normal(0.0, self.sd_m, 2)
+        for number in range(int(seconds * hz)):
+            at_s = number / hz
+            error = keeps * error + math.sqrt(1 - keeps**2) * noise.normal(0.0, self.sd_m, 2)
+            place = (
+                error + noise.normal(0.0, self.fresh_m, 2) + np.array([speed_mps * max(0.0, at_s - still_s), 0.0])
+            )
+            if shown is None or math.dist(shown, place) > self.holds_m:
+                shown = tuple(place.tolist())
+            motion.take(at_s, shown, math.hypot(self.sd_m, self.fresh_m))
+            if number % max(1, round(hz)) == 0:
+                yield at_s, motion
+
+
+RTK, POOR_RTK = Receiver(0.01, 0.01), Receiver(0.03, 0.04)
+FLOAT, STANDALONE, WHITE = Receiver(0.3, 0.03), Receiver(1.5, 0.2), Receiver(0.0, 1.5)
+HOLDING = Receiver(1.5, 0.1, holds_m=3.0)
+RATES = st.sampled_from([0.5, 1.0, 5.0, 20.0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("receiver", [RTK, POOR_RTK, FLOAT, STANDALONE, Receiver(3.0, 0.3, 120.0), WHITE, HOLDING])
+@pytest.mark.parametrize("hz", [0.5, 1.0, 5.0])
+def test_no_noise_is_certain_motion_and_standstill_shows(receiver, hz):
+    seen = [
+        (motion.moved(20.0).certain_m, motion.standing(4.0).for_s)
+        for at_s, motion in receiver.motion(0.0, hz, 900.0)
+        if at_s > 30
+    ]
+    assert max(certain_m for certain_m, _ in seen) < 0.3
+    assert np.mean([for_s > 0 for _, for_s in seen]) > 0.85
+
+
+@pytest.mark.slow
+@settings(max_examples=20)
+@given(st.sampled_from([RTK, POOR_RTK]), RATES, st.floats(0.05, 2.0), st.integers(0, 99))
+def test_a_creeping_robot_with_rtk_never_stands_and_is_found(receiver, hz, speed_mps, seed):
+    moving = [
+        (at_s, motion.standing(4.0), motion.moved(30.0))
+        for at_s, motion in receiver.motion(speed_mps, hz, 100, seed)
+        if at_s > 75
+    ]
+    assert all(standing.for_s == 0 for _, standing, _ in moving)
+    late_s = 90 if speed_mps < 0.1 else 80
+    assert all(shift.certain_m > 0.5 for at_s, _, shift in moving if at_s > late_s)
+
+
+@pytest.mark.parametrize(
+    ("receiver", "speed_mps", "within_s"),
+    [(RTK, 0.8, 3), (FLOAT, 0.3, 8), (FLOAT, 0.1, 40), (STANDALONE, 0.8, 25), (STANDALONE, 0.05, 500)],
+)
+def test_motion_is_found_in_the_noise_in_the_end(receiver, speed_mps, within_s):
+    found = (at_s for at_s, motion in receiver.motion(speed_mps, 1.0, 700) if motion.moved(20.0).certain_m > 0.5)
+    assert 60 <= next(found) <= 60 + within_s
+
+
+@pytest.mark.parametrize(("receiver", "unseen_mps"), [(RTK, 0.0), (FLOAT, 0.1), (STANDALONE, 0.5), (HOLDING, 1.1)])
+def test_it_is_said_which_motion_the_noise_hides(receiver, unseen_mps):
+    *_, (_, motion) = receiver.motion(0.0, 1.0, 100.0)
+    assert motion.standing(4.0).unseen_mps == pytest.approx(unseen_mps, abs=0.1)
+
+
+def test_a_change_of_the_receivers_quality_is_no_motion():
+    """A place that was 2 m off by its own account becomes exact, and worse again."""
+    motion = Motion()
+    for second in range(180):
+        rough = 60 <= second < 120
+        motion.take(float(second), (2.0, 1.0) if rough else (0.01 * (second % 3), 0.0), 1.5 if rough else 0.02)
+        assert motion.moved(10.0).certain_m < 0.5
+
+
+def test_standing_takes_as_long_as_asked_for_and_places_after_a_time():
+    motion = Motion()
+    assert motion.standing(4.0).for_s == 0
+    for second in range(10):
+        motion.take(float(second), (max(0.0, 5.0 - second), 0.0), 0.01)
+        assert (motion.standing(4.0).for_s > 0) == (second >= 9)
+    assert motion.standing(4.0, since_s=5.0).for_s == 4.0
+    assert motion.standing(4.0, since_s=6.0).for_s == 0
+    for second in range(10, 100):
+        motion.take(float(second), (0.0, 0.0), 3.0)
+    assert motion.standing(30.0).for_s == motion.standing(200.0).for_s == 60.0, "no longer are places kept"
+
+
+def test_places_are_kept_thinned_in_order_and_a_clock_that_goes_back_begins_anew():
+    motion = Motion()
+    for number in range(4000):
+        motion.take(0.05 * number, (1.0, 1.0), 0.01)
+    assert len(motion._means) <= KEPT_S / MEAN_S + 2
+    motion.take(100.0, (50.0, 0.0), 0.01)
+    assert motion.moved(0.0).length_m < 1e-6, "it was held up"
+    motion.take(5.0, (50.0, 0.0), 0.01)
+    assert motion.shift(4.0) is None
