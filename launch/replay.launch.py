@@ -8,12 +8,13 @@
 """
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, RegisterEventHandler
+from launch.event_handlers import OnProcessIO
 from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from soilmoist_ros.nodes.system.launching import parameters_from
+from soilmoist_ros.nodes.system.launching import LastWords, parameter_files, parameters_from, refuse_unknown
 
 TOPICS = ("counts", "quarantined_counts", "place_doubts", "fix", "pressure", "temperature", "relative_humidity",
           "plan", "plan_markers", "mission", "mission_state", "visits", "robot_pose")  # fmt: skip
@@ -46,6 +47,8 @@ def generate_launch_description() -> LaunchDescription:
 
 def player_and_mapper(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The mapper and the player of the bag."""
+    refuse_unknown(__file__, [generate_launch_description()])
+    last_words = LastWords()
 
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
@@ -56,12 +59,14 @@ def player_and_mapper(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         name="mapper",
         namespace=given("namespace"),
         parameters=[
-            *filter(None, [given("params_file")]),
+            *parameter_files(given("params_file")),
             {"use_sim_time": True, **parameters_from("mapper", {name: given(name) for name in MAPPER})},
         ],
+        on_exit=last_words.on_exit("mapper"),
         output="screen",
     )
     namespace = given("namespace").strip("/")
     topics = [f"/{namespace}/{topic}" if namespace else f"/{topic}" for topic in TOPICS]
     play = ["ros2", "bag", "play", given("bag"), "--clock", "--rate", given("rate"), "--topics", *topics]
-    return [mapper, ExecuteProcess(cmd=play, output="screen")]
+    heard = RegisterEventHandler(OnProcessIO(on_stderr=last_words.hear))
+    return [heard, mapper, ExecuteProcess(cmd=play, output="screen")]

@@ -12,22 +12,27 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, RegisterEventHandler, Shutdown
 from launch.conditions import IfCondition
-from launch.events.process import ProcessExited
+from launch.event_handlers import OnProcessIO
+from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from soilmoist_ros.exploration.planning.property_names import property_weights
 from soilmoist_ros.nodes.system.launching import (
     TOPICS,
+    LastWords,
     enclave,
     foxglove_bridge,
     foxglove_server,
+    parameter_files,
     parameters_from,
     property_argument,
+    refuse_unknown,
     remappings,
     tcp_port,
+    with_empty_lists,
 )
 from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.recording.map_sources import open_session
@@ -69,14 +74,14 @@ FOXGLOVE = (
     "page serves it, to look only"
 )
 FOXGLOVE_HOST = "address on which foxglove_bridge listens; 0.0.0.0 for all networks, from where it can steer"
-RESPAWN = "true: nodes that crash start again, with the map and the mission that they had"
+RESPAWN = (
+    "true: nodes that crash start again, with the map and the mission that they had; bad input ends the launch"
+)
 RESPAWN_DELAY_S = 2.0
 RESPAWN_LIMIT_S = 60.0
 """A planner that starts again this soon after a crash goes on by itself [s]."""
 STOP_LIMIT_S = "120"
 """Time after SIGINT until SIGTERM, and from there until SIGKILL [s]: a node that saves must not be killed."""
-FINISHED, BAD_INPUT = 0, 2
-"""Exit codes of the nodes."""
 ENCLAVES = "prefix of the nodes' security enclaves, /soilmoist with a keystore of scripts/keystore; empty: none"
 AUTOSTART = "true: the mission starts as soon as position, map and navigation are there"
 
@@ -118,8 +123,9 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def nodes(context: LaunchContext) -> list[Node]:
+def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The nodes, with parameters from the arguments."""
+    refuse_unknown(__file__, [generate_launch_description()])
 
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
@@ -142,6 +148,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     if properties:
         values["planner"] |= parameters_from("planner", {"properties": str(properties)})
     values["planner"] |= {name: flag(name) for name in ("autostart", "exit_when_finished")}
+    files = parameter_files(given("params_file"))
     values["planner"] |= journal(given("journal_dir"), arguments["out"], given("params_file"), given("namespace"))
     start = earlier(values["planner"])
     records = stored_records(values["planner"], arguments["out"], given("namespace"))
@@ -151,7 +158,6 @@ def nodes(context: LaunchContext) -> list[Node]:
         values["planner"] |= {"respawn_limit_s": RESPAWN_LIMIT_S}
     if not flag("record"):
         del values["recorder"]
-    files = [*filter(None, [given("params_file")])]
     rules = remappings({name: given(name) for name in TOPICS}, given("remap"))
     # The recorder records topics by their final names, and the topics of a property are not those of the robot.
     general = [rule for rule in rules if rule[0].startswith("/")]
@@ -164,7 +170,10 @@ def nodes(context: LaunchContext) -> list[Node]:
         ("mapper", *one, general)
         for one in property_mappers(given("namespace"), arguments, properties, start, records)
     ]
+    last_words = LastWords()
+    ends = end_all if flag("exit_when_finished") else None
     return [
+        RegisterEventHandler(OnProcessIO(on_stderr=last_words.hear)),
         *([bridge(context)] if viewer == "bridge" else []),
         *(
             Node(
@@ -173,9 +182,9 @@ def nodes(context: LaunchContext) -> list[Node]:
                 name=node,  # so that the arguments override params_file
                 namespace=namespace,
                 ros_arguments=enclave(given("enclaves"), namespace, node),
-                parameters=[*own, {"use_sim_time": flag("use_sim_time"), **parameters}],
+                parameters=[*own, with_empty_lists({"use_sim_time": flag("use_sim_time"), **parameters})],
                 remappings=renamed,
-                on_exit=end_all if node == "planner" and flag("exit_when_finished") else None,
+                on_exit=last_words.on_exit(f"{namespace}/{node}".lstrip("/"), ends if node == "planner" else None),
                 respawn=flag("respawn"),
                 respawn_delay=RESPAWN_DELAY_S,
                 sigterm_timeout=STOP_LIMIT_S,
@@ -203,11 +212,9 @@ def bridge(context: LaunchContext) -> Node:
     )
 
 
-def end_all(event: ProcessExited, _context: LaunchContext) -> list[Shutdown]:
-    """End everything when the planner has finished or cannot start. A planner that has crashed starts again."""
-    if event.returncode in (FINISHED, BAD_INPUT):
-        return [Shutdown(reason="the mission has ended")]
-    return []
+def end_all(code: int) -> list[Shutdown]:
+    """End everything when the planner has finished. A planner that has crashed starts again."""
+    return [] if code else [Shutdown(reason="the mission has ended")]
 
 
 def property_mappers(

@@ -11,11 +11,19 @@ The folder ``out`` receives the field file and site file of the simulated field,
 """
 
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction, Shutdown
+from launch.actions import (
+    DeclareLaunchArgument,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+    RegisterEventHandler,
+    Shutdown,
+)
 from launch.conditions import IfCondition
+from launch.event_handlers import OnProcessIO
 from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
@@ -30,11 +38,14 @@ from soilmoist_ros.nodes.system.demo_configuration import (
     write_configuration,
 )
 from soilmoist_ros.nodes.system.launching import (
+    LastWords,
     enclave,
     foxglove_bridge,
     foxglove_server,
+    parameter_files,
     parameters_from,
     property_argument,
+    refuse_unknown,
     tcp_port,
 )
 from soilmoist_ros.recording.run_folder import CONFIGURATION
@@ -159,11 +170,12 @@ def team(
         }
     under_way = set(robots) if flag("exit_when_finished") else set()
 
-    def ended(namespace: str) -> list[Shutdown]:
+    def ended(namespace: str, _code: int) -> list[Shutdown]:
         under_way.discard(namespace)
         return [] if under_way else [Shutdown(reason="all missions have ended")]
 
-    nodes: list[LaunchDescriptionEntity] = []
+    last_words = LastWords()
+    nodes: list[LaunchDescriptionEntity] = [RegisterEventHandler(OnProcessIO(on_stderr=last_words.hear))]
     served = foxglove_server(given("foxglove"), flag("console"))
     if served == "console":
         differ["console"] = {"foxglove_port": tcp_port(given("foxglove_port"))}
@@ -190,9 +202,9 @@ def team(
                 executable=node,
                 name=node,
                 namespace=namespace,
-                parameters=[*filter(None, [given("params_file"), str(path), differ.get(name)])],
+                parameters=[*parameter_files(given("params_file")), str(path), *filter(None, [differ.get(name)])],
                 remappings=list(shared_mapper(name, [one.name for one in properties]).items()),
-                on_exit=[OpaqueFunction(function=lambda _, robot=namespace: ended(robot))] if ends else None,
+                on_exit=last_words.on_exit(name, partial(ended, namespace) if ends else None),
                 sigterm_timeout="120",  # a node that saves must not be killed
                 sigkill_timeout="120",
                 output="screen",
@@ -203,6 +215,10 @@ def team(
 
 def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The simulator, and the nodes of the robot on the simulated field."""
+    robot, last_words = (
+        PythonLaunchDescriptionSource(str(Path(__file__).with_name("robot.launch.py"))),
+        LastWords(),
+    )
 
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
@@ -211,7 +227,10 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     properties = tuple(map(PropertySettings.parse, property_argument(given("property"), "also", old)))
     field = mission_fields(MissionSettings(field=given("field"), properties=properties))[0]
     out = Path(given("out")).absolute()
-    if given("robots") != "1":
+    single = given("robots") == "1"
+    further = [robot.get_launch_description(context)] if single else []  # its arguments reach it from here, too
+    refuse_unknown(__file__, [generate_launch_description(), *further])
+    if not single:
         return team(context, field, properties, out)
     files = {"field": out / CONFIGURATION / "field.yaml", "site": out / CONFIGURATION / "site.yaml"}
     write_field_file(field, files["field"])
@@ -223,7 +242,7 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         namespace=given("namespace"),
         ros_arguments=enclave(given("enclaves"), given("namespace"), "field_simulator"),
         parameters=[
-            *filter(None, [given("params_file")]),
+            *parameter_files(given("params_file")),
             parameters_from(
                 "field_simulator",
                 {
@@ -232,6 +251,7 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
                 },
             ),
         ],
+        on_exit=last_words.on_exit("field_simulator"),
         output="screen",
     )
     arguments = {
@@ -246,5 +266,5 @@ def system(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         "simulated": "true",
         "use_sim_time": "true",
     }
-    robot = PythonLaunchDescriptionSource(str(Path(__file__).with_name("robot.launch.py")))
-    return [simulator, IncludeLaunchDescription(robot, launch_arguments=arguments.items())]
+    heard = RegisterEventHandler(OnProcessIO(on_stderr=last_words.hear))
+    return [heard, simulator, IncludeLaunchDescription(robot, launch_arguments=arguments.items())]

@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from msg_adapters.stamps import to_time
 from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.foundation.plain_values import foreign_text
 
 
 def diagnostics_to_message(
@@ -53,4 +54,5 @@ def health_from_status(status: DiagnosticStatus) -> Health:
     """State of health of a message; an unknown level becomes an error."""
     number = status.level[0] if isinstance(status.level, bytes) and status.level else int(Level.ERROR)
     level = Level(number) if number in list(Level) else Level.ERROR
-    return Health(status.name, level, status.message, {pair.key: pair.value for pair in status.values})
+    values = {foreign_text(pair.key): foreign_text(pair.value) for pair in status.values}
+    return Health(foreign_text(status.name), level, foreign_text(status.message), values)

@@ -16,7 +16,7 @@ from soilmoist_ros.exploration.mission.types import OTHER_ROBOT, MissionEnd, Mis
 from soilmoist_ros.exploration.planning.forecast import forecast_from_text, forecast_to_text
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.foundation.plain_values import foreign_text, read_json
 
 
 def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = None) -> DiagnosticStatus:
@@ -124,7 +124,7 @@ def _names(text: str) -> tuple[str, ...]:
     found = read_json(text)
     if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
         raise ValueError(f"{text[:40]!r} is no list of names")
-    return tuple(found)
+    return tuple(map(foreign_text, found))
 
 
 def _causes(text: str) -> tuple[str, ...]:

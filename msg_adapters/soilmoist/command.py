@@ -10,6 +10,7 @@ from geometry_msgs.msg import Point32
 from soilmoist_msgs.srv import Command
 
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
+from soilmoist_ros.foundation.plain_values import foreign_text
 
 
 def request_to_message(request: OperatorRequest) -> Command.Request:
@@ -37,20 +38,20 @@ def request_to_message(request: OperatorRequest) -> Command.Request:
 def request_from_message(message: Command.Request) -> OperatorRequest:
     """Request of a message, unchecked."""
     return OperatorRequest(
-        verb=message.verb,
-        who=message.who,
+        verb=foreign_text(message.verb),
+        who=foreign_text(message.who)[:60],
         place=tuple(float(value) for value in message.place),
         geographic_place=tuple(float(value) for value in message.geographic_place),
-        dwell=message.dwell,
+        dwell=foreign_text(message.dwell),
         polygon=tuple((float(corner.x), float(corner.y)) for corner in message.polygon),
-        stops=tuple(message.stops),
+        stops=tuple(map(foreign_text, message.stops)),
         hours=float(message.hours),
-        strategy=message.strategy,
-        target=message.target,
-        home=message.home,
+        strategy=foreign_text(message.strategy),
+        target=foreign_text(message.target),
+        home=foreign_text(message.home),
         until_sd=_from_limit(message.until_sd),
         until_gain=_from_limit(message.until_gain),
-        field=message.field,
+        field=foreign_text(message.field),
         earlier=choice_from_message(message.earlier),
         covariates=choice_from_message(message.covariates),
     )
@@ -63,7 +64,7 @@ def choice_to_message(chosen: Sequence[str] | None) -> list[str]:
 
 def choice_from_message(chosen: Sequence[str]) -> tuple[str, ...] | None:
     """What :func:`choice_to_message` wrote."""
-    return tuple(filter(None, chosen)) if chosen else None
+    return tuple(filter(None, map(foreign_text, chosen))) if chosen else None
 
 
 def _to_limit(value: float | None) -> float:
@@ -85,4 +86,4 @@ def reply_from_message(message: Command.Response) -> Reply:
 
     :raises ValueError: if its code is not known
     """
-    return Reply(ReplyCode(message.code), message.message)
+    return Reply(ReplyCode(message.code), foreign_text(message.message))

@@ -19,6 +19,7 @@ from msg_adapters.soilmoist.command import choice_from_message, choice_to_messag
 from msg_adapters.stamps import to_time
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.plain_values import foreign_text
 
 Code = TypeVar("Code", bound=Enum)
 
@@ -95,8 +96,8 @@ def mission_state_from_message(message: MissionMessage) -> MissionStatus:
     return MissionStatus(
         now_s=float(message.mission_time_s),
         phase=_member(_PHASES, message.phase, "phase"),
-        reason=message.reason,
-        target=None if math.isnan(place[0]) else Stop(message.stop, *place),
+        reason=foreign_text(message.reason),
+        target=None if math.isnan(place[0]) else Stop(foreign_text(message.stop), *place),
         planned_dwell_s=float(message.planned_dwell_s),
         dwell_s=float(message.dwell_s),
         progress=float(message.progress),
@@ -107,7 +108,7 @@ def mission_state_from_message(message: MissionMessage) -> MissionStatus:
         counting_s=float(message.counting_s),
         raw_counts=int(message.raw_counts),
         failures=int(message.failures),
-        blacklisted=tuple(message.ruled_out),
+        blacklisted=tuple(map(foreign_text, message.ruled_out)),
         estimated_end_s=None if math.isnan(end_s) else end_s,
         needs_operator=bool(message.needs_operator),
         silent=bool(message.silent),
@@ -115,9 +116,9 @@ def mission_state_from_message(message: MissionMessage) -> MissionStatus:
         alarms=tuple(_alarm_from_message(alarm) for alarm in message.alarms),
         emergency=bool(message.emergency_stop),
         stop_requests=int(message.stop_requests),
-        queue=tuple(message.queue),
-        strategy=message.strategy,
-        field=message.field,
+        queue=tuple(map(foreign_text, message.queue)),
+        strategy=foreign_text(message.strategy),
+        field=foreign_text(message.field),
         earlier=choice_from_message(message.earlier),
         covariates=choice_from_message(message.covariates),
         clock_offset_s=float(message.clock_offset_s),
@@ -148,7 +149,7 @@ def _alarm_to_message(alarm: Alarm) -> AlarmMessage:
 
 def _alarm_from_message(message: AlarmMessage) -> Alarm:
     response = _member(_RESPONSES, message.response, "response")
-    return Alarm(float(message.since_s), message.cause, response, message.reason)
+    return Alarm(float(message.since_s), foreign_text(message.cause), response, foreign_text(message.reason))
 
 
 def _member(codes: dict[Code, int], code: int, what: str) -> Code:

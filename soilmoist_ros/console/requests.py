@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plain_values import finite_number
+from soilmoist_ros.foundation.plain_values import finite_number, foreign_text
 
 MAX_TEXT: Final = 200
 MAX_ITEMS: Final = 500
@@ -45,7 +45,7 @@ def request_from_json(content: Any, robots: Mapping[str, Any] | list[str]) -> tu
 def who_of(content: Any) -> str:
     """Name of the operator of a page; empty if it is none."""
     who = content.get("who", "") if isinstance(content, Mapping) else ""
-    return who[:60] if isinstance(who, str) and who.isprintable() else ""
+    return foreign_text(who)[:60] if isinstance(who, str) else ""
 
 
 def _value(name: str, value: Any) -> Any:

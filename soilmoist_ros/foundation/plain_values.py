@@ -105,5 +105,23 @@ def printable(text: str) -> str:
     )
 
 
+_SEQUENCE = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)?|\x1b[ -/]*[0-~]?")
+"""Control sequences of terminals: colours and moves, titles and links, others."""
+
+
+def foreign_text(text: str) -> str:
+    r"""A text of another program or person as one line, without control sequences and invisible marks.
+
+    To be called where such a text enters, so that terminal, log, page, table and status need not ask.
+
+    >>> foreign_text("north\x1b[31m\r\n5\u00a0m\u202e\u00b3")
+    'north 5 m³'
+    """
+    if text.isprintable():
+        return text
+    shown = (one if one.isprintable() else " " * one.isspace() for one in _SEQUENCE.sub("", text))
+    return " ".join("".join(shown).split())
+
+
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "'", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 """Beginnings of formulas, in both widths, and what a spreadsheet removes before them."""

@@ -20,6 +20,7 @@ from pydantic import model_validator
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
 from soilmoist_ros.foundation.places import distance_text
+from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.foundation.sections import Section, load_model
 from soilmoist_ros.mapping.covariates.source import CovariateSection, CovariateSource
 from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
@@ -227,7 +228,7 @@ def load_field(path: Path) -> Field:
     notes = border.notes if border is not None else ()
     for note in notes:
         _log_once(str(shown), note)
-    return Field(content.name, frame, polygon, tuple(no_go), content.cell_m, covariates, notes)
+    return Field(foreign_text(content.name), frame, polygon, tuple(no_go), content.cell_m, covariates, notes)
 
 
 _BORDER_ENDINGS = (".geojson", ".shp", ".gpkg", ".fgb", ".kml", ".kmz", ".gpx", ".wkt", ".osm", ".xml", ".zip")

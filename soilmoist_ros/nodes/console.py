@@ -53,6 +53,7 @@ from soilmoist_ros.nodes.parameters.console import PARAMETERS
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR, VISITS
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.nodes.wiring.console_foxglove import FoxgloveView
 from soilmoist_ros.nodes.wiring.console_steering import ConsoleSteering
 from soilmoist_ros.sensing.gnss import fix_from_message
@@ -142,11 +143,11 @@ class Console(Node):
     def _subscribe_typed(self, robot: str, below: str) -> None:
         """Subscribe to what needs ``soilmoist_msgs``, if it is built."""
         try:
-            from soilmoist_msgs.msg import Mission, Visit
+            visit, mission = (interface_class(f"soilmoist_msgs/msg/{one}") for one in ("Visit", "Mission"))
         except ImportError:
             return
-        self.create_subscription(Visit, f"{below}visits", partial(self._on_visit, robot), VISITS)
-        self.create_subscription(Mission, f"{below}mission_state", partial(self._on_state, robot), LATCHED)
+        self.create_subscription(visit, f"{below}visits", partial(self._on_visit, robot), VISITS)
+        self.create_subscription(mission, f"{below}mission_state", partial(self._on_state, robot), LATCHED)
 
     # Messages ------------------------------------------------------------------------------------------------
 

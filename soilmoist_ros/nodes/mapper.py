@@ -41,6 +41,7 @@ from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.runtime.aside import Aside
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.nodes.wiring.mapper_change import ChangeOutput
 from soilmoist_ros.nodes.wiring.mapper_exchange import MapperExchange
 from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
@@ -136,13 +137,11 @@ class Mapper(Node):
     def _follow_planners(self, below: Sequence[str]) -> None:
         """Use the field, earlier runs and covariates that an operator chooses at a planner."""
         try:
-            from soilmoist_msgs.msg import Mission
+            kind = interface_class("soilmoist_msgs/msg/Mission")
         except ImportError:
             return
         for robot in below:
-            self.create_subscription(
-                Mission, f"{robot}mission_state", partial(self._on_mission, robot), qos.LATCHED
-            )
+            self.create_subscription(kind, f"{robot}mission_state", partial(self._on_mission, robot), qos.LATCHED)
 
     def _on_mission(self, robot: str, message: Any) -> None:
         from msg_adapters.soilmoist.mission_state import survey_from_message
@@ -260,12 +259,12 @@ class Mapper(Node):
     def _summary_publisher(self) -> Callable[[MapState, SoilMap | None], None]:
         """Function that publishes the map in numbers, if ``soilmoist_msgs`` is built."""
         try:
-            from soilmoist_msgs.msg import MapSummary
+            kind = interface_class("soilmoist_msgs/msg/MapSummary")
         except ImportError:
             return lambda _state, _soil_map: None
         from msg_adapters.soilmoist.map_summary import map_summary_to_message
 
-        summaries = self.create_publisher(MapSummary, "map_summary", qos.LATCHED)
+        summaries = self.create_publisher(kind, "map_summary", qos.LATCHED)
         return lambda state, soil_map: summaries.publish(map_summary_to_message(state, soil_map, self._frame))
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import os
 import time
@@ -29,6 +28,7 @@ from soilmoist_ros.nodes.runtime.aside import Aside
 from soilmoist_ros.nodes.runtime.qos import DEFAULT
 from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
 from soilmoist_ros.nodes.runtime.run import run
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.recording.bag.recorder import BagRecorder, check_name, free_bytes, next_bag
 from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
 from soilmoist_ros.recording.bag.retention import (
@@ -250,7 +250,7 @@ class Recorder(Node):
                 continue
             try:
                 self._subscribe(name, types, offered)
-            except (InputError, ImportError, AttributeError) as error:
+            except (InputError, ImportError) as error:
                 self._skipped.add(name)
                 self.get_logger().warning(f"{name} is not recorded: {error}")
 
@@ -272,8 +272,7 @@ class Recorder(Node):
             if len(types) != 1:
                 raise InputError(f"it has several types: {', '.join(types)}", "publish one type per topic")
             topic = Topic(name, find_definition(types[0]), offered)
-        package, _, kind = topic.definition.type_name.split("/")
-        message_class = getattr(importlib.import_module(f"{package}.msg"), kind)
+        message_class = interface_class(topic.definition.type_name)
         subscription = self._listener.create_subscription(
             message_class, name, print, requested_qos(wanted), raw=True
         )

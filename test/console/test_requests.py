@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.console.requests import request_from_json
+from soilmoist_ros.console.requests import request_from_json, who_of
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.foundation.errors import InputError
 
@@ -24,6 +24,12 @@ def test_a_request_of_the_page():
     assert request_from_json(content, ["r1"]) == (
         "r1", OperatorRequest("rule_out", "Ada", polygon=((0.0, 1.5), (2.0, 3.0), (4.0, 5.0))),
     )  # fmt: skip
+
+
+def test_the_name_of_an_operator_has_no_control_characters():
+    assert who_of({"who": "Ad\x1b[31ma\nB\u202e"}) == "Ada B"
+    assert who_of({"who": "x" * 99}) == "x" * 60
+    assert who_of({"who": 5}) == who_of(None) == ""
 
 
 @pytest.mark.parametrize(

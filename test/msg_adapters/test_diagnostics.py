@@ -17,8 +17,9 @@ from msg_adapters.diagnostics import (
     health_to_status,
 )
 from soilmoist_ros.foundation.health import Health, Level, worst
+from soilmoist_ros.foundation.plain_values import foreign_text
 
-words = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20)
+words = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20).map(foreign_text)
 healths = st.builds(Health, words, st.sampled_from(Level), words, st.dictionaries(words, words, max_size=3))
 
 
@@ -54,3 +55,9 @@ def test_a_level_that_does_not_exist_is_an_error():
 def test_the_worst_level_of_several():
     assert worst([]) is Level.OK
     assert worst([Health("a", Level.WARN, ""), Health("b", Level.ERROR, ""), Health("c", Level.OK, "")]) == 2
+
+
+def test_control_characters_of_other_nodes_do_not_come_in():
+    odd = "no\x1b[31mrth\r\n\u202e5\x07"
+    found = health_from_status(health_to_status(Health(odd, Level.WARN, odd, {odd: odd})))
+    assert found == Health("north 5", Level.WARN, "north 5", {"north 5": "north 5"})

@@ -17,9 +17,10 @@ from msg_adapters.mission import mission_from_message, mission_to_message
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.plain_values import foreign_text
 
 NUMBER = st.floats(0, 1e9)
-WORD = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20)
+WORD = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20).map(foreign_text)
 STATUS = st.builds(
     MissionStatus, now_s=NUMBER, phase=st.sampled_from(Phase), reason=WORD,
     target=st.none() | st.builds(Stop, WORD, NUMBER, NUMBER), planned_dwell_s=NUMBER, dwell_s=NUMBER,
@@ -75,3 +76,18 @@ def test_what_people_read():
 def test_a_message_of_something_else():
     with pytest.raises(ValueError, match="no value"):
         mission_from_message(DiagnosticStatus())
+
+
+def test_control_characters_of_other_robots_do_not_come_in():
+    odd = "no\x1b[31mrth\r\n\u202e5\x07"
+    found = mission_from_message(
+        mission_to_message(
+            replace(QUIET, reason=odd, target=Stop(odd, 1.0, 2.0), blacklisted=(odd,), queue=(odd,))
+        )
+    )
+    assert (found.reason, found.target.name, found.blacklisted, found.queue) == (
+        "north 5",
+        "north 5",
+        ("north 5",),
+        ("north 5",),
+    )

@@ -24,11 +24,15 @@ class LaunchContext:
     """Texts of all arguments by name."""
 
     launch_configurations: dict[str, str] = field(default_factory=dict)
+    is_shutdown: bool = False
 
 
 @dataclass
 class LaunchDescription:
     entities: list[Any]
+
+    def get_launch_arguments(self) -> list[DeclareLaunchArgument]:
+        return list(arguments_of(self).values())
 
 
 @dataclass
@@ -74,13 +78,57 @@ class ExecuteProcess:
 
 
 @dataclass(kw_only=True)
+class LogInfo:
+    msg: str
+
+
+@dataclass(kw_only=True)
+class EmitEvent:
+    event: Any
+
+
+@dataclass(kw_only=True)
+class ShutdownProcess:
+    process_matcher: Any
+
+
+@dataclass(kw_only=True)
+class OnProcessIO:
+    on_stderr: Any
+
+
+@dataclass
+class RegisterEventHandler:
+    event_handler: OnProcessIO
+
+
+@dataclass(kw_only=True)
+class ProcessIO:
+    text: bytes
+    pid: int = 1
+
+
+@dataclass(kw_only=True)
 class ProcessExited:
     returncode: int
+    pid: int = 1
+    action: Any = None
+
+
+@dataclass
+class ParameterValue:
+    """A value that may be an empty list, which launch refuses elsewhere."""
+
+    value: Any
+    value_type: Any = None
 
 
 @dataclass
 class PythonLaunchDescriptionSource:
     launch_file_path: str
+
+    def get_launch_description(self, _context: LaunchContext) -> LaunchDescription:
+        return load(Path(self.launch_file_path), None)
 
 
 @dataclass
@@ -120,6 +168,10 @@ class Node:
             arguments += ["-r", f"{old}:={new}"]
         for number, given in enumerate(self.parameters):
             if isinstance(given, dict):
+                assert [] not in given.values(), "launch refuses an empty list"
+                given = {
+                    name: one.value if isinstance(one, ParameterValue) else one for name, one in given.items()
+                }
                 path = folder / f"launch_params_{self.name}_{number}.yaml"
                 path.write_text(yaml.dump({f"{namespace}/{self.name}": {"ros__parameters": given}}))
                 given = str(path)
@@ -130,27 +182,31 @@ class Node:
 MODULES = {
     "launch": (LaunchContext, LaunchDescription),
     "launch.actions": (
-        DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, OpaqueFunction, Shutdown,
+        DeclareLaunchArgument, EmitEvent, ExecuteProcess, IncludeLaunchDescription, LogInfo, OpaqueFunction,
+        RegisterEventHandler, Shutdown,
     ),
     "launch.conditions": (IfCondition,),
     "launch.events": (),
-    "launch.events.process": (ProcessExited,),
+    "launch.event_handlers": (OnProcessIO,),
+    "launch.events.process": (ShutdownProcess,),
     "launch.launch_description_entity": (type("LaunchDescriptionEntity", (), {}),),
     "launch.launch_description_sources": (PythonLaunchDescriptionSource,),
     "launch.substitutions": (LaunchConfiguration,),
     "launch_ros": (),
     "launch_ros.actions": (Node,),
+    "launch_ros.parameter_descriptions": (ParameterValue,),
 }  # fmt: skip
 
 
 def load(path: Path, monkeypatch: Any) -> LaunchDescription:
-    """Description that a launch file generates."""
-    for name, classes in MODULES.items():
+    """Description that a launch file generates; ``monkeypatch`` is ``None`` if launch is replaced already."""
+    for name, classes in MODULES.items() if monkeypatch is not None else ():
         module = ModuleType(name)
         for one in classes:
             setattr(module, one.__name__, one)
         monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    if monkeypatch is not None:
+        monkeypatch.setattr(sys, "dont_write_bytecode", True)
     name = path.name.partition(".")[0]
     loader = SourceFileLoader(name, str(path))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader))
@@ -165,8 +221,15 @@ def arguments_of(description: LaunchDescription) -> dict[str, DeclareLaunchArgum
     return {one.name: one for one in description.entities if isinstance(one, DeclareLaunchArgument)}
 
 
-def start(path: Path, monkeypatch: Any, given: dict[str, str], context: LaunchContext | None = None) -> list[Any]:
-    """Everything that a launch file and its included files start with some arguments."""
+def start(
+    path: Path,
+    monkeypatch: Any,
+    given: dict[str, str],
+    context: LaunchContext | None = None,
+    heard: list[Any] | None = None,
+) -> list[Any]:
+    """Everything that a launch file and its included files start; ``heard`` gets what listens to stderr."""
+    heard = [] if heard is None else heard
     context = context or LaunchContext()
     context.launch_configurations.update(given)
     started: list[Any] = []
@@ -177,6 +240,8 @@ def start(path: Path, monkeypatch: Any, given: dict[str, str], context: LaunchCo
                 if one.name not in context.launch_configurations:
                     assert one.default_value is not None, f"{one.name} is required"
                     context.launch_configurations[one.name] = one.default_value
+            elif isinstance(one, RegisterEventHandler):
+                heard.append(one.event_handler.on_stderr)
             elif isinstance(one, OpaqueFunction):
                 visit(one.function(context))
             elif isinstance(one, IncludeLaunchDescription):
@@ -184,7 +249,7 @@ def start(path: Path, monkeypatch: Any, given: dict[str, str], context: LaunchCo
                 known = arguments_of(load(source, monkeypatch))
                 arguments = dict(one.launch_arguments)
                 assert arguments.keys() <= known.keys(), arguments.keys() - known.keys()
-                started.extend(start(source, monkeypatch, arguments, context))
+                started.extend(start(source, monkeypatch, arguments, context, heard))
             else:
                 started.append(one)
 

@@ -17,9 +17,9 @@ ROOT = Path(__file__).resolve().parents[2]
 NODES = {"sensor_driver", "mapper", "planner", "recorder", "field_simulator", "console"}
 
 
-@pytest.fixture(scope="module")
-def workspace(tmp_path_factory):
-    """A colcon workspace in which the package is built from the files that git would commit."""
+@pytest.fixture(scope="module", params=["", "--symlink-install"])
+def workspace(request, tmp_path_factory):
+    """A colcon workspace in which the package is built from the files that git would commit, copied or linked."""
     workspace = tmp_path_factory.mktemp("colcon")
     listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     names = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\0")
@@ -29,7 +29,7 @@ def workspace(tmp_path_factory):
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, copy)
     build = subprocess.run(
-        [sys.executable, "-m", "colcon", "--log-base", "log", "build"],
+        [sys.executable, "-m", "colcon", "--log-base", "log", "build", *filter(None, [request.param])],
         cwd=workspace, capture_output=True, text=True,
     )  # fmt: skip
     assert build.returncode == 0, build.stdout + build.stderr
@@ -72,7 +72,7 @@ def test_the_installation_is_complete_without_ros(workspace, sourced, tmp_path):
     assert (prefix / "share" / "soilmoist_ros" / "package.xml").is_file()
     assert (prefix / "share" / "soilmoist_ros" / "launch" / "simulation.launch.py").is_file()
     for module in ("soilmoist_ros", "msg_adapters"):
-        assert answer(f"import {module}; print({module}.__file__)", sourced, tmp_path).startswith(str(prefix))
+        assert answer(f"import {module}; print({module}.__file__)", sourced, tmp_path).startswith(str(workspace))
     checked = subprocess.run(
         [prefix / "lib" / "soilmoist_ros" / "soilmoist", "check", "--logger", "finapp", "--site", "example"],
         env={**os.environ, **sourced}, cwd=tmp_path, capture_output=True, text=True,

@@ -109,7 +109,7 @@ def test_the_robot_starts_the_recorder_first_and_leaves_all_parameters_alone(mon
             values["merge_from"] = []
         assert (values.pop("node"), values.pop("use_sim_time")) == (f"/{name}", False)
         assert values == defaults(name)
-        assert action.on_exit is None
+        assert action.on_exit(stand_in.ProcessExited(returncode=0), stand_in.LaunchContext()) == []
 
 
 def test_arguments_go_to_every_node_that_has_the_parameter(monkeypatch, seen):
@@ -286,12 +286,97 @@ def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_pa
 def test_nothing_is_recorded_without_record_and_all_ends_with_the_mission_if_wished(monkeypatch):
     nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"record": "false", "exit_when_finished": "true"}))
     assert list(nodes) == ["mapper", "planner", "sensor_driver"]
+    context = stand_in.LaunchContext()
     on_exit = nodes["planner"].on_exit
-    for code in (0, 2):
-        assert isinstance(on_exit(stand_in.ProcessExited(returncode=code), None)[0], stand_in.Shutdown)
+    assert isinstance(on_exit(stand_in.ProcessExited(returncode=0), context)[0], stand_in.Shutdown)
     for code in (1, -9, -11):
-        assert on_exit(stand_in.ProcessExited(returncode=code), None) == [], "a planner that crashed starts again"
-    assert nodes["mapper"].on_exit is None
+        assert on_exit(stand_in.ProcessExited(returncode=code), context) == [], (
+            "a planner that crashed starts again"
+        )
+    assert nodes["mapper"].on_exit(stand_in.ProcessExited(returncode=0), context) == []
+
+
+SAID = (
+    b"[INFO] [17.5] [mapper]: hello\nthere is no field 'x' -> give a file\nhours must be >= 0\n",
+    b"[WARN] [17.6] [mapper]: bye\nthe port 8050 is in use\n",
+)
+
+
+@pytest.mark.parametrize(
+    ("path", "given"),
+    [
+        (ROBOT, {"console": "true", "property": "salt", "namespace": "r1"}),
+        (SIMULATION, {"console": "true", "out": "run"}),
+        (SIMULATION, {"console": "true", "out": "team", "robots": "2"}),
+        (REPLAY, {"bag": "bag"}),
+    ],
+)
+def test_a_node_that_cannot_start_ends_the_launch_and_a_console_only_itself(monkeypatch, path, given):
+    context, heard = stand_in.LaunchContext(), []
+    started = stand_in.start(path, monkeypatch, given, heard=heard)
+    nodes = [one for one in started if isinstance(one, stand_in.Node)]
+    for pid, node in enumerate(nodes):
+        for text in SAID:
+            for hear in heard:
+                hear(stand_in.ProcessIO(text=text, pid=pid))
+        ended = stand_in.ProcessExited(returncode=2, pid=pid, action=node)
+        name = f"{node.namespace}/{node.name}".lstrip("/")
+        if node.executable == "console":
+            said, event = node.on_exit(ended, context)
+            assert said.msg == f"the node {name} is missing, the others go on: the port 8050 is in use"
+            assert [event.event.process_matcher(one) for one in nodes] == [one is node for one in nodes]
+        else:
+            with pytest.raises(InputError) as error:
+                node.on_exit(ended, context)
+            assert str(error.value) == f"the node {name} is missing, and the launch ends: the port 8050 is in use"
+        assert node.on_exit(ended, stand_in.LaunchContext(is_shutdown=True)) == []
+    assert {node.executable for node in nodes} >= (
+        {"mapper"} if path == REPLAY else {"mapper", "console", "planner"}
+    )
+
+
+def test_a_reason_of_several_lines_is_whole(monkeypatch):
+    heard = []
+    node = next(
+        one for one in stand_in.start(ROBOT, monkeypatch, {}, heard=heard) if isinstance(one, stand_in.Node)
+    )
+    heard[0](stand_in.ProcessIO(text=SAID[0][:50]))
+    heard[0](stand_in.ProcessIO(text=SAID[0][50:]))
+    with pytest.raises(InputError, match=r"ends: there is no field 'x' -> give a file\nhours must be >= 0$"):
+        node.on_exit(stand_in.ProcessExited(returncode=2), stand_in.LaunchContext())
+    with pytest.raises(InputError, match=r"ends: it ended with exit code 2$"):
+        node.on_exit(stand_in.ProcessExited(returncode=2), stand_in.LaunchContext())
+
+
+def test_unknown_arguments_are_refused_with_a_suggestion(monkeypatch):
+    def call(path, *arguments):
+        monkeypatch.setattr(sys, "argv", ["/opt/ros/bin/ros2", "launch", *arguments])
+        given = dict(one.split(":=", 1) for one in arguments if ":=" in one)
+        return stand_in.start(path, monkeypatch, given | ({"out": "run"} if path == SIMULATION else {}))
+
+    with pytest.raises(
+        InputError, match=r"no launch argument 'feild' \(did you mean 'field'\?\), 'zz' -> there are: ac"
+    ):
+        call(ROBOT, "soilmoist_ros", "robot.launch.py", "feild:=a", "hours:=1", "zz:=2")
+    with pytest.raises(InputError, match="no launch argument 'resume'"):
+        call(SIMULATION, "/ws/simulation.launch.py", "resume:=fresh", "robots:=2")
+    with pytest.raises(InputError, match="no launch argument 'baag'"):
+        call(REPLAY, "soilmoist_ros", "replay.launch.py", "bag:=x", "baag:=x")
+    assert call(ROBOT, "soilmoist_ros", "robot.launch.py", "field:=a", "launch-prefix:=nice")
+    assert call(SIMULATION, "soilmoist_ros", "simulation.launch.py", "resume:=fresh"), "robot.launch.py reads it"
+    assert call(ROBOT, "mine", "bringup.launch.py", "feild:=of_its_own"), "arguments of a file that includes ours"
+
+
+def test_empty_lists_are_lists_and_a_missing_parameter_file_is_named(monkeypatch, seen, tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("/**:\n  ros__parameters: {covariates: [a.tif], edge_actions: []}\n")
+    given = {"params_file": str(path), "covariates": "[]", "earlier": "[ ]", "property": "[]"}
+    values = seen(by_name(stand_in.start(ROBOT, monkeypatch, given))["planner"])
+    lists = ("covariates", "earlier", "edge_actions", "properties")
+    assert [values[name] for name in lists] == [[], [], [], []]
+    for file, more in ((ROBOT, {}), (SIMULATION, {"out": "run"}), (REPLAY, {"bag": "bag"})):
+        with pytest.raises(InputError, match=r"params_file: there is no file 'nix\.yaml'"):
+            stand_in.start(file, monkeypatch, {"params_file": "nix.yaml", **more})
 
 
 def test_nodes_that_crash_start_again_and_none_is_killed_while_it_saves(monkeypatch, seen, tmp_path):
@@ -344,7 +429,7 @@ def test_the_simulation_joins_all_nodes_on_one_simulated_field(monkeypatch, seen
     assert (planner["autostart"], planner["exit_when_finished"]) == (True, True)
     assert values["mapper"]["simulated"] is True
     assert Path(values["recorder"]["out"], values["recorder"]["name"]) == tmp_path / "run" / "bag"
-    (ends,) = nodes["planner"].on_exit(stand_in.ProcessExited(returncode=0), None)
+    (ends,) = nodes["planner"].on_exit(stand_in.ProcessExited(returncode=0), stand_in.LaunchContext())
     assert isinstance(ends, stand_in.Shutdown)
 
 
@@ -385,7 +470,8 @@ def test_several_simulated_robots_share_mapper_recorder_and_clock(monkeypatch, s
     assert (planner["hours"], planner["properties"], planner["use_sim_time"]) == (0.5, ["rough:0.5"], True)
     planners = [one for one in actions if one.executable == "planner"]
     assert {"samples": "/samples", "rough/model": "/rough/model"}.items() <= dict(planners[0].remappings).items()
-    first, last = (one.on_exit[0].function(None) for one in planners)
+    context = stand_in.LaunchContext()
+    first, last = (one.on_exit(stand_in.ProcessExited(returncode=0), context) for one in planners)
     assert first == []
     assert isinstance(last[0], stand_in.Shutdown)
 

@@ -214,7 +214,7 @@ class MissionControl:
         self._journal.keep(mission)
         self._mission = mission
         journal = self._journal
-        self.heard = Heard()
+        self.heard, self._came = Heard(), 0
         """What has come of the receiver."""
         self._feed = MissionFeed(
             mission,
@@ -403,8 +403,10 @@ class MissionControl:
 
     @property
     def _no_place(self) -> str:
-        """Why no position has come, in words; empty if there is nothing to say about it."""
+        """Why there is no position, in words; empty if none has come."""
         why = self.heard.why_none()
+        if why is None:
+            return f"{self.heard.placed} came, none plausible so far"
         told = why is not None and (self.heard.epochs or self.heard.other_type)
         return why.message.removeprefix("has ") if why is not None and told else ""
 
@@ -443,7 +445,7 @@ class MissionControl:
         :param name: namespace of the property
         :param more: whether further records of the same message follow: the disk is synced once for all
         """
-        now_s = self._clock.now_s()
+        now_s, came = self._clock.now_s(), len(records)
         arrived = self._watching.stamped(records, self._outputs.now_s())
         records = [record for record in arrived if not record.quarantine]
         if records:
@@ -455,6 +457,7 @@ class MissionControl:
             if not more:
                 self._journal.secure()
             return
+        self._came += came
         self._record_stamp_s = max((record.stamp_s for record in arrived), default=self._record_stamp_s)
         self._watching.quarantined(arrived, now_s)
         for record in records:
@@ -650,7 +653,8 @@ class MissionControl:
     def _age(self, name: str, age_s: float, limit_s: float) -> Health:
         values = {"without_place": str(self._records_lost)} if name == "records" else {}
         if math.isinf(age_s):
-            none = self._no_place if name == "position" else ""
+            unused = f"{self._came} came, all quarantined or with an impossible stamp" if self._came else ""
+            none = self._no_place if name == "position" else unused
             return Health(name, self._severity, none or "none has come", values)
         level = self._severity if age_s > limit_s else Level.OK
         return Health(name, level, f"{age_s:.0f} s old", {"age_s": f"{age_s:.1f}", **values})

@@ -21,7 +21,7 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.configuration import parse_yaml, read_limited, read_quickly
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
-from soilmoist_ros.foundation.plain_values import finite_number, read_json
+from soilmoist_ros.foundation.plain_values import finite_number, foreign_text, read_json
 from soilmoist_ros.foundation.plane_move import PlaneMove
 from soilmoist_ros.foundation.suggestions import listing
 
@@ -61,7 +61,7 @@ class TopologicalMap:
     @property
     def name(self) -> str:
         """Name of the map."""
-        return str(self.document.get("name", ""))
+        return foreign_text(str(self.document.get("name", "")))
 
     @property
     def metric_map(self) -> str:
@@ -341,6 +341,9 @@ def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
     name = node.get("name")
     if not _is_name(name):
         raise ValueError("has no name")
+    for word in (name, *(edge.get("node") for edge in node.get("edges") or () if isinstance(edge, Mapping))):
+        if not str(word).isprintable():
+            raise ValueError(f"has the name {str(word)!r:.80}, with signs that cannot be printed: rename it")
     pose = node.get("pose")
     position = pose.get("position") if isinstance(pose, Mapping) else None
     if not isinstance(position, Mapping):

@@ -34,6 +34,7 @@ from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 
 LOOK_EVERY_S = 1.0
 """Time between looks for servers that publish lists of goals [s]."""
@@ -347,21 +348,21 @@ def action_class(name: str, field: str) -> Any:
     :param field: a field that its goals must have
     :raises InputError: if the action is not installed or is another one
     """
-    remedy = "source the workspace of the navigation, or set another navigator"
+    remedy = "source the workspace of the navigation, built for this ROS and Python, or set another navigator"
     package, _, rest = name.partition("/")
     folder, _, kind = rest.partition("/")
     if folder != "action" or not package or not kind:
         raise InputError(f"{name!r} is not the type of an action", "write PACKAGE/action/NAME")
     try:
         module = importlib.import_module(f"{package}.action")
+        known = [word for word in dir(module) if hasattr(getattr(module, word), "Goal")]
+        if kind not in known:
+            raise InputError(
+                f"{package} has no action {kind!r}", f"it has {', '.join(known)}{did_you_mean(kind, known)}"
+            )
+        found = interface_class(name)
     except ImportError as error:
         raise InputError(f"the action type {name!r} cannot be used: {error}", remedy) from None
-    found = getattr(module, kind, None)
-    if found is None or not hasattr(found, "Goal"):
-        known = [word for word in dir(module) if hasattr(getattr(module, word), "Goal")]
-        raise InputError(
-            f"{package} has no action {kind!r}", f"it has {', '.join(known)}{did_you_mean(kind, known)}"
-        )
     if not hasattr(found.Goal(), field):
         raise InputError(
             f"goals of {name!r} have no field {field!r}", "set the navigator that goes with this action_type"

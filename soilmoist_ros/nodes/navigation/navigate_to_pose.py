@@ -18,6 +18,7 @@ from soilmoist_ros.exploration.navigation.track import Track
 from soilmoist_ros.exploration.navigation.way_points import WayPoint
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.nodes.navigation.action_navigator import ActionNavigator
 
 NAME: Final = "navigate_to_pose"
@@ -82,5 +83,5 @@ class NavigateToPoseNavigator(ActionNavigator):
 
     def verdict(self, result: Any) -> tuple[bool, str]:
         """The error code in words."""
-        code, text = int(getattr(result, "error_code", 0)), str(getattr(result, "error_msg", ""))
+        code, text = int(getattr(result, "error_code", 0)), foreign_text(str(getattr(result, "error_msg", "")))
         return code == 0, failure(code, text)

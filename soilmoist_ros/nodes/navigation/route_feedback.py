@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from collections.abc import Callable
 from typing import Any
@@ -14,6 +13,8 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from msg_adapters.offered_qos import offered_qos, requested_qos
+from soilmoist_ros.foundation.plain_values import foreign_text
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.recording.mcap.metadata import request_for
 
 LOOK_EVERY_S = 1.0
@@ -44,7 +45,7 @@ class RouteFeedback:
         for name in ("route", "data"):
             text = getattr(content, name, None)
             if isinstance(text, str):
-                self.route = text
+                self.route = foreign_text(text)
 
     def look_for_topic(self) -> None:
         """Subscribe to the plain topic once it exists; its type and quality of service depend on the version."""
@@ -73,10 +74,10 @@ class RouteFeedback:
         )
 
     def _message_class(self, name: str) -> Any:
-        package, folder, kind = name.split("/")
+        _package, folder, kind = name.split("/")
         if folder == "action":
             return self._kind.Feedback if kind == f"{self._kind.__name__}_Feedback" else None
         try:
-            return getattr(importlib.import_module(f"{package}.{folder}"), kind, None)
+            return interface_class(name)
         except ImportError:
             return None

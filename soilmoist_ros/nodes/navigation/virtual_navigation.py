@@ -14,6 +14,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from soilmoist_ros.nodes.runtime.qos import DEFAULT
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.simulation.robot.virtual_navigation import NO_VALID_PATH, GoalEnded, OnRoute, Outcome, Remaining
 from soilmoist_ros.simulation.simulated_robot import SimulatedRobot
 
@@ -129,17 +130,16 @@ class GotoNodeServer(NavigationServer):
     """Serves GotoNode.
 
     :param plain_feedback: whether feedback is published on a topic instead of the action
-    :raises ImportError: if topological_navigation_msgs is not installed
+    :raises ImportError: if topological_navigation_msgs is not usable
     """
 
     def __init__(self, node: Node, robot: SimulatedRobot, below: str, plain_feedback: bool = False) -> None:
-        from topological_navigation_msgs.action import GotoNode
-
+        kind = interface_class("topological_navigation_msgs/action/GotoNode")
         name = f"{below}{NODE_ACTION}"
         self._plain_feedback: Publisher | None = None
         if plain_feedback:
-            self._plain_feedback = node.create_publisher(GotoNode.Feedback, f"{name}/feedback", DEFAULT)
-        super().__init__(node, robot, GotoNode, name)
+            self._plain_feedback = node.create_publisher(kind.Feedback, f"{name}/feedback", DEFAULT)
+        super().__init__(node, robot, kind, name)
 
     def accept(self, goal: Any) -> int | None:
         """See :class:`NavigationServer`."""
@@ -171,10 +171,9 @@ class NavigateToPoseServer(NavigationServer):
     """
 
     def __init__(self, node: Node, robot: SimulatedRobot, below: str) -> None:
-        from nav2_msgs.action import NavigateToPose
-
-        super().__init__(node, robot, NavigateToPose, f"{below}{POSE_ACTION}")
-        self._itself = ActionClient(node, NavigateToPose, self._name)
+        kind = interface_class("nav2_msgs/action/NavigateToPose")
+        super().__init__(node, robot, kind, f"{below}{POSE_ACTION}")
+        self._itself = ActionClient(node, kind, self._name)
 
     def send(self, pose: PoseStamped) -> None:
         """Send a pose to the own server."""
@@ -201,8 +200,11 @@ class NavigateToPoseServer(NavigationServer):
         return self._kind.Feedback(distance_remaining=float(event.distance_m))
 
     def result(self, event: GoalEnded) -> Any:
-        """See :class:`NavigationServer`."""
-        return self._kind.Result(error_code=int(event.error_code))
+        """See :class:`NavigationServer`; Nav2 of Humble has no error code."""
+        result = self._kind.Result()
+        if hasattr(result, "error_code"):
+            result.error_code = int(event.error_code)
+        return result
 
 
 def navigation_servers(
@@ -221,6 +223,6 @@ def navigation_servers(
     for package, make in makers.items():
         try:
             servers.append(make())
-        except ImportError:
-            node.get_logger().warning(f"a navigation action is missing: {package} is not installed")
+        except ImportError as error:
+            node.get_logger().warning(f"a navigation action is missing: {package} is not installed ({error})")
     return servers

@@ -9,6 +9,8 @@ import logging
 from rclpy.logging import get_logger
 from rclpy.node import Node
 
+from soilmoist_ros.foundation.plain_values import printable
+
 
 class CoreLog(logging.Handler):
     """Passes what this package says through :mod:`logging` to the logger of a node."""
@@ -26,7 +28,7 @@ class CoreLog(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Log a message, with its traceback if it has one."""
-        text = self.format(record)
+        text = printable(self.format(record))
         if record.levelno >= logging.ERROR:
             self._ros.error(text)
         elif record.levelno >= logging.WARNING:

@@ -11,6 +11,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from types import FrameType
 from typing import Final
 
@@ -26,6 +27,8 @@ from rclpy.signals import SignalHandlerOptions
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.foundation.lazy import load_when_used
 from soilmoist_ros.foundation.plain_values import printable
+from soilmoist_ros.nodes.parameters.declaration import NODES
+from soilmoist_ros.nodes.runtime.command_line import HELP, check_arguments, help_of
 from soilmoist_ros.nodes.runtime.core_log import CoreLog
 from soilmoist_ros.nodes.runtime.memory import return_memory
 
@@ -136,11 +139,16 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     A node may have a method ``close()``, called at the end, and a flag ``finished``, which ends the process.
     Before, ``leave()`` may stop what the node drives; callbacks go on until the function that it returns is true,
     at most 2 s. The process lasts until reliable receivers have its last messages, at most 3 s.
-    Exit codes: 0 after SIGINT or SIGTERM or when the node has finished, 2 for bad input.
+    Exit codes: 0 after SIGINT or SIGTERM, ``--help``, or when the node has finished, 2 for bad input.
 
     :param make_node: makes the node
     :param make_executor: makes the executor
     """
+    module = sys.modules[make_node.__module__]
+    name = (Path(sys.argv[0]).stem if module.__name__ == "__main__" else module.__name__).rpartition(".")[2]
+    if name in NODES and any(word in HELP for word in sys.argv):
+        print(help_of(name, (module.__doc__ or "").partition("\n\n")[0]))
+        sys.exit(0)
     sys.setswitchinterval(_SWITCH_S)
     _load_less()
     return_memory()
@@ -163,6 +171,8 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     code = 0
     log = CoreLog()
     try:
+        if name in NODES:
+            check_arguments(sys.argv, name)
         node = make_node()
         log.follow(node)
         executor.add_node(node)

@@ -7,13 +7,15 @@ from __future__ import annotations
 import importlib
 import re
 import sys
-from collections.abc import Mapping
-from typing import Final
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, Final
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from soilmoist_ros.foundation.configuration import parse_yaml
 from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.suggestions import did_you_mean
 from soilmoist_ros.nodes.parameters.parameter import Value, check_values
 
 TOPICS: Final = {
@@ -23,7 +25,99 @@ TOPICS: Final = {
     "goal_pose_topic": ("goal_pose", "goals of navigator:=goal_pose (geometry_msgs/PoseStamped)"),
 }
 """Launch arguments that name a topic of the robot: our name of the topic, and what is on it."""
+BAD_INPUT: Final = 2
+"""Exit code of a node with bad input, or with a port or a journal that another process uses."""
+OF_LAUNCH: Final = ("emulate_tty", "launch-prefix", "launch-prefix-filter", "sigkill_timeout", "sigterm_timeout")
+"""Arguments that ROS's launch itself reads."""
+_MAX_WORDS: Final = 4000
+"""Number of characters of a node's messages that are remembered."""
+_LOG_LINE: Final = re.compile(r"\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[")
 _NAME: Final = re.compile(r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*")
+
+
+def refuse_unknown(file: str, descriptions: Iterable[Any]) -> None:
+    """Refuse arguments of ``ros2 launch`` that a launch file does not have; launch itself ignores them.
+
+    :param file: path of the launch file; arguments of one that includes it are not judged
+    :param descriptions: descriptions that declare its arguments
+    :raises InputError: with every unknown argument
+    """
+    known = [argument.name for one in descriptions for argument in one.get_launch_arguments()]
+    words, names = [Path(word).name for word in sys.argv], {*known, *OF_LAUNCH}
+    if Path(file).name not in words:
+        return
+    given = [word.partition(":=")[0] for word in sys.argv[words.index(Path(file).name) + 1 :] if ":=" in word]
+    unknown = [name for name in given if name not in names]
+    if unknown:
+        listed = ", ".join(f"{name!r}{did_you_mean(name, names)}" for name in unknown)
+        raise InputError(f"there is no launch argument {listed}", f"there are: {', '.join(sorted(known))}")
+
+
+def parameter_files(text: str) -> list[str]:
+    """The argument ``params_file`` as a list; launch itself goes on without a file that does not exist.
+
+    :raises InputError: if there is no such file
+    """
+    if text and not Path(text).is_file():
+        raise InputError(f"params_file: there is no file {text!r}", "give the path of a YAML file")
+    return [text] if text else []
+
+
+def with_empty_lists(values: Mapping[str, object]) -> dict[str, Any]:
+    """Parameters as launch accepts them: it refuses a bare empty list."""
+    from launch_ros.parameter_descriptions import ParameterValue
+
+    return {
+        name: ParameterValue([], value_type=list[str]) if value == [] else value for name, value in values.items()
+    }
+
+
+class LastWords:
+    """Ends a launch when a node cannot start, and says which and why.
+
+    A node that has crashed starts again. One with :data:`BAD_INPUT` would only end again.
+    """
+
+    def __init__(self) -> None:
+        self._written: dict[int, str] = {}
+
+    def hear(self, event: Any) -> None:
+        """A process has written to stderr."""
+        written = self._written.get(event.pid, "") + event.text.decode(errors="replace")
+        self._written[event.pid] = written[-_MAX_WORDS:]
+
+    def on_exit(
+        self, name: str, then: Callable[[int], list[Any]] | None = None
+    ) -> Callable[[Any, Any], list[Any]]:
+        """What follows the end of a node, as launch takes it.
+
+        :param name: name of the node, with its namespace; only a console may be missing
+        :param then: what follows other exit codes than :data:`BAD_INPUT`
+        """
+
+        def ended(event: Any, context: Any) -> list[Any]:
+            written = self._written.pop(event.pid, "")
+            if context.is_shutdown:
+                return []
+            if event.returncode != BAD_INPUT:
+                return then(event.returncode) if then is not None else []
+            lines: list[str] = []
+            for line in filter(None, map(str.strip, written.splitlines())):
+                lines = [] if _LOG_LINE.match(line) else [*lines, line]
+            why = "\n".join(lines) or f"it ended with exit code {BAD_INPUT}"
+            if name.rpartition("/")[2] != "console":
+                raise InputError(f"the node {name} is missing, and the launch ends: {why}")
+            return _without(event.action, f"the node {name} is missing, the others go on: {why}")
+
+        return ended
+
+
+def _without(node: Any, message: str) -> list[Any]:
+    """Log a message, and do not start a node again."""
+    from launch.actions import EmitEvent, LogInfo
+    from launch.events.process import ShutdownProcess
+
+    return [LogInfo(msg=message), EmitEvent(event=ShutdownProcess(process_matcher=lambda one: one is node))]
 
 
 def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import importlib
 import signal
 import threading
 import time
@@ -27,6 +26,7 @@ from msg_adapters.offered_qos import published_qos
 from msg_adapters.stamps import to_time
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.runtime.qos import CLOCK
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.recording.bag.playback import Pacer, Playback
 from soilmoist_ros.recording.bag.reader import BagReader
 
@@ -116,11 +116,10 @@ class BagPlayer(Node):
         return count
 
     def _advertise(self, topic: str, kind: str) -> None:
-        package, _, name = kind.split("/")
         try:
-            message = getattr(importlib.import_module(f"{package}.msg"), name)
-        except (ImportError, AttributeError):
-            self._say(f"{topic} is not played: {kind} is not installed")
+            message = interface_class(kind)
+        except ImportError as error:
+            self._say(f"{topic} is not played: {kind} is not installed ({error})")
             self._playback.leave_out(topic)
             return
         profile = published_qos(self._playback.offered(topic))

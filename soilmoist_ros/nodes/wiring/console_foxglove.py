@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections import deque
 from dataclasses import dataclass
 from typing import Final
@@ -17,6 +16,7 @@ from msg_adapters.offered_qos import offered_qos, requested_qos
 from soilmoist_ros.console.foxglove_server import BACKLOG, FoxgloveServer
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
 from soilmoist_ros.recording.mcap.definitions import find_definition
 from soilmoist_ros.recording.mcap.metadata import Request, request_for
@@ -75,8 +75,9 @@ class FoxgloveView:
             if seen or not self._choice.wanted(topic) or not self._node.count_publishers(topic):
                 continue
             try:
+                interface_class(kinds[0])
                 self._server.offer(topic, find_definition(kinds[0]))
-            except InputError as error:
+            except (InputError, ImportError) as error:
                 self._unknown.add(topic)
                 self._node.get_logger().warning(f"{topic} is not shown in Foxglove: {error}")
             else:
@@ -109,8 +110,7 @@ class FoxgloveView:
     def _subscribe(self, topic: str) -> None:
         if topic in self._passed:
             self._listener.destroy_subscription(self._passed[topic].subscription)
-        package, _, kind = self._kinds[topic].split("/")
-        message = getattr(importlib.import_module(f"{package}.msg"), kind)
+        message = interface_class(self._kinds[topic])
         publishers, request = self._node.count_publishers(topic), self._request(topic)
         subscription = self._listener.create_subscription(message, topic, print, requested_qos(request), raw=True)
         self._passed[topic] = _Passed(subscription, request, publishers)

@@ -17,7 +17,9 @@ from std_srvs.srv import Trigger
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
 from soilmoist_ros.exploration.mission.types import TRIGGERS, Verb
+from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 
 REPEAT_S: Final = 0.5
 """Time between two messages of a pressed stop [s]; a planner takes silence of 2 s for a release."""
@@ -99,22 +101,22 @@ class ConsoleSteering:
 
         def read(response: Any) -> Reply:
             code = ReplyCode.ACCEPTED if response.success else ReplyCode.REFUSED
-            return Reply(code, response.message)
+            return Reply(code, foreign_text(response.message))
 
         return self._triggers.get((robot, request.verb)), Trigger.Request(), read
 
     def _typed_clients(self, below: dict[str, str]) -> tuple[dict[str, Any], Any]:
         try:
-            from soilmoist_msgs.srv import Command
+            kind = interface_class("soilmoist_msgs/srv/Command")
 
             from msg_adapters.soilmoist.command import reply_from_message, request_to_message
-        except ImportError:
+        except ImportError as error:
             self._node.get_logger().warning(
                 "the console can start, pause, resume, abort and skip only: soilmoist_msgs is not installed "
-                "(build interfaces/soilmoist_msgs)"
+                f"({error}; build interfaces/soilmoist_msgs)"
             )
             return {}, None
         clients = {
-            robot: self._node.create_client(Command, f"{name}planner/command") for robot, name in below.items()
+            robot: self._node.create_client(kind, f"{name}planner/command") for robot, name in below.items()
         }
         return clients, (request_to_message, reply_from_message)

@@ -22,6 +22,7 @@ from soilmoist_ros.exploration.mission.types import TRIGGERS, Verb
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.parameter import Value
 from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 
 LOOK_S: Final = 0.5
 """Time between two checks whether a release of the emergency stop counts [s]."""
@@ -66,12 +67,12 @@ class PlannerCommands:
     def _offer_commands(self) -> None:
         """Offer ``planner/command`` if its type is built."""
         try:
-            from soilmoist_msgs.srv import Command
+            kind = interface_class("soilmoist_msgs/srv/Command")
 
             from msg_adapters.soilmoist.command import reply_to_message, request_from_message
-        except ImportError:
+        except ImportError as error:
             self._node.get_logger().warning(
-                "there is no service planner/command: soilmoist_msgs is not installed (build "
+                f"there is no service planner/command: soilmoist_msgs is not installed ({error}; build "
                 "interfaces/soilmoist_msgs); planner/start, pause, resume, abort and skip work"
             )
             return
@@ -79,7 +80,7 @@ class PlannerCommands:
         def on_command(message: Any, _response: Any) -> Any:
             return reply_to_message(self._request(request_from_message(message)))
 
-        self._node.create_service(Command, "planner/command", on_command)
+        self._node.create_service(kind, "planner/command", on_command)
 
     def _request(self, request: OperatorRequest) -> Reply:
         if request.verb == Verb.ABORT:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from collections.abc import Callable, Iterator
 from threading import Lock
@@ -22,11 +21,12 @@ from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, TF, TF_STATIC
 from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
 
 ASK_AGAIN_S: Final = 5.0
-DATUM_TYPE: Final = ("robot_localization.srv", "ToLL")
+DATUM_TYPE: Final = "robot_localization/srv/ToLL"
 """Service of navsat_transform that gives the latitude and longitude of a place in the frame of the navigation."""
 
 
@@ -52,9 +52,9 @@ class PlannerFrames:
         self._ask = self._datum_client(values.text("datum_service"))
         self._listener: _Listener | None = None
         try:
-            kind = importlib.import_module("tf2_msgs.msg").TFMessage
-        except ImportError:
-            node.get_logger().warning("the frames are not checked: tf2_msgs is not installed")
+            kind = interface_class("tf2_msgs/msg/TFMessage")
+        except ImportError as error:
+            node.get_logger().warning(f"the frames are not checked: tf2_msgs is not installed ({error})")
         else:
             self._listener = _Listener(node, kind)
 
@@ -100,10 +100,10 @@ class PlannerFrames:
         if self.settings.datum != ROBOT:
             return lambda: None
         try:
-            kind = getattr(importlib.import_module(DATUM_TYPE[0]), DATUM_TYPE[1])
-        except (ImportError, AttributeError):
+            kind = interface_class(DATUM_TYPE)
+        except ImportError as error:
             self._node.get_logger().warning(
-                f"{'.'.join(DATUM_TYPE)} is not installed, so the datum of the navigation is found from a drive"
+                f"{DATUM_TYPE} is not installed, so the datum of the navigation is found from a drive ({error})"
             )
             return lambda: None
         client = self._node.create_client(kind, service)

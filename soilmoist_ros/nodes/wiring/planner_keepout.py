@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import importlib
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
@@ -18,6 +17,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.plane_move import PlaneMove
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 
 INFO_TOPIC: Final = "costmap_filter_info"
 
@@ -42,9 +42,11 @@ class PlannerKeepout:
         self._masks = node.create_publisher(OccupancyGrid, self._topic, LATCHED)
         self._infos = None
         try:
-            self._kind = importlib.import_module("nav2_msgs.msg").CostmapFilterInfo
-        except (ImportError, AttributeError):
-            node.get_logger().warning(f"nav2_msgs is not installed: {INFO_TOPIC} is not published with the mask")
+            self._kind = interface_class("nav2_msgs/msg/CostmapFilterInfo")
+        except ImportError as error:
+            node.get_logger().warning(
+                f"nav2_msgs is not installed: {INFO_TOPIC} is not published with the mask ({error})"
+            )
         else:
             self._infos = node.create_publisher(self._kind, INFO_TOPIC, LATCHED)
 

@@ -25,8 +25,10 @@ from soilmoist_ros.exploration.mission.types import MissionStatus, Polygons
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health
+from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, VISITS
 from soilmoist_ros.nodes.runtime.soon import Soon
+from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt
 
 SAVE_LIMIT_S: Final = 120.0
@@ -122,19 +124,20 @@ class PlannerOutputs:
     def _typed_publishers(self) -> tuple[Callable[[Visit], None], Callable[[MissionStatus], None]]:
         """Functions that publish visits and the state of the mission if their message types are built."""
         try:
-            from soilmoist_msgs.msg import Mission as MissionMessage
-            from soilmoist_msgs.msg import Visit as VisitMessage
+            visit_kind, mission_kind = (
+                interface_class(f"soilmoist_msgs/msg/{one}") for one in ("Visit", "Mission")
+            )
 
             from msg_adapters.soilmoist.mission_state import mission_state_to_message
             from msg_adapters.soilmoist.visits import visit_to_message
-        except ImportError:
+        except ImportError as error:
             self._node.get_logger().warning(
-                "visits and mission_state are not published: soilmoist_msgs is not installed (build "
+                f"visits and mission_state are not published: soilmoist_msgs is not installed ({error}; build "
                 "interfaces/soilmoist_msgs); visits are in the log and the journal"
             )
             return lambda visit: None, lambda status: None
-        visits = self._node.create_publisher(VisitMessage, "visits", VISITS)
-        states = self._node.create_publisher(MissionMessage, "mission_state", LATCHED)
+        visits = self._node.create_publisher(visit_kind, "visits", VISITS)
+        states = self._node.create_publisher(mission_kind, "mission_state", LATCHED)
         robot = self._node.get_namespace().strip("/")
         return (
             lambda visit: visits.publish(visit_to_message(visit, robot, self._frame)),
@@ -144,4 +147,4 @@ class PlannerOutputs:
     def _on_saved(self, future: Future) -> None:
         answer = future.result()
         if answer is not None and not answer.success:
-            self._node.get_logger().error(f"the mapper did not save: {answer.message}")
+            self._node.get_logger().error(f"the mapper did not save: {foreign_text(answer.message)}")

@@ -32,7 +32,7 @@ from soilmoist_ros.simulation.robot.virtual_navigation import (
     Remaining,
     ServerPresent,
 )
-from soilmoist_ros.simulation.robot.waiting_clock import RobotProgress
+from soilmoist_ros.simulation.robot.waiting_clock import RobotProgress, end_to_react_to
 from soilmoist_ros.simulation.simulated_robot import GNSS, LOGGER, Output, PropertyCounted, SimulatedRobot
 
 
@@ -60,7 +60,7 @@ class RobotInterface:
         start_s: float,
     ) -> None:
         self.robot, self.name = robot, below.rstrip("/") or "the robot"
-        self._start_s = start_s
+        self._start_s, self._epoch_s = start_s, given.number("gnss_period_s")
         self._log = node.get_logger()
         self._below = below
         self._closest = node.create_publisher(String, f"{below}closest_node", LATCHED)
@@ -105,12 +105,14 @@ class RobotInterface:
             return RobotProgress()  # a planner that has died is not waited for
         has_driver = bool(self._servers[LOGGER].clients)
         idle = self._target_xy is not None and self.robot.waits_for_goal(self._target_xy)
+        ended_s = self._progress.goal_ended_s if self.robot.goal_id is None else math.nan
+        fixed_s = self.robot.fixed_s if self._servers[GNSS].clients else -math.inf
         return replace(
             self._progress,
             sent_s=self.robot.sent_s if has_driver else -math.inf,
-            goal_ended_s=self._progress.goal_ended_s if self.robot.goal_id is None else math.nan,
+            goal_ended_s=end_to_react_to(ended_s, self.robot.now_s, fixed_s, self._epoch_s),
             waits_for_goal=idle,
-            fixed_s=self.robot.fixed_s if self._servers[GNSS].clients else -math.inf,
+            fixed_s=fixed_s,
         )
 
     def poll(self) -> None:
@@ -145,7 +147,9 @@ class RobotInterface:
                 for server in self._navigation:
                     server.end(output)
                 if not self._by_topic:  # whoever sends poses gets no results, and watches the place instead
-                    self._progress = replace(self._progress, goal_ended_s=self.robot.now_s)
+                    self._progress = replace(
+                        self._progress, goal_ended_s=self.robot.now_s, goal_untrue=output.untrue
+                    )
             case ServerPresent(present):
                 self._log.info(f"the {self._below}navigation server is {'back' if present else 'gone'}")
                 for server in self._navigation:
@@ -167,7 +171,8 @@ class RobotInterface:
         target = None if status.target is None else (status.target.x_m, status.target.y_m)
         same = (status.phase, target) == (self._progress.phase, self._target_xy)
         ended_s = self._progress.goal_ended_s if same else math.nan
-        self._progress = RobotProgress(status.phase, handled_s=handled_s, goal_ended_s=ended_s, placed_s=placed_s)
+        untrue = same and self._progress.goal_untrue
+        self._progress = RobotProgress(status.phase, -math.inf, handled_s, ended_s, untrue, placed_s=placed_s)
         self._target_xy = target
 
     def _on_goal_pose(self, pose: PoseStamped) -> None:

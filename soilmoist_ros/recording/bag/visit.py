@@ -8,6 +8,7 @@ import math
 from typing import Any
 
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
+from soilmoist_ros.foundation.plain_values import foreign_text
 
 
 def visit_of(message: Any, robot: int = 1) -> Visit:
@@ -20,20 +21,20 @@ def visit_of(message: Any, robot: int = 1) -> Visit:
     """
     try:
         return Visit(
-            name=str(message.stop),
+            name=foreign_text(str(message.stop)),
             x_m=float(message.position.x),
             y_m=float(message.position.y),
             arrived_s=float(message.arrival_s),
             dwell_s=float(message.dwell_s),
             raw_counts=int(message.raw_counts),
-            reason=str(message.choice),
+            reason=foreign_text(str(message.choice)),
             robot=robot,
             records=int(message.records),
             exposure_s=float(message.exposure_s),
             effective_exposure_s=float(message.effective_exposure_s),
             ended=_end(str(message.reason_code)),
-            outcome=str(message.reason),
-            dwell=str(message.dwell_rule),
+            outcome=foreign_text(str(message.reason)),
+            dwell=foreign_text(str(message.dwell_rule)),
             arrival_stamp_s=_seconds(message.arrival),
             end_stamp_s=_seconds(message.header.stamp),
             stop_x_m=float(message.stop_position.x),

@@ -100,7 +100,8 @@ class Heard:
         if self.first_s < math.inf:
             return None
         if not self.epochs and self.other_type:
-            return Mistake(self.other_type, "publish the positions as sensor_msgs/NavSatFix, or set gnss_uri")
+            remedy = "publish the positions as sensor_msgs/NavSatFix, or set fix_topic or gnss_uri"
+            return Mistake(self.other_type, remedy)
         if not self.epochs:
             remedy = "check that the receiver sends GGA or GNS with RMC or ZDA, or the topic of its positions"
             return Mistake("has no epoch of a receiver", remedy)

@@ -252,7 +252,8 @@ def fix_health(stream: SensorStream, now_s: float) -> Health:
     if not abs(age_s) <= STALE_FIX_S:
         message = f"the last fix is {age_s:.0f} s old"
         if math.isnan(age_s):
-            message = "the last fix has no time"
+            none = heard.why_none()
+            message = f"the receiver {none.message}; {none.remedy}" if none else "the last fix has no time"
         elif fix.stamp_s < EARLIEST_DATE_S or (words := clock_words(-age_s)):
             words = SIMULATED if fix.stamp_s < EARLIEST_DATE_S else words
             times = f"{utc_text(fix.stamp_s)}, and by this computer {utc_text(now_s)} (UTC)"

@@ -47,12 +47,14 @@ class GoalEnded:
     :param outcome: status in the result for the client
     :param success: success flag in the result; it may contradict the status
     :param error_code: error code of Nav2, for poses
+    :param untrue: whether an arrival is reported without motion
     """
 
     goal_id: int
     outcome: Outcome
     success: bool
     error_code: int = 0
+    untrue: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +151,7 @@ class VirtualNavigation:
         if not known or not self._graph.path(self._graph.nearest(self._robot.at(now_s)), target):
             self._end_at(now_s + REACTION_S, Outcome.ABORTED)
         elif fault is not None and fault.kind == "no_motion":
-            self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED)
+            self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED, untrue=True)
         elif fault is None or fault.kind == "fails":
             self._set_out(now_s, target, fault)
         return self._goal_id
@@ -172,7 +174,7 @@ class VirtualNavigation:
             self._end_at(now_s + REACTION_S, Outcome.ABORTED, NO_VALID_PATH)
             return self._goal_id
         if fault is not None and fault.kind == "no_motion":
-            self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED)
+            self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED, untrue=True)
         elif fault is None or fault.kind == "fails":
             self._pose = xy
             arrival_s = self._robot.go(now_s, way)
@@ -309,10 +311,10 @@ class VirtualNavigation:
         self._ahead = [(due_s, event) for due_s, event in self._ahead if getattr(event, "goal_id", 0) != goal_id]
         self._plan(now_s, GoalEnded(goal_id, outcome, success))
 
-    def _end_at(self, end_s: float, outcome: Outcome, error_code: int = 0) -> None:
+    def _end_at(self, end_s: float, outcome: Outcome, error_code: int = 0, untrue: bool = False) -> None:
         assert self._goal_id is not None
         success = outcome is Outcome.SUCCEEDED
-        self._plan(end_s, GoalEnded(self._goal_id, outcome, success, error_code))
+        self._plan(end_s, GoalEnded(self._goal_id, outcome, success, error_code, untrue))
 
     def _plan(self, due_s: float, event: NavigationEvent) -> None:
         bisect.insort_right(self._ahead, (due_s, event), key=itemgetter(0))

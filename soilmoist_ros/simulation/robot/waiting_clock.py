@@ -11,6 +11,7 @@ from enum import StrEnum
 from types import MappingProxyType
 
 from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.exploration.navigation.goal_client import GoalLimits
 from soilmoist_ros.foundation.health import Health, Level
 
 
@@ -71,6 +72,7 @@ class RobotProgress:
     :param sent_s: end of the last record that the logger sent whole to a client [s]; -inf for none
     :param handled_s: end of the last record that the planner has received [s]; NaN or -inf if unknown
     :param goal_ended_s: end of a goal to which the mission has not reacted [s]; NaN for none
+    :param goal_untrue: whether the navigation reported an arrival without motion
     :param waits_for_goal: whether the robot stands away from the mission's target, without a goal
     :param fixed_s: time of the last fix that the receiver sent whole to a client [s]; -inf for none
     :param placed_s: when the planner received its last position [s]; NaN or -inf if unknown
@@ -80,9 +82,23 @@ class RobotProgress:
     sent_s: float = -math.inf
     handled_s: float = math.nan
     goal_ended_s: float = math.nan
+    goal_untrue: bool = False
     waits_for_goal: bool = False
     fixed_s: float = -math.inf
     placed_s: float = math.nan
+
+
+def end_to_react_to(ended_s: float, now_s: float, fixed_s: float, epoch_s: float) -> float:
+    """End of a goal to which a mission can react [s]; NaN for none.
+
+    Without positions the planner cannot confirm an arrival, and time must run until the receiver has a fix again.
+
+    :param ended_s: end of the goal [s]
+    :param now_s: simulated time [s]
+    :param fixed_s: time of the last fix that the receiver sent whole to a client [s]
+    :param epoch_s: time between epochs of the receiver [s]
+    """
+    return math.nan if now_s - ended_s > 2 * epoch_s and fixed_s <= ended_s else ended_s
 
 
 def awaited(progress: RobotProgress) -> Awaited | None:
@@ -165,7 +181,10 @@ class WaitingClock:
         # The planner checks the place by a position after the result, so the next position comes when the result
         # should be there. If it is late, more positions come, and the time between two doubles: a result is never
         # without one for long, and a long wait takes little simulated time.
-        epochs = math.log2(1 + (self._wall_s - self._since[key]) / max(CRAWL_S, 2 * self._answer_s))
+        # The client doubts an arrival after this number of positions that do not agree. They come at once: if time
+        # crawled, the client's limit on the computer's clock would come first, after 30 s.
+        untrue = GoalLimits.positions if progress.goal_untrue else 0
+        epochs = untrue + math.log2(1 + (self._wall_s - self._since[key]) / max(CRAWL_S, 2 * self._answer_s))
         return progress.goal_ended_s + epochs * self._epoch_s
 
     @property

@@ -26,7 +26,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import as_samples
-from soilmoist_ros.sensing.gnss import Fix, NoPlace
+from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, Position
 from soilmoist_ros.sensing.records import CountRecord
 
 BEGIN_S = 1.78e9
@@ -531,6 +531,8 @@ def test_the_first_place_needs_more_than_one_fix():
     farm.steady_s += 1
     farm.control.fix((50.0, 50.0))
     assert "a position" in farm.control.missing()
+    farm.control.heard.add(Fix(1.8e9, Position(53.0, 0.0), FixStatus.FIX))
+    assert "a position (1 came, none plausible so far)" in farm.control.missing()
     farm.fixes = True
     farm.pass_by(3)
     assert farm.control.missing() == ()
@@ -552,6 +554,17 @@ def test_without_a_position_it_is_said_what_came_instead():
     assert health().message == why
     assert f"a position ({why})" in control.missing()
     assert control.watch.fix_fault == "unknown whether there is a fix, status -2"
+
+
+def test_records_that_came_and_are_not_used_have_come():
+    control = Farm().control
+
+    def health():
+        return next(one.message for one in control.health() if one.name == "records")
+
+    assert health() == "none has come"
+    control.records([CountRecord(control._outputs.now_s(), 1.0, 1.0, 0.0, 5, 10.0, 10.0, quarantine="spike")])
+    assert health() == "1 came, all quarantined or with an impossible stamp"
 
 
 @pytest.mark.parametrize("response", [Response.WARN, Response.IGNORE])

@@ -150,6 +150,11 @@ def test_nodes_that_cannot_be_left_are_kept():
         (lambda node: node["edges"][0].pop("node"), "row 1 has an edge without 'node'"),
         (lambda node: node["edges"].append(node["edges"][0]), "row 1 has more than one edge row 1_row_2"),
         (lambda node: node.update(edges="all"), "row 1: 'edges' is not a list of edges"),
+        (
+            lambda node: node.update(name="row\x1b[2J1"),
+            r"node 2: has the name 'row\x1b[2J1', with signs that cannot",
+        ),
+        (lambda node: node["edges"][0].update(node="r\u202e"), r"has the name 'r\u202e', with signs that cannot"),
     ],
 )
 def test_a_spoilt_node_is_named_once_and_with_its_line(tmp_path, spoil, message):

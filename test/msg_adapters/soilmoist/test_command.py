@@ -18,8 +18,9 @@ from msg_adapters.soilmoist.command import (
 )
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
 from soilmoist_ros.exploration.mission.types import Verb
+from soilmoist_ros.foundation.plain_values import foreign_text
 
-words = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20)
+words = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20).map(foreign_text)
 numbers = st.floats(allow_nan=False)
 corners = st.floats(-5e4, 5e4, width=32)
 chosen = st.none() | st.lists(words.filter(bool), max_size=3).map(tuple)
@@ -58,3 +59,10 @@ def test_what_is_left_out_is_not_given():
 def test_the_message_names_every_verb():
     constants = {name for name in dir(Command.Request) if name.isupper()} - {"SLOT_TYPES"}
     assert {str(getattr(Command.Request, name)) for name in constants} == {str(verb) for verb in Verb}
+
+
+def test_control_characters_of_operators_do_not_come_in():
+    odd = "no\x1b[31mrth\r\n\u202e5\x07"
+    found = request_from_message(request_to_message(OperatorRequest("rule_out", odd, stops=(odd,), home=odd)))
+    assert (found.who, found.stops, found.home) == ("north 5", ("north 5",), "north 5")
+    assert reply_from_message(reply_to_message(Reply(ReplyCode.REFUSED, odd))).message == "north 5"

@@ -17,12 +17,13 @@ from soilmoist_msgs.msg import Mission
 from msg_adapters.soilmoist.mission_state import mission_state_from_message, mission_state_to_message
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.plain_values import foreign_text
 
 numbers = st.floats(0, 1e9)
 offsets = st.floats(-1e9, 1e9)
 metres = st.floats(-5e4, 5e4, width=32)
 areas = st.lists(st.lists(st.tuples(metres, metres), min_size=3, max_size=5).map(tuple), max_size=2).map(tuple)
-words = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20)
+words = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20).map(foreign_text)
 names = st.lists(words, max_size=3).map(tuple)
 chosen = st.none() | st.lists(words.filter(bool), max_size=3).map(tuple)
 counts = st.integers(0, 2**32 - 1)
@@ -82,3 +83,29 @@ def test_codes_of_later_versions_are_refused():
     message.phase = 99
     with pytest.raises(ValueError, match="phase 99 is not known"):
         mission_state_from_message(message)
+
+
+def test_control_characters_of_other_robots_do_not_come_in():
+    odd = "no\x1b[31mrth\r\n\u202e5\x07"
+    alarm = Alarm(0.0, "fix", next(iter(Response)), odd)
+    names = (odd,)
+    status = replace(
+        IDLE,
+        reason=odd,
+        target=Stop(odd, 1.0, 2.0),
+        blacklisted=names,
+        queue=names,
+        alarms=(alarm,),
+        field=odd,
+        earlier=names,
+    )
+    found = mission_state_from_message(sent(status))
+    shown = (
+        found.reason,
+        found.target.name,
+        *found.blacklisted,
+        *found.queue,
+        found.alarms[0].reason,
+        found.field,
+    )
+    assert (set(shown), found.earlier) == ({"north 5"}, ("north 5",))

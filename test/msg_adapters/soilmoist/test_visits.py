@@ -10,11 +10,12 @@ pytest.importorskip("soilmoist_msgs")
 
 from msg_adapters.soilmoist.visits import visit_from_message, visit_to_message
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
+from soilmoist_ros.foundation.plain_values import foreign_text
 
 places = st.floats(-5e4, 5e4)
 stamps = st.integers(1, 2**31 - 2).map(float)
 exposures = st.floats(0, 1e6)
-texts = st.text(st.characters(exclude_categories=["Cs", "Cc"]))
+texts = st.text(st.characters(exclude_categories=["Cs", "Cc"])).map(foreign_text)
 visits = st.builds(
     Visit, name=texts, x_m=places, y_m=places, arrived_s=exposures, dwell_s=exposures,
     raw_counts=st.integers(0, 2**63), reason=texts, robot=st.integers(1, 9), records=st.integers(0, 2**32 - 1),
@@ -43,3 +44,10 @@ def test_codes_of_later_versions_are_read():
     assert visit_from_message(message).ended is VisitEnd.UNKNOWN
     with pytest.raises(ValueError, match="not a visit"):
         visit_from_message(message.header)
+
+
+def test_control_characters_of_other_robots_do_not_come_in():
+    odd = "no\x1b[31mrth\r\n\u202e5\x07"
+    visit = Visit(name=odd, x_m=0.0, y_m=0.0, arrived_s=0.0, dwell_s=1.0, raw_counts=1, reason=odd, outcome=odd)
+    found = visit_from_message(visit_to_message(visit))
+    assert (found.name, found.reason, found.outcome) == ("north 5",) * 3

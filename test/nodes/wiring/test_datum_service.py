@@ -20,7 +20,7 @@ FIELD = Field("test", LocalFrame(52.0, 13.0), np.array([(0.0, 0.0), (60.0, 0.0),
 DATUM = LocalFrame(52.001, 13.002)
 
 
-class ToLL:
+class ToLL(metaclass=type("Metaclass", (type,), {"_TYPE_SUPPORT": "there"})):
     """Like robot_localization/srv/ToLL."""
 
     def __init__(self):
@@ -105,6 +105,6 @@ def test_without_its_type_the_datum_comes_from_a_drive(planner, monkeypatch):
     monkeypatch.setitem(sys.modules, "robot_localization.srv", None)
     frames = PlannerFrames(node, Values(), FIELD)
     frames.tick()
-    assert any("robot_localization.srv.ToLL is not installed" in each for each in warnings)
+    assert any("robot_localization/srv/ToLL is not installed" in each for each in warnings)
     assert any("the frames are not checked: tf2_msgs is not installed" in each for each in warnings)
     assert "driven by hand" in frames.robot.waiting_for

@@ -190,6 +190,13 @@ def test_fixes_have_a_quality_and_an_age(survey):
     assert fix_health(survey, T0 + 21).message == "the last fix has no time"
 
 
+def test_positions_without_a_date_are_said_with_what_is_missing(survey):
+    for _ in range(3):
+        survey.take_fix(Fix(NAN, Position(50.0, 10.0), FixStatus.FIX))
+    message = fix_health(survey, T0).message
+    assert message.startswith("the receiver has 3 positions, but no date: neither RMC nor ZDA, nor stamps; let")
+
+
 def test_what_came_instead_of_a_fix_is_said(survey):
     survey.survey.heard.other_type = "the topic fix has gps_msgs/msg/GPSFix, not sensor_msgs/msg/NavSatFix"
     assert fix_health(survey, T0).message == f"no fix yet: {survey.survey.heard.other_type}"

@@ -141,7 +141,7 @@ def test_success_without_motion():
     drive.until(50)
     goal = drive.go("E")
     drive.until(100)
-    assert drive.ends[1:] == [(51.0, GoalEnded(goal, Outcome.SUCCEEDED, True))]
+    assert drive.ends[1:] == [(51.0, GoalEnded(goal, Outcome.SUCCEEDED, True, untrue=True))]
     assert drive.place == (10.0, 0.0)
 
 

@@ -8,6 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
+from soilmoist_ros.exploration.navigation.navigator import Outcome
+from soilmoist_ros.exploration.navigation.way_points import WayPoint
+from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.simulation.robot.waiting_clock import (
     LIMITS_S,
@@ -16,6 +20,7 @@ from soilmoist_ros.simulation.robot.waiting_clock import (
     RobotProgress,
     WaitingClock,
     awaited,
+    end_to_react_to,
 )
 
 WAITED_FOR = (
@@ -176,3 +181,29 @@ def test_time_never_stands_forever(history, forever):
         clock.may_run_to(wall_s, robots)
     clock.may_run_to(wall_s, forever)
     assert clock.may_run_to(wall_s + max(LIMITS_S.values()) + 0.1, forever) == math.inf
+
+
+def test_an_untrue_arrival_does_not_stop_time_for_the_limit_of_the_client():
+    """The client doubts an arrival after ten positions, or after 30 s of the computer's clock."""
+    clock, limits = Clock(), GoalLimits()
+    untrue = {"robot_1": replace(ARRIVAL["robot_1"], goal_untrue=True)}
+    assert clock.may_run_to(0.0, ARRIVAL) == 107.0
+    assert clock.may_run_to(0.0, untrue) == 107.0 + limits.positions
+    assert limits.positions < clock.may_run_to(1.0, untrue) - 107.0 < limits.positions + 5, "then it crawls"
+    client, target = GoalClient(2.0, limits), WayPoint(Stop("far", 50.0, 0.0))
+    client.tick(1, 0.0)
+    client.go(1, (target,), 0.0)
+    client.answered(1, True, 0.0)
+    client.ended(1, 4, True, 0.0)
+    reports = [client.moved((0.0, 0.0), 0.1) for _ in range(limits.positions)]
+    assert [bool(report) for report in reports] == [False] * 9 + [True]
+    assert reports[-1][0].outcome is Outcome.FAILED
+
+
+@pytest.mark.parametrize(
+    ("now_s", "fixed_s", "waited_for"),
+    [(101.0, 99.0, True), (102.5, 100.5, True), (102.5, 99.0, False), (102.5, -math.inf, False)],
+)
+def test_an_arrival_without_positions_is_not_waited_for(now_s, fixed_s, waited_for):
+    assert (end_to_react_to(100.0, now_s, fixed_s, 1.0) == 100.0) is waited_for
+    assert math.isnan(end_to_react_to(math.nan, now_s, fixed_s, 1.0))
