@@ -40,6 +40,7 @@ UNENDED_S = 10.0
 NEW_SERVER_S = 2.0
 """Time in which a server that was started again lists its goals, or is asked about them [s]."""
 SUPERSEDED = "another client drives the robot: its goal has replaced that of the planner"
+CANCELLED = "another client has cancelled the goal of the planner"
 
 
 class Status(IntEnum):
@@ -220,6 +221,8 @@ class GoalClient:
             self._over(goal, Outcome.CANCELED, f"cancelled; the navigation {_said(status, success, '')}")
         elif status == Status.SUCCEEDED and success:
             goal.step, goal.since_s = _Step.CHECKING, now_s
+        elif status == Status.CANCELED:  # not by this client: somebody wants the robot to stand
+            self._over(goal, Outcome.SUPERSEDED, CANCELLED)
         else:
             self._fail(goal, f"the navigation {_said(status, success, why)}")
         return self._go_on(now_s)

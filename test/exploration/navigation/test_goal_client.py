@@ -40,11 +40,15 @@ def test_arrived_when_status_result_and_a_later_position_agree():
     assert outcomes(client.moved((2.0, 0.0), 2.5)) == [Outcome.SUCCEEDED]
 
 
-@pytest.mark.parametrize(("status", "success"), [(SUCCEEDED, False), (ABORTED, True), (CANCELED, True), (0, True)])
+@pytest.mark.parametrize(("status", "success"), [(SUCCEEDED, False), (ABORTED, True), (0, True)])
 def test_anything_else_is_not_an_arrival(status, success):
     client = client_with_goal()
     assert outcomes(client.ended(1, status, success, 2.0)) == [Outcome.FAILED]
     assert client.moved((0.0, 0.0), 3.0) == ()
+
+
+def test_a_goal_that_somebody_else_cancels_is_left_to_people():
+    assert outcomes(client_with_goal().ended(1, CANCELED, False, 2.0)) == [Outcome.SUPERSEDED]
 
 
 def test_no_goal_goes_to_two_servers_of_one_name():
