@@ -73,6 +73,9 @@ class RecordedPlaces:
                         if self.recorded != self.field.frame and math.isfinite(doubt.x_m):
                             [(x_m, y_m)] = self._to_field([(doubt.x_m, doubt.y_m)])
                             doubt = replace(doubt, x_m=x_m, y_m=y_m)
+                        if self.recorded != self.field.frame and math.isfinite(doubt.before_x_m):
+                            [(x_m, y_m)] = self._to_field([(doubt.before_x_m, doubt.before_y_m)])
+                            doubt = replace(doubt, before_x_m=x_m, before_y_m=y_m)
                         doubts.take(doubt)
                 break
         return doubts

@@ -223,6 +223,7 @@ class MissionControl:
             self.watch.fix,
             journal.secure,
             self.watch.motion,
+            self.watch.places.sd_m,
         )
 
     def take_up(self, mission: Mission, auto: bool) -> None:
@@ -420,7 +421,7 @@ class MissionControl:
         now_s = self._clock.now_s()
         self._watching.expect(self._mission.state, now_s)
         if self._feed.fix(PlaceFix(now_s, *place, sd_m, stamp_s)):
-            self._moved(now_s, sd_m)
+            self._moved(now_s, self.watch.places.sd_m(sd_m))
             if self.under_way and now_s - self._shown_place_s >= PLACE_SHOWN_S:
                 self.show()
 

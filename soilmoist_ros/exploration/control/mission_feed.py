@@ -52,6 +52,7 @@ class MissionFeed:
     :param secure: makes sure that what was noted is on the disk; called before actions are carried out, other than
         publishing, and at the end
     :param motion: estimate of the motion by the located places; ``None`` for none
+    :param sd_m: standard deviation of a place by the one that the receiver states [m]
     """
 
     def __init__(
@@ -62,9 +63,10 @@ class MissionFeed:
         locate: Callable[[PlaceFix], tuple[float, float] | None] = _anywhere,
         secure: Callable[[], None] = lambda: None,
         motion: Motion | None = None,
+        sd_m: Callable[[float], float] = float,
     ) -> None:
         self.mission = mission
-        self._motion = motion
+        self._motion, self._sd_m = motion, sd_m
         self.place: tuple[float, float] | None = None
         self.place_s = -math.inf
         self.place_age_s = math.inf
@@ -166,7 +168,8 @@ class MissionFeed:
         if place is None:
             return False
         self.place, self.place_s, self.place_age_s = place, fix.now_s, age_s
-        sd_m = fix.sd_m if math.isfinite(fix.sd_m) else 0.0
+        known_m = self._sd_m(fix.sd_m)
+        sd_m = known_m if math.isfinite(known_m) else 0.0
         if self._motion is None:
             self.give(Moved(fix.now_s, *place, sd_m=sd_m))
         elif age_s > MAX_AGE_S:  # it shows where the robot was

@@ -22,14 +22,12 @@ from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.mapping.record_check import StampLimits
-from soilmoist_ros.sensing.position.place_judge import PlaceFix, PlaceJudge, PlaceLimits, Verdict
+from soilmoist_ros.sensing.position.place_judge import REPEATED_M, PlaceFix, PlaceJudge, PlaceLimits, Verdict
 
 MIN_JUMPS: Final = 3
 """Number of implausible fixes in a row from which the place counts as lost; also of fixes that are too fast."""
 MIN_JUMP_S: Final = 2.0
 """Minimum time over which implausible fixes come until the place counts as lost [s]."""
-FROZEN_M: Final = 1e-3
-"""Places this close are the very same one [m]: a receiver that works has more noise."""
 RECORDS_APART: Final = 6.0
 """An alarm about single records ends after this multiple of the usual time, as they come every 10 s or so."""
 
@@ -243,8 +241,8 @@ class Watch:
         if fix.age_s > self.limits.fix_old_s:
             return None
         self._hear("fix", fix.now_s)
-        self.motion.take(fix.measured_s, fix.xy, fix.sd_m)
-        if self._frozen is None or math.dist(self._frozen[0], fix.xy) > FROZEN_M:
+        self.motion.take(fix.measured_s, fix.xy, places.sd_m(fix.sd_m))
+        if self._frozen is None or math.dist(self._frozen[0], fix.xy) > REPEATED_M:
             self._frozen = fix.xy, fix.now_s
         fast = places.speed_mps > self.limits.place.max_speed_mps
         self._fast = self._fast + 1 if fast else 0
@@ -472,7 +470,10 @@ class Watch:
         if self._frozen is None or heard is None or not limit_s:
             return ""
         frozen_s = heard.now_s - max(self._frozen[1], self._driving_since_s)
-        return f"the place has not changed at all for {frozen_s:.0f} s" if frozen_s > limit_s else ""
+        if frozen_s <= limit_s:
+            return ""
+        self.places.distrust(frozen_s)
+        return f"the place has not changed at all for {frozen_s:.0f} s"
 
     def _motion_fault(self, now_s: float, doing: Doing) -> str:
         """How far the robot has moved since it should stand; it begins anew when it stands again."""

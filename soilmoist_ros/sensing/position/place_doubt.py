@@ -18,7 +18,9 @@ DOUBTS: Final = "place_doubts"
 """Topic of the doubts, next to ``counts``."""
 CLOCKS_S: Final = 2.0
 """Clocks of receiver and logger may differ so far [s]."""
-_NUMBERS: Final = ("since_s", "until_s", "x_m", "y_m")
+CONFIRMED_M: Final = 3.0
+"""Places of a confirmed doubt are right this near to the confirmed place, or to the one before the doubt [m]."""
+_NUMBERS: Final = ("since_s", "until_s", "x_m", "y_m", "before_x_m", "before_y_m")
 _OF_PLACE: Final = frozenset((Kind.PLACE_JUMP.value, Kind.PLACE_DOUBT.value))
 
 
@@ -42,8 +44,10 @@ class Doubt:
     :param since_s: stamp of the last trusted place [s since 1970 UTC]
     :param until_s: stamp from which on it is trusted again [s since 1970 UTC]; inf while that is open
     :param outcome: how it ended
-    :param x_m: where the robot stood meanwhile [m], NaN unless it ``returned``
+    :param x_m: where the robot stood meanwhile if it ``returned``, or the ``confirmed`` place [m]; otherwise NaN
     :param y_m: the same northwards [m]
+    :param before_x_m: last trusted place before a confirmed doubt [m], NaN if unknown
+    :param before_y_m: the same northwards [m]
     """
 
     since_s: float
@@ -51,6 +55,8 @@ class Doubt:
     outcome: Outcome = Outcome.OPEN
     x_m: float = math.nan
     y_m: float = math.nan
+    before_x_m: float = math.nan
+    before_y_m: float = math.nan
 
     def covers(self, record: CountRecord) -> bool:
         """Whether a part of a record was counted in this time."""
@@ -71,9 +77,7 @@ class Doubt:
         """
         try:
             content = json.loads(text)
-            numbers = {
-                name: float(content[name]) for name in ("since_s", "until_s", "x_m", "y_m") if name in content
-            }
+            numbers = {name: float(content[name]) for name in _NUMBERS if name in content}
             return cls(outcome=Outcome(content["outcome"]), **numbers)
         except (LookupError, TypeError) as error:
             raise ValueError(f"this is no doubt about a place: {text[:80]}") from error
@@ -105,8 +109,10 @@ def placed(record: CountRecord, doubts: Iterable[Doubt]) -> CountRecord:
         ended = doubt
     if ended is None or (record.quarantine and record.quarantine not in _OF_PLACE):
         return record
-    if ended.outcome is Outcome.CONFIRMED:
-        return replace(record, quarantine="")
+    if ended.outcome is Outcome.CONFIRMED:  # nobody has confirmed where a receiver jumped to meanwhile
+        here, places = (record.x_m, record.y_m), ((ended.x_m, ended.y_m), (ended.before_x_m, ended.before_y_m))
+        elsewhere = min(math.dist(here, place) for place in places) > CONFIRMED_M
+        return replace(record, quarantine=Kind.PLACE_DOUBT.value if elsewhere else "")
     return replace(record, x_m=ended.x_m, y_m=ended.y_m, quarantine="")
 
 
@@ -127,6 +133,11 @@ class Doubts:
                 self._doubts[since_s] = replace(other, until_s=doubt.since_s, outcome=Outcome.LOST)
         self._doubts[doubt.since_s] = doubt
         return new
+
+    @property
+    def all(self) -> tuple[Doubt, ...]:
+        """The doubts, in the order in which they came."""
+        return tuple(self._doubts.values())
 
     def placed(self, record: CountRecord) -> CountRecord:
         """See :func:`placed`."""

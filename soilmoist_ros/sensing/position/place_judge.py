@@ -48,6 +48,9 @@ BACK_S: Final = 2.0
 """Time for which the place must be explained again until a doubt ends [s]."""
 MIN_LEARNED: Final = 10
 """Number of changes from which on they serve for receivers that state no error."""
+REPEATED_M: Final = 1e-3
+"""Places this close are the very same one [m]: a receiver that works has more noise."""
+_NOWHERE: Final = (math.nan, math.nan)
 
 
 class Expected(Enum):
@@ -200,6 +203,8 @@ class PlaceJudge:
         self._back: PlaceFix | None = None
         self._far = PlaceFix(0.0, 0.0, 0.0)  # the place of the open doubt that is farthest away
         self._doubted_s = math.inf
+        self._repeated: tuple[float, float] | None = None  # a place that the receiver repeats in the open doubt
+        self._before = _NOWHERE  # the last trusted place before the open doubt
         self._news: list[Doubt] = []
 
     # What is known -------------------------------------------------------------------------------------------
@@ -225,6 +230,14 @@ class PlaceJudge:
             self.relocated_m = 0.0
         self._stand = None
         self._end_doubt(Outcome.CONFIRMED)
+
+    def distrust(self, for_s: float) -> None:
+        """The receiver has repeated its newest place for this time, in which the robot has driven [s]."""
+        if self.fix is None or self.doubt is not None:
+            return
+        self._begin_doubt(self.fix)
+        self.doubt = self._news[-1] = Doubt(self.fix.time_s - for_s)
+        self._repeated, self._before = self.fix.xy, _NOWHERE
 
     def news(self) -> list[Doubt]:
         """Doubts that have begun or ended since the last call."""
@@ -254,6 +267,13 @@ class PlaceJudge:
         if span_s < MIN_SPAN_S:
             return 0.0
         return max(0.0, math.dist(first.xy, last.xy) - _noise_m(first, last)) / span_s
+
+    def sd_m(self, stated_m: float) -> float:
+        """Standard deviation of each coordinate of a place [m]; NaN while it is not known.
+
+        :param stated_m: that which the receiver states [m]; if it states none, or 0, what standing has taught
+        """
+        return stated_m if stated_m > 0 else self._wander.sd_m if self._wander.known else math.nan
 
     def jump_m(self, fix: PlaceFix) -> float:
         """Distance of a place from the last plausible one [m]; 0 without one."""
@@ -423,6 +443,8 @@ class PlaceJudge:
     def _is_back(self, fix: PlaceFix) -> bool:
         """Whether a plausible place is explained again while a doubt is open; otherwise people must look."""
         stood = self._stood
+        if self._repeated is not None and math.dist(self._repeated, fix.xy) < REPEATED_M:
+            return False
         if stood is None:
             return not self._relocated
         nearer = math.dist(stood.xy, fix.xy) < math.dist(self._far.xy, fix.xy)
@@ -445,6 +467,9 @@ class PlaceJudge:
 
     def _begin_doubt(self, fix: PlaceFix) -> None:
         self._stood, self._far, self._doubted_s = self._stand, fix, fix.now_s
+        self._before = (
+            (self._stand.xy if self._stand is not None else self.fix.xy) if self.fix is not None else _NOWHERE
+        )
         self._sudden = self._relocated = False
         trusted = self._stand.steady if self._stand is not None else self.fix
         self.doubt = Doubt((trusted or fix).time_s)
@@ -459,8 +484,11 @@ class PlaceJudge:
             x_m, y_m = self._stood.xy
         assert until is not None  # there is no doubt before the first place
         ended = replace(self.doubt, until_s=until.time_s, outcome=outcome, x_m=x_m, y_m=y_m)
+        if outcome is Outcome.CONFIRMED:
+            (x_m, y_m), (before_x_m, before_y_m) = until.xy, self._before
+            ended = replace(ended, x_m=x_m, y_m=y_m, before_x_m=before_x_m, before_y_m=before_y_m)
         self._news.append(ended)
-        self.doubt = self._stood = self._back = None
+        self.doubt = self._stood = self._back = self._repeated = None
 
 
 class _Stand:
@@ -494,9 +522,14 @@ class _Wander:
         self._last: deque[PlaceFix] = deque(maxlen=3)
 
     @property
+    def known(self) -> bool:
+        """Whether there were enough changes to learn from."""
+        return len(self._changes) >= MIN_LEARNED
+
+    @property
     def sd_m(self) -> float:
         """Standard deviation of each coordinate [m]."""
-        if len(self._changes) < MIN_LEARNED:
+        if not self.known:
             return UNKNOWN_SD_M
         step_m = median(self._changes) / (1.18 * math.sqrt(2))  # 1.18: median length of a normal vector
         return min(UNKNOWN_SD_M, step_m * math.sqrt(WANDER_S))
@@ -511,7 +544,8 @@ class _Wander:
         if len(self._last) == 3:
             first, middle, last = self._last
             off = math.hypot(first.x_m - 2 * middle.x_m + last.x_m, first.y_m - 2 * middle.y_m + last.y_m)
-            self._changes.append(off / math.sqrt((last.now_s - first.now_s) / 2))
+            if off > REPEATED_M:  # a receiver that holds its place does not show its error
+                self._changes.append(off / math.sqrt((last.now_s - first.now_s) / 2))
 
 
 def _noise_m(first: PlaceFix, last: PlaceFix) -> float:

@@ -305,6 +305,15 @@ def test_a_robot_that_was_carried_waits_for_people_and_its_records_do(kind, away
     assert len(survey.errors_m) == len(survey.records)
 
 
+def test_people_confirm_the_place_of_now_and_not_a_jump_before_it():
+    survey = Survey("rtk").drive().stand(120, lambda s: (14.0, 0.0) if 2 <= s < 40 else (0.0, 0.0))
+    survey.judge.confirm()
+    survey.stand(60)
+    assert Outcome.CONFIRMED in survey.ended
+    assert max(survey.errors_m) < 1.5
+    assert 3 <= len(survey.records) - len(survey.errors_m) <= 5
+
+
 @pytest.mark.parametrize(
     ("kind", "speed_mps"),
     [("rtk", 0.1), ("rtk", 0.3), ("rtk", 2.0), ("float", 0.3), ("zero", 0.3), ("unknown", 2.0)],
