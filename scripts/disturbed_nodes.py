@@ -24,7 +24,7 @@ from soilmoist_ros.recording.record_log import DRIVER, RecordTail
 from soilmoist_ros.recording.stored_counts import stored_counts
 from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.rehearsal.faults import Fault, Span
+from soilmoist_ros.simulation.rehearsal.faults import OF_MOTION, Fault, Span
 from soilmoist_ros.simulation.rehearsal.ground import Ground
 from soilmoist_ros.simulation.rehearsal.judge import Judge, Limits, Violation
 
@@ -59,7 +59,9 @@ OF_THE_WORLD = (
 )  # fmt: skip
 """Faults that are part of the simulator's scenario."""
 ON_NODES = tuple(
-    fault for fault in Fault if fault not in (Fault.FIX_FROZEN, Fault.FIX_RUNS, Fault.RUNAWAY, Fault.PLANNER_SLOW)
+    fault
+    for fault in Fault
+    if fault not in (Fault.FIX_FROZEN, Fault.FIX_RUNS, Fault.RUNAWAY, Fault.PLANNER_SLOW, *OF_MOTION)
 )
 """Faults that real nodes can be put through; the simulator does not know the others."""
 SPOIL_BAGS = (Fault.KILL_RECORDER, Fault.DISK_FULL, Fault.BAG_DELETED)

@@ -25,6 +25,7 @@ from soilmoist_ros.recording.mcap.definitions import Definition
 from soilmoist_ros.recording.mcap.metadata import Topic
 from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail
 from soilmoist_ros.recording.stored_counts import stored_counts
+from soilmoist_ros.sensing.position.place_doubt import Doubt
 from soilmoist_ros.sensing.records import CountRecord
 
 FRAME = "map"
@@ -128,7 +129,12 @@ class Sources:
     """
 
     def __init__(self, field_map: FieldMap, session: Path, journal: Path) -> None:
-        self._sources = MapSources(MapRecords(field_map), session, [journal], ["/counts"], frame=FRAME)
+        self._records = MapRecords(field_map)
+        self._sources = MapSources(self._records, session, [journal], ["/counts"], frame=FRAME)
+
+    def doubt(self, doubt: Doubt) -> None:
+        """See ``MapStore``."""
+        self._records.doubt(doubt)
 
     def received(self, records: Sequence[CountRecord]) -> None:
         """See ``MapStore``."""

@@ -4,24 +4,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from soilmoist_ros.exploration.strategies.registry import BUILT_IN
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, random_faults
-from soilmoist_ros.simulation.rehearsal.ground import GRAPHS, OUTLINES, random_ground
-from soilmoist_ros.simulation.rehearsal.world import NAVIGATORS, Case
+from soilmoist_ros.simulation.rehearsal.ground import GRAPHS, OUTLINES, ROWS, random_ground
+from soilmoist_ros.simulation.rehearsal.receiver import RECEIVERS
+from soilmoist_ros.simulation.rehearsal.world import NAVIGATORS, STATED, Case
 
 NO_FAULT_EACH = 12
 """One in so many rehearsals has no fault."""
+QUIET_HZ = (1.0, 0.5, 5.0, 1.0, 0.5, 10.0)
+"""Fixes in a second of missions without faults, in turn; many take long."""
+QUIET_STRATEGIES = ("random", "greedy")
+FIXES_HZ = (1.0, 1.0, 0.5, 1.0, 5.0)
+"""Fixes in a second, by the number of the field."""
 
 
-def make_case(seed: int, number: int) -> Case:
+def make_case(seed: int, number: int, fault: Fault | None = None) -> Case:
     """A rehearsal; three in a row, one of each navigator, share their field.
 
     Strategies and first faults take turns, so that each navigator meets each of them.
 
     :param seed: seed of all rehearsals
     :param number: of this one, from 0
+    :param fault: its only fault, apart from commands of people that come with it; drawn if left out
     """
     field, turn = divmod(number, len(NAVIGATORS))
     ground_rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, field)))
@@ -30,12 +39,23 @@ def make_case(seed: int, number: int) -> Case:
     outline = OUTLINES[field % len(OUTLINES)]
     on_graph = navigator == "goto_node" or rng.uniform() < 0.3
     graph = GRAPHS[int(ground_rng.integers(len(GRAPHS)))]
-    ground = random_ground(ground_rng, outline, graph if on_graph else None)
     kinds = list(Fault)
-    first = None if number % NO_FAULT_EACH == NO_FAULT_EACH - 1 else kinds[(field * 5 + turn) % len(kinds)]
+    firsts = (
+        [fault] * len(NAVIGATORS)
+        if fault is not None
+        else [kinds[(field * 5 + each) % len(kinds)] for each in range(len(NAVIGATORS))]
+    )
+    ponds_rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2, field)))
+    ponds = 2 if field % 4 == 0 or Fault.DETOUR in firsts else 0
+    graph = ROWS if Fault.NEIGHBOUR in firsts else graph
+    ground = random_ground(ground_rng, outline, graph if on_graph else None, ponds, ponds_rng)
+    none = fault is None and number % NO_FAULT_EACH == NO_FAULT_EACH - 1
+    first = None if none else firsts[turn]
     strategies = list(BUILT_IN)
     budget_s = 900.0
-    faults = random_faults(rng, first, int(rng.integers(3)) if first is not None else 0, 0.7 * budget_s)
+    faults = random_faults(
+        rng, first, int(rng.integers(3)) if first is not None and fault is None else 0, 0.7 * budget_s
+    )
     if navigator == "goal_pose":  # its standstill is guessed from positions: one that repeats looks like it
         faults = Faults([span for span in faults.spans if span.fault is not Fault.FIX_FROZEN])
     return Case(
@@ -46,4 +66,26 @@ def make_case(seed: int, number: int) -> Case:
         seed=seed * 1_000_003 + number,
         budget_s=budget_s,
         home=bool(rng.uniform() < 0.7),
+        fixes_hz=FIXES_HZ[field % len(FIXES_HZ)],
+        stated=STATED[(field + turn) % len(STATED)],
+    )
+
+
+def make_quiet_case(seed: int, number: int) -> Case:
+    """A mission of an hour without faults; receivers, their rates and what they state take turns.
+
+    :param seed: seed of all missions
+    :param number: of this one, from 0
+    """
+    turn, receiver = divmod(number, len(RECEIVERS))
+    turn, rate = divmod(turn, len(QUIET_HZ))
+    case = make_case(seed, number + turn)  # each receiver and rate with each navigator
+    return replace(
+        case,
+        faults=Faults(),
+        budget_s=3600.0,
+        strategy=QUIET_STRATEGIES[number % len(QUIET_STRATEGIES)],
+        receiver=tuple(RECEIVERS)[receiver],
+        fixes_hz=QUIET_HZ[rate],
+        stated=STATED[(number // 7) % len(STATED)],
     )

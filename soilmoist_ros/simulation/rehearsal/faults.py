@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -88,6 +89,30 @@ class Fault(StrEnum):
     """Somebody deletes the bag that is being recorded."""
     BATTERY_STALE = "battery_stale"
     """The state of the battery is no longer published."""
+    DETOUR = "detour"
+    """The navigation drives into the nearest no-go area, and stays in it for half a minute."""
+    STRAY = "stray"
+    """The navigation leaves its route by 3 to 20 m."""
+    OTHER_MAP = "other_map"
+    """The navigation's map is shifted by 4 to 60 m or turned, as with another datum or frame."""
+    NEIGHBOUR = "neighbour"
+    """The navigation reports the arrival one node, or 2.5 m, before the goal."""
+    NO_RESULT = "no_result"
+    """The server confirms each cancellation, drives on, and never reports an end."""
+    OTHER_CLIENT = "other_client"
+    """Somebody else sends the robot to another place, by the server of the mission."""
+    CREEP = "creep"
+    """A robot that should stand creeps at 0.06 to 0.3 m/s."""
+    SLIDE = "slide"
+    """A robot that stands slips by 1 to 8 m, once."""
+    FIX_STEP = "fix_step"
+    """Fixes of a robot that stands jump by 3.5 to 15 m."""
+    FIX_DRIFT = "fix_drift"
+    """Fixes of a robot that stands drift away at 0.1 to 2 m/s."""
+
+
+OF_MOTION = tuple(list(Fault)[-10:])
+"""Faults in which the robot, or its place, moves otherwise than the mission asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +164,10 @@ class Faults:
 
 
 _STOPPING = (Fault.PAUSE, Fault.ABORT, Fault.EMERGENCY, Fault.SKIP)
-_AT_A_STOP = (Fault.SERVER_DEAF, Fault.RUNS_ON, Fault.RUNAWAY, Fault.SERVER_DEAD, Fault.FIX_JUMP, Fault.FIX_SILENT)
+_AT_A_STOP = (
+    Fault.SERVER_DEAF, Fault.RUNS_ON, Fault.RUNAWAY, Fault.SERVER_DEAD, Fault.FIX_JUMP, Fault.FIX_SILENT,
+    Fault.CREEP, Fault.NO_RESULT, Fault.OTHER_CLIENT,
+)  # fmt: skip
 """These matter most when the robot is to be stopped meanwhile."""
 
 
@@ -158,8 +186,10 @@ def random_faults(rng: np.random.Generator, first: Fault | None, more: int, unti
     chosen += [kinds[int(number)] for number in rng.integers(len(kinds), size=more)]
     spans = []
     for kind in chosen:
-        for_s = float(np.exp(rng.uniform(0.0, np.log(150.0))))
+        for_s = float(np.exp(rng.uniform(0.0, np.log(150.0)))) + 60.0 * (kind in OF_MOTION)
         span = Span(kind, float(rng.uniform(15, until_s)), for_s, float(rng.uniform()))
+        if kind is Fault.OTHER_MAP:  # a map is wrong from the start
+            span = replace(span, at_s=0.0, for_s=math.inf)
         spans.append(span)
         if kind in (Fault.PAUSE, Fault.EMERGENCY) and rng.uniform() < 0.4:  # it must survive a kill
             spans.append(Span(Fault.KILL_PLANNER, span.at_s + float(rng.uniform(0, for_s)), 1.0, 0.0))

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -24,6 +25,10 @@ OUTLINES = ("convex", "concave", "notched", "holes", "divided")
 GRAPHS = ("lattice", "wild", "islands")
 """Random travel graphs: a lattice inside the drivable area; nodes and edges anywhere, some of them one-way; the
 same cut into parts that are not joined."""
+ROWS, APART_M, ROW_M = "rows", 2.5, 8.0
+"""Rows of nodes as in polytunnels; distance of their nodes and of the rows [m]."""
+POND_M = (5.0, 6.0)
+"""Sides of a small no-go area [m]."""
 ROBOT_RADIUS_M = 0.5
 SPACING_M = 14.0
 """Mean distance between the nodes of a graph [m]."""
@@ -45,16 +50,26 @@ class Ground:
     start: tuple[float, float]
 
 
-def random_ground(rng: np.random.Generator, outline: str, graph: str | None) -> Ground:
+def random_ground(
+    rng: np.random.Generator,
+    outline: str,
+    graph: str | None,
+    ponds: int = 0,
+    ponds_rng: np.random.Generator | None = None,
+) -> Ground:
     """A random field of 50 to 110 m with a random graph.
 
     :param rng: source of all randomness
     :param outline: one of :data:`OUTLINES`
-    :param graph: one of :data:`GRAPHS`, or ``None``
+    :param graph: one of :data:`GRAPHS`, :data:`ROWS`, or ``None``
+    :param ponds: number of small no-go areas more
+    :param ponds_rng: source of their randomness, so that fields with and without them are the same
     """
     while True:
         polygon = _outline(rng, outline)
         no_go = tuple(_no_go(rng, outline, polygon))
+        if ponds:
+            no_go += tuple(_pond(ponds_rng or rng, polygon) for _ in range(ponds))
         drivable = shapely.Polygon(polygon).difference(shapely.union_all([shapely.Polygon(r) for r in no_go]))
         roomy = drivable.buffer(-2.5)
         if roomy.area < 800:
@@ -108,7 +123,36 @@ def _no_go(rng: np.random.Generator, kind: str, polygon: Array) -> list[Array]:
     return rings
 
 
+def _pond(rng: np.random.Generator, polygon: Array) -> Array:
+    x, y = _place_in(rng, shapely.Polygon(polygon).buffer(-6))
+    ring = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * np.array(POND_M) / 2
+    return np.asarray(_turned(ring, float(rng.uniform(0, np.pi))) + np.array([x, y]))
+
+
+def _rows(field: Field) -> TravelGraph:
+    """Rows of nodes inside the field, joined at their ends."""
+    area = shapely.Polygon(field.polygon).difference(shapely.union_all([shapely.Polygon(r) for r in field.no_go]))
+    roomy, (low, high) = area.buffer(-1.0), (field.polygon.min(axis=0), field.polygon.max(axis=0))
+    rows: list[list[Stop]] = []
+    edges: list[tuple[str, str]] = []
+    number = 0
+    for y in np.arange(low[1] + 2, high[1], ROW_M).tolist():
+        row = []
+        for x in np.arange(low[0] + 2, high[0], APART_M).tolist():
+            if shapely.intersects_xy(roomy, x, y):
+                row.append(Stop(f"n{number}", x, y))
+                number += 1
+        edges += [(one.name, other.name) for one, other in pairwise(row)]
+        if rows and row:
+            edges += [(rows[-1][end].name, row[end].name) for end in (0, -1)]
+        rows += [row] if row else []
+    both = [*edges, *((b, a) for a, b in edges)]
+    return TravelGraph.from_edges([stop for row in rows for stop in row], sorted(set(both)), connected=False)
+
+
 def _graph(rng: np.random.Generator, kind: str, field: Field) -> TravelGraph:
+    if kind == ROWS:
+        return _rows(field)
     if kind == "lattice":
         return open_lattice(field, SPACING_M * 0.7, margin_m=1.0).graph
     low, high = field.polygon.min(axis=0) - 8, field.polygon.max(axis=0) + 8

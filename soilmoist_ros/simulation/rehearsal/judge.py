@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Iterable
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -52,6 +53,15 @@ class Kind(StrEnum):
     NO_REASON = "stopped without a reason"
     UNENDED = "neither ended nor says why it waits"
     DEAD = "no progress and nobody is asked"
+    IN_NO_GO = "led into a no-go area and not stopped"
+    AWAY = "led out of the field and not stopped"
+    OFF_ROUTE = "led off its route and not stopped"
+    CONFIRMED = "said to stand while it moved"
+    UNNOTICED = "moved unnoticed where it should stand"
+    NOT_REACHED = "counted at a stop that was not reached"
+    OVERRIDDEN = "goal of somebody else overridden"
+    MISPLACED = "record mapped at a wrong place"
+    DOUBTED = "good record left out of the map"
     CRASH = "exception"
 
 
@@ -89,6 +99,15 @@ class Limits:
     :param same_m: places of samples may differ by this, where messages round them [m]
     :param late_s: the mission may measure this long beyond its budget [s]
     :param early: share of the budget before which time cannot be up
+    :param deep_m: a robot that is led astray is stopped when it is this deep in a no-go area ... [m]
+    :param away_m: ... or this far out of the field ... [m]
+    :param off_m: ... or this far from its route ... [m]
+    :param notice_s: ... within this time [s]
+    :param slow_m: a robot that moves this far in each of three seconds does not stand [m]
+    :param moved_m: a robot that moves this far where it should stand is noticed [m]
+    :param reach_m: a robot that counts may be this much farther from its stop than the stop demands [m]
+    :param misplaced_m: a mapped record may be this far from its true place [m]
+    :param noise_m: errors of fixes up to this distance are noise, and add to the distances above [m]
     """
 
     beyond_m: float = 3.0
@@ -104,6 +123,15 @@ class Limits:
     same_m: float = 0.0
     late_s: float = 60.0
     early: float = 0.6
+    deep_m: float = 1.0
+    away_m: float = 3.0
+    off_m: float = 11.0
+    notice_s: float = 3.0
+    slow_m: float = 0.05
+    moved_m: float = 1.0
+    reach_m: float = 0.5
+    misplaced_m: float = 3.0
+    noise_m: float = 0.0
 
 
 MOVING = (Phase.TRAVELLING, Phase.RETURNING)
@@ -118,10 +146,14 @@ class Judge:
     :param ground: the field, of which it makes its own geometry
     :param budget_s: budget of the mission [s]
     :param limits: what is tolerated
+    :param radius_m: a robot is at a stop within this distance [m]
     """
 
-    def __init__(self, ground: Ground, budget_s: float, limits: Limits | None = None) -> None:
+    def __init__(
+        self, ground: Ground, budget_s: float, limits: Limits | None = None, radius_m: float = 3.0
+    ) -> None:
         limits = limits or Limits()
+        self._radius_m = radius_m
         self.violations: list[Violation] = []
         self._limits = limits
         self._budget_s = budget_s
@@ -133,6 +165,12 @@ class Judge:
         self._stopped_at: Place | None = None
         self._stood: tuple[Phase, Place] | None = None
         self._wrong_since_s: float | None = None
+        self._since_s: dict[Kind, float] = {}  # since when something lasts that must be stopped or noticed
+        self._led_m = 0.0
+        self._places: deque[Place] = deque(maxlen=4)
+        self._phase = Phase.IDLE
+        self._kept: Place | None = None
+        self._ground = ground
         self._progress_s = self._started_s = 0.0
         self._counted: list[Place] = []
         self._target: Stop | None = None  # where they were counted
@@ -149,7 +187,15 @@ class Judge:
     # What the robot does -------------------------------------------------------------------------------------
 
     def drove(
-        self, now_s: float, before: Place, passed: list[Place], status: MissionStatus, obeys: bool = True
+        self,
+        now_s: float,
+        before: Place,
+        passed: list[Place],
+        status: MissionStatus,
+        obeys: bool = True,
+        led: bool = False,
+        people: bool = False,
+        right: Sequence[Place] = (),
     ) -> None:
         """The robot has driven in the last second.
 
@@ -158,12 +204,25 @@ class Judge:
         :param passed: places that it has passed, the last one included [m]
         :param status: what the mission said before
         :param obeys: whether the navigation does what it is asked; no stop can be demanded of one that does not
+        :param led: whether something else than the mission has moved it: then it must be stopped, or be noticed
+        :param people: whether people drive it, who may drive anywhere
+        :param right: the way that it was asked for; empty if it was not asked for one [m]
         """
-        if passed:
-            self._look_at_way(now_s, shapely.LineString([before, *passed]))
         place = passed[-1] if passed else before
-        self._look_at_standstill(now_s, place, status)
-        self._look_at_stop(now_s, place, status, obeys)
+        self._look_at_led(now_s, place, status, right if led and not people else ())
+        if passed and not led:
+            self._look_at_way(now_s, shapely.LineString([before, *passed]))
+        if led or (passed and self._led_m):
+            self._led_m = max(self._depths(place))  # it has to come back from there
+        if people:
+            self._since_s.clear()
+        elif passed:
+            self._look_at_depth(now_s, place, status)
+        self._look_at_standstill(now_s, place, status, led)
+        if led:
+            self._stopped_at = None
+        else:
+            self._look_at_stop(now_s, place, status, obeys)
         if status.phase is Phase.COUNTING:
             if status.target != self._target:  # a planner that was killed may not have published its last visit
                 self._target = status.target
@@ -184,6 +243,53 @@ class Judge:
         if moved_m > self._limits.still_m:
             self.blame(Kind.MOVED_STOPPED, now_s, f"by {moved_m:.1f} m after {what} at {since_s:.0f} s")
 
+    def _look_at_depth(self, now_s: float, place: Place, status: MissionStatus) -> None:
+        """A robot that is where it must not be is stopped in time, whoever has led it there."""
+        limits, (deep_m, away_m) = self._limits, self._depths(place)
+        safe = _alarmed(status) or status.phase in (*STANDING, Phase.CANCELLING)
+        self._lasts(Kind.IN_NO_GO, now_s, not safe and deep_m > limits.deep_m, f"{deep_m:.1f} m deep")
+        self._lasts(Kind.AWAY, now_s, not safe and away_m > limits.away_m, f"{away_m:.1f} m outside")
+
+    def _depths(self, place: Place) -> tuple[float, float]:
+        """How deep a place is in a no-go area, and how far outside the field [m]."""
+        point = shapely.Point(place)
+        deep_m = max((float(a.exterior.distance(point)) for a in self._no_go if a.contains(point)), default=0.0)
+        return deep_m, float(self._field.distance(point))
+
+    def _look_at_led(self, now_s: float, place: Place, status: MissionStatus, right: Sequence[Place]) -> None:
+        off_m = float(shapely.LineString(right).distance(shapely.Point(place))) if len(right) > 1 else 0.0
+        off = status.phase in MOVING and not _alarmed(status) and off_m > self._limits.off_m
+        self._lasts(Kind.OFF_ROUTE, now_s, off, f"{off_m:.1f} m off")
+        self._places.append(place)
+        before, self._phase = self._phase, status.phase
+        confirmed = before is Phase.CANCELLING and status.phase in STANDING and not _alarmed(status)
+        steps_m = [math.dist(one, other) for one, other in pairwise(self._places)]
+        if confirmed and len(steps_m) == 3 and min(steps_m) > self._limits.slow_m:
+            self.blame(Kind.CONFIRMED, now_s, f"{status.phase} at {steps_m[-1]:.2f} m/s: {status.reason}")
+        reach_m = None if status.target is None else self.reach_m(status.target)
+        if status.phase is Phase.COUNTING and before is not Phase.COUNTING and reach_m is not None:
+            assert status.target is not None
+            away_m = math.dist(place, (status.target.x_m, status.target.y_m))
+            if away_m > reach_m + self._limits.reach_m + self._limits.noise_m:
+                self.blame(Kind.NOT_REACHED, now_s, f"{status.target.name}: {away_m:.1f} m, not {reach_m:.1f} m")
+
+    def reach_m(self, stop: Stop) -> float:
+        """Distance within which a robot is at a stop, and not at another node [m]."""
+        graph, here = self._ground.graph, (stop.x_m, stop.y_m)
+        if graph is None:
+            return self._radius_m
+        apart_m = np.hypot(*(graph.xy - here).T)
+        return min(self._radius_m, float(apart_m[apart_m > 0.01].min(initial=math.inf)) / 2)
+
+    def _lasts(self, kind: Kind, now_s: float, wrong: bool, what: str) -> None:
+        """Blame what is wrong for longer than it takes to notice it and to stop."""
+        if not wrong:
+            self._since_s.pop(kind, None)
+            return
+        since_s = self._since_s.setdefault(kind, now_s)
+        if now_s - since_s > self._limits.notice_s:
+            self.blame(kind, now_s, f"{what} after {now_s - since_s:.0f} s")
+
     def _look_at_way(self, now_s: float, way: shapely.LineString) -> None:
         for number, area in enumerate(self._no_go, 1):
             self._measure(now_s, Kind.NO_GO, way.intersection(area), area.exterior, f"no-go area {number}")
@@ -195,14 +301,20 @@ class Judge:
             return
         places = shapely.points(shapely.get_coordinates(shapely.segmentize(part, STEP_M)))
         far_m = shapely.distance(border, places)
-        if far_m.max() > self._limits.border_m:
+        if far_m.max() > self._limits.border_m + self._led_m:
             worst = places[int(far_m.argmax())]
             self.blame(
                 kind, now_s, f"{name}, {far_m.max():.1f} m beyond its border at ({worst.x:.1f}, {worst.y:.1f})"
             )
 
-    def _look_at_standstill(self, now_s: float, place: Place, status: MissionStatus) -> None:
-        if status.phase not in STANDING or not self._begun:
+    def _look_at_standstill(self, now_s: float, place: Place, status: MissionStatus, led: bool) -> None:
+        stands = status.phase in (*STANDING, Phase.COUNTING) and self._begun
+        if not stands or _alarmed(status, warned=True) or self._kept is None:
+            self._kept = place
+        moved_m = math.dist(self._kept, place)
+        far = stands and moved_m > self._limits.moved_m + self._limits.noise_m
+        self._lasts(Kind.UNNOTICED, now_s, far, f"{moved_m:.1f} m while {status.phase}: {status.reason}")
+        if status.phase not in STANDING or not self._begun or led:
             self._stood = None
             return
         if self._stood is None or self._stood[0] is not status.phase:
@@ -219,10 +331,8 @@ class Judge:
         self._sent += 1
         if self._stopped is not None:
             self.blame(Kind.GOAL_STOPPED, now_s, f"{what}, after {self._stopped[1]} at {self._stopped[0]:.0f} s")
-        point = shapely.Point(place)
         limit_m = self._limits.goal_m
-        outside_m = float(self._field.distance(point))
-        inside_m = max((float(a.exterior.distance(point)) for a in self._no_go if a.contains(point)), default=0.0)
+        inside_m, outside_m = self._depths(place)
         if max(outside_m, inside_m) > limit_m and (allowed is None or math.dist(place, allowed) > 0.1):
             text = f"{outside_m:.1f} m outside" if outside_m else f"{inside_m:.1f} m inside a no-go area"
             self.blame(Kind.GOAL_OUTSIDE, now_s, f"{what}: {text}")
@@ -236,6 +346,10 @@ class Judge:
     def replaced(self, now_s: float, what: str) -> None:
         """A goal was sent while the navigation worked on another."""
         self.blame(Kind.TWO_GOALS, now_s, what)
+
+    def overridden(self, now_s: float, what: str) -> None:
+        """The mission has acted against a goal of somebody else."""
+        self.blame(Kind.OVERRIDDEN, now_s, what)
 
     def stopped(self, now_s: float, what: str) -> None:
         """Somebody has paused or aborted the mission, or pressed an emergency stop."""
@@ -263,7 +377,7 @@ class Judge:
 
     def said(self, now_s: float, status: MissionStatus, error_m: float) -> None:
         """The mission says this; the place that the package has is wrong by so much [m]."""
-        alarmed = status.needs_operator or any(alarm.response.stops for alarm in status.alarms)
+        alarmed = _alarmed(status)
         at_work = status.phase in (*MOVING, Phase.COUNTING) and not alarmed
         if at_work and error_m > self._limits.wrong_m:
             since_s = self._wrong_since_s = now_s if self._wrong_since_s is None else self._wrong_since_s
@@ -286,7 +400,8 @@ class Judge:
         self._progress_s = now_s
         if visit.ended is VisitEnd.UNKNOWN or not visit.outcome:
             self.blame(Kind.NO_REASON, now_s, f"{visit.name}: nobody says why counting ended")
-        away_m = max((math.dist(at, (visit.stop_x_m, visit.stop_y_m)) for at in self._counted), default=0.0)
+        counted = self._counted[: -round(self._limits.wrong_s)] if visit.ended is VisitEnd.MOVED else self._counted
+        away_m = max((math.dist(at, (visit.stop_x_m, visit.stop_y_m)) for at in counted), default=0.0)
         if away_m > self._limits.visit_m:
             self.blame(Kind.WRONG_VISIT, now_s, f"{visit.name}: the robot was {away_m:.1f} m away")
         self._counted.clear()
@@ -320,6 +435,19 @@ class Judge:
             text = f"{len(samples)} samples of {samples.counts.sum():.0f} counts"
             self.blame(Kind.MAP_DIFFERS, now_s, f"{text}, not {len(whole)} of {whole.counts.sum():.0f}")
 
+    def placed(self, now_s: float, mapped: Records, truth: Mapping[tuple[float, int], Place]) -> None:
+        """Records that the map has, with the true places of all records by stamp and counts [m]."""
+        wrong = []
+        for record in mapped:
+            place = truth.get((round(record.stamp_s, 3), record.raw_counts))
+            if place is not None and not record.quarantine and math.isfinite(record.x_m):
+                wrong.append((math.dist(place, (record.x_m, record.y_m)), record.stamp_s))
+        far = [one for one in wrong if one[0] > self._limits.misplaced_m + self._limits.noise_m]
+        if far:
+            self.blame(
+                Kind.MISPLACED, now_s, f"{len(far)} of {len(wrong)} records, the worst {max(far)[0]:.1f} m off"
+            )
+
     def kept(self, now_s: float, acknowledged: Records, stored: Records, where: str) -> None:
         """What was acknowledged must be stored.
 
@@ -342,6 +470,11 @@ class Judge:
             self.blame(Kind.UNENDED, now_s, "it says nothing")
         elif status.phase not in STANDING and not (status.needs_operator and status.reason):
             self.blame(Kind.UNENDED, now_s, f"{status.phase}: {status.reason}")
+
+
+def _alarmed(status: MissionStatus, warned: bool = False) -> bool:
+    """Whether people are asked or an alarm stops the robot; or whether an alarm is on that only warns."""
+    return status.needs_operator or any(alarm.response.stops or warned for alarm in status.alarms)
 
 
 def _identities(records: Records) -> Counter[tuple[float, int, float]]:

@@ -26,6 +26,7 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.mapping.field_map import FieldMap
+from soilmoist_ros.sensing.position.place_doubt import Doubt, none_since
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.clients import ActionNavigator, PoseNavigator
 from soilmoist_ros.simulation.rehearsal.faults import Fault
@@ -36,7 +37,6 @@ from soilmoist_ros.simulation.rehearsal.world import SPEED_MPS, World
 Place = tuple[float, float]
 
 STOP_OVERHEAD_S = 5.0
-ARRIVAL_RADIUS_M = 3.0
 THINKING_S = {False: 1.0, True: 120.0}
 """Time to choose a stop, and when the planner is slow [s]."""
 
@@ -46,6 +46,10 @@ class MapStore(Protocol):
 
     def received(self, records: Sequence[CountRecord]) -> None:
         """Records have come as a message."""
+        ...
+
+    def doubt(self, doubt: Doubt) -> None:
+        """A doubt about the place has begun or ended."""
         ...
 
     def second(self, age_s: float) -> None:
@@ -91,10 +95,12 @@ class PlannerProcess:
     :param world: where it runs
     :param store: where it writes its journal, and finds it again
     :param judge: hears what it sends and says
+    :param doubted: hears of doubts about the place that begin or end
     :raises InputError: if the mission refuses field or graph
     """
 
-    def __init__(self, world: World, store: Store, judge: Judge) -> None:
+    def __init__(self, world: World, store: Store, judge: Judge, doubted: Callable[[Doubt], None]) -> None:
+        self.doubted, self._has_place = doubted, False
         case = world.case
         self._world, self._judge = world, judge
         access = AccessRules(robot_radius_m=ROBOT_RADIUS_M, outside=Outside.NEVER, by_name=world.by_name)
@@ -119,7 +125,7 @@ class PlannerProcess:
             min_dwell_s=30.0,
             speed_mps=SPEED_MPS,
             stop_overhead_s=STOP_OVERHEAD_S,
-            arrival_radius_m=ARRIVAL_RADIUS_M,
+            arrival_radius_m=case.radius_m,
             blacklist_s=300.0,
         )
         self.control = MissionControl(
@@ -143,13 +149,13 @@ class PlannerProcess:
     def _navigator(self, report: Callable[[Ended], None]) -> Navigator:
         world = self._world
         self.link: ActionNavigator | PoseNavigator
-        now_s = partial(getattr, world, "time_s")
+        now_s, radius_m = partial(getattr, world, "time_s"), world.case.radius_m
         if world.case.navigator == "goal_pose":
-            poses = PoseClient(ARRIVAL_RADIUS_M, 5.0, SPEED_MPS)
+            poses = PoseClient(radius_m, 5.0, SPEED_MPS)
             self.link = PoseNavigator(poses, world.listener, now_s, report, self._sent, self._stopped)
         else:
-            client, track = GoalClient(ARRIVAL_RADIUS_M), Track(SPEED_MPS, ARRIVAL_RADIUS_M)
-            there_m = ARRIVAL_RADIUS_M if world.by_name else track.still_m
+            client, track = GoalClient(radius_m), Track(SPEED_MPS, radius_m)
+            there_m = radius_m if world.by_name else track.still_m
             self.link = ActionNavigator(
                 client, world.server, world.by_name, now_s, report, self._sent, track, there_m
             )
@@ -170,6 +176,12 @@ class PlannerProcess:
         self.control.hand_on()
         self.control.tick()
         self.control.check()
+        places = self.control.watch.places
+        first = [none_since(places.fix.time_s)] if places.fix is not None and not self._has_place else []
+        self._has_place = places.fix is not None
+        for doubt in (*first, *places.news()):
+            self._world.doubts.take(doubt)
+            self.doubted(doubt)
         self.control.show()
 
     # Outputs

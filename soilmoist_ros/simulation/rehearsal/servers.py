@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults
+from soilmoist_ros.simulation.rehearsal.misled import Misled
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]
@@ -30,12 +31,28 @@ class Driven:
 
     :param place: where it is [m]
     :param speed_mps: its speed [m/s]
+
+    Attributes
+    ----------
+    way : list[tuple[float, float]]
+        corners ahead [m]
+    right : list[tuple[float, float]]
+        the way that it was asked for, from where it set off [m]; empty without one
+    astray : bool
+        whether its way is another one than that
+    by_hand : bool
+        whether people drive it
+    error : tuple[float, float]
+        error of the place by which it navigates [m]
     """
 
     def __init__(self, place: Place, speed_mps: float) -> None:
         self.place = place
         self.speed_mps = speed_mps
         self.way: list[Place] = []
+        self.right: list[Place] = []
+        self.astray = self.by_hand = self.arrived = False
+        self.error: Place = (0.0, 0.0)
         self.odometer_m = 0.0
 
     @property
@@ -43,31 +60,54 @@ class Driven:
         """Whether it is on a way."""
         return bool(self.way)
 
-    def go(self, way: list[Place]) -> None:
-        """Drive along these corners, from where it is."""
+    @property
+    def believed(self) -> Place:
+        """Where it believes to be [m]."""
+        return self.place[0] + self.error[0], self.place[1] + self.error[1]
+
+    def go(self, way: list[Place], instead_of: list[Place] | None = None, by_hand: bool = False) -> None:
+        """Drive along these corners from where it is, instead of those that were asked for."""
+        right = way if instead_of is None else instead_of
+        self.astray, self.right = way != right, [self.believed, *right]
+        self.way, self.arrived, self.by_hand = list(way), False, by_hand
+
+    def turn(self, way: list[Place]) -> None:
+        """Drive along other corners from now on than those that are ahead."""
+        self.astray |= way != self.way
         self.way = list(way)
 
     def stop(self) -> None:
         """Stay here."""
-        self.way = []
+        self.way, self.right, self.astray, self.by_hand, self.arrived = [], [], False, False, False
 
     def advance(self, for_s: float) -> list[Place]:
         """Drive for a time [s]; returns the places passed, the last one included."""
         passed = []
         left_m = self.speed_mps * for_s
         while self.way and left_m > 0:
-            away_m = math.dist(self.place, self.way[0])
+            corner = self.way[0][0] - self.error[0], self.way[0][1] - self.error[1]
+            away_m = math.dist(self.place, corner)
             if away_m <= left_m:
-                self.place, left_m = self.way.pop(0), left_m - away_m
+                self.place, left_m = corner, left_m - away_m
                 self.odometer_m += away_m
+                self.way.pop(0)
+                if not self.way:
+                    self.right, self.astray, self.by_hand, self.arrived = [], False, False, True
             else:
                 share = left_m / away_m
                 x, y = self.place
-                self.place = (x + share * (self.way[0][0] - x), y + share * (self.way[0][1] - y))
+                self.place = (x + share * (corner[0] - x), y + share * (corner[1] - y))
                 self.odometer_m += left_m
                 left_m = 0.0
             passed.append(self.place)
         return passed
+
+    def push(self, by: Place) -> list[Place]:
+        """Be moved without driving [m]; returns the place as :meth:`advance` does."""
+        if by == (0.0, 0.0):
+            return []
+        self.place = self.place[0] + by[0], self.place[1] + by[1]
+        return [self.place]
 
 
 class Status(IntEnum):
@@ -110,8 +150,8 @@ NO_ERROR, REJECTED, UNKNOWN_GOAL = 0, 1, 2
 @dataclass
 class _Active:
     goal: int
-    end: Place
     begun_s: float
+    foreign: bool = False
     at_once: Status | None = None
     cancelled_s: float = math.inf
 
@@ -122,12 +162,18 @@ class ActionServer:
     :param robot: what it drives
     :param route: corners of the way from a place to a target; ``None`` if it knows none
     :param faults: what goes wrong when
+    :param misled: leads the robot astray; it drives as it is asked if left out
     """
 
     def __init__(
-        self, robot: Driven, route: Callable[[Place, str | Place], list[Place] | None], faults: Faults
+        self,
+        robot: Driven,
+        route: Callable[[Place, str | Place], list[Place] | None],
+        faults: Faults,
+        misled: Misled | None = None,
     ) -> None:
         self._robot = robot
+        self._misled = misled
         self._route = route
         self._faults = faults
         self._goals = 0
@@ -135,11 +181,12 @@ class ActionServer:
         self._replies: list[tuple[float, Reply]] = []
         self._brake_s = math.inf
         self._dead = False
-        self._others: set[int] = set()
         self.lives = 1
         """How often it was started."""
         self.replaced = 0
         """Goals that were replaced by another before they had ended."""
+        self.overridden: str = ""
+        """What the mission did against the goal of somebody else; empty if nothing."""
 
     def present(self, now_s: float) -> bool:
         """Whether the server can be seen."""
@@ -152,47 +199,51 @@ class ActionServer:
 
     @property
     def others(self) -> bool:
-        """Whether it works on a goal of another client than the planner."""
-        return self._active is not None and self._active.goal in self._others
+        """Whether it works on a goal of somebody else."""
+        return self._active is not None and self._active.foreign
 
     def lists(self, goal: int) -> bool:
         """Whether its list has a goal as active."""
         return self._active is not None and self._active.goal == goal
 
-    def send(self, target: str | Place, now_s: float, other: bool = False) -> int:
+    def send(self, target: str | Place, now_s: float, foreign: Status | None = None) -> int:
         """Send a goal; returns its number. The answer comes with :meth:`step`.
 
-        :param target: where to
+        :param target: name of a node, or a place [m]
         :param now_s: time [s]
-        :param other: whether another client than the planner sends it
+        :param foreign: for a goal of somebody else the status with which a goal of the mission ends
         """
         self._goals += 1
         goal = self._goals
-        if other:
-            self._others.add(goal)
         if not self.present(now_s):
             return goal  # nobody hears it
-        way = self._route(self._robot.place, target)
+        way = self._route(self._robot.believed, target)
         if self._active is not None:
             self.replaced += 1
-            self._over(now_s, Status.ABORTED, success=False)
+            if self._active.foreign and foreign is None:
+                self.overridden = "goal sent"
+            ended = foreign or Status.ABORTED
+            self._over(now_s, ended, success=ended is Status.SUCCEEDED)
         self._later(now_s, Answered(goal, accepted=True))
-        end = self._robot.place if way is None else way[-1]
-        self._active = active = _Active(goal, end, now_s)
+        self._active = active = _Active(goal, now_s, foreign is not None)
+        if foreign is not None:
+            self._robot.go(way or [self._robot.believed], by_hand=True)
+            return goal
         if way is None or self._faults.on(Fault.SERVER_ABORTS, now_s):
             active.at_once = Status.ABORTED
         elif self._faults.on(Fault.SERVER_LIES, now_s):
             active.at_once = Status.SUCCEEDED
         elif not self._faults.on(Fault.SERVER_HANGS, now_s):
-            self._robot.go(way)
+            led = way if self._misled is None else self._misled.way(way, self._robot.place, now_s, begins=True)
+            self._robot.go(led, instead_of=way)
         return goal
 
     def cancel(self, goal: int | None, now_s: float, anybodys: bool = False) -> None:
         """Cancel a goal; nothing happens while the server is dead.
 
-        :param goal: the goal; ``None`` for what the planner has sent
+        :param goal: the goal; ``None`` for what the mission has sent
         :param now_s: time [s]
-        :param anybodys: also what another client has sent
+        :param anybodys: also what somebody else has sent: people stop whatever drives the robot
         """
         if not self.present(now_s):
             return
@@ -216,12 +267,13 @@ class ActionServer:
         active = self._active
         if active is not None:
             runs_on_s = 8.0 if self._faults.on(Fault.RUNS_ON, now_s) else 0.5
-            if now_s >= active.cancelled_s + 0.5:
+            no_result = self._faults.on(Fault.NO_RESULT, now_s) and not active.foreign
+            if now_s >= active.cancelled_s + 0.5 and not no_result:
                 self._over(now_s, Status.CANCELED, success=False, stop=runs_on_s < 1)
                 self._brake_s = active.cancelled_s + runs_on_s
             elif active.at_once is not None and now_s >= active.begun_s + REACTION_S:
                 self._over(now_s, active.at_once, success=active.at_once is Status.SUCCEEDED)
-            elif active.at_once is None and not self._robot.drives and self._robot.place == active.end:
+            elif active.at_once is None and self._robot.arrived and not no_result:
                 self._over(now_s, Status.SUCCEEDED, success=True)
         elif now_s >= self._brake_s:
             self._robot.stop()
@@ -246,20 +298,37 @@ class PoseListener:
 
     :param robot: what it drives
     :param faults: what goes wrong when
+    :param misled: leads the robot astray; it drives as it is asked if left out
     """
 
-    def __init__(self, robot: Driven, faults: Faults) -> None:
+    def __init__(self, robot: Driven, faults: Faults, misled: Misled | None = None) -> None:
         self._robot = robot
         self._faults = faults
+        self._misled = misled
+        self.overridden = ""
+        """See :class:`ActionServer`."""
+        self._foreign = False
+
+    @property
+    def others(self) -> bool:
+        """Whether it drives to the pose of somebody else."""
+        return self._foreign and self._robot.drives
 
     def present(self, now_s: float) -> bool:
         """Whether somebody subscribes to poses."""
         return not self._faults.on(Fault.SERVER_DEAD, now_s)
 
-    def send(self, place: Place, now_s: float) -> None:
-        """A new pose."""
-        if self.present(now_s) and not self._faults.on(Fault.SERVER_DEAF, now_s):
-            self._robot.go([place])
+    def send(self, place: Place, now_s: float, foreign: bool = False) -> None:
+        """A new pose, of the mission or of somebody else."""
+        if not self.present(now_s) or self._faults.on(Fault.SERVER_DEAF, now_s):
+            return
+        if self.others and not foreign:
+            self.overridden = "pose sent"
+        self._foreign = foreign
+        led = [place]
+        if self._misled is not None and not foreign:
+            led = self._misled.way(led, self._robot.place, now_s, begins=True)
+        self._robot.go(led, instead_of=[place], by_hand=foreign)
 
     def step(self, now_s: float) -> None:
         """A dead listener stops the robot, unless it runs away."""

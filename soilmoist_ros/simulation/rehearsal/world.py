@@ -5,19 +5,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
+import shapely
 
+from soilmoist_ros.sensing.position.place_doubt import Doubts
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
 from soilmoist_ros.simulation.rehearsal.ground import Ground
+from soilmoist_ros.simulation.rehearsal.misled import STOOD_S, Misled
+from soilmoist_ros.simulation.rehearsal.receiver import RECEIVERS, Receiver
 from soilmoist_ros.simulation.rehearsal.servers import (
     ActionServer,
     Driven,
     PoseListener,
     Reply,
+    Status,
     graph_route,
     straight_route,
 )
@@ -33,7 +39,12 @@ START_S = 1_780_000_000.0
 SPEED_MPS = 1.0
 CADENCE_S = 10.0
 RATE_CPS = 5.0
-FIX_SD_M = 0.02
+LED_S = 5.0
+"""The robot settles within this time after something else has moved it [s]."""
+STATED = ("true", "zero", "unknown")
+"""Standard deviations that a receiver states."""
+ENDS = (Status.ABORTED, Status.CANCELED, Status.SUCCEEDED)
+"""Ends of a goal that somebody else's goal replaces; servers differ."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,6 +58,10 @@ class Case:
     :param seed: seed of noise and counts
     :param budget_s: budget of the mission [s]
     :param home: whether the robot must return to its start
+    :param receiver: one of :data:`RECEIVERS`
+    :param fixes_hz: fixes in a second; whole or 0.5
+    :param stated: one of :data:`STATED`
+    :param radius_m: the robot is at a stop within this distance [m]
     """
 
     ground: Ground
@@ -56,11 +71,23 @@ class Case:
     seed: int
     budget_s: float = 1200.0
     home: bool = True
+    receiver: str = "rtk"
+    fixes_hz: float = 1.0
+    stated: str = "unknown"
+    radius_m: float = 3.0
+
+    @property
+    def stated_sd_m(self) -> float:
+        """Standard deviation that the receiver states [m]; NaN for none."""
+        sd_m = RECEIVERS[self.receiver].sd_m
+        return {"true": sd_m, "zero": 0.0, "unknown": math.nan}[self.stated]
 
     def __str__(self) -> str:
         on = "free" if self.ground.graph is None else "graph"
         home = "home" if self.home else "no home"
-        return f"{self.navigator}, {self.strategy}, {self.ground.outline}, {on}, {home}; faults: {self.faults}"
+        fixes = f"{self.receiver} at {self.fixes_hz:g} Hz, sd {self.stated}"
+        what = f"{self.navigator}, {self.strategy}, {self.ground.outline}, {on}, {home}, {fixes}"
+        return f"{what}; faults: {self.faults}"
 
 
 class World:
@@ -78,6 +105,10 @@ class World:
         all records that the driver has published
     has_driver : bool
         whether the driver runs
+    doubts : Doubts
+        doubts about the place, as they are latched
+    truth : dict[tuple[float, int], tuple[float, float]]
+        true place of each record, by its stamp [s] and counts [m]
     """
 
     def __init__(self, case: Case) -> None:
@@ -88,13 +119,21 @@ class World:
         self.by_name = case.navigator == "goto_node"
         graph = case.ground.graph
         route = graph_route(graph) if self.by_name and graph is not None else straight_route
-        self.server = ActionServer(self.robot, route, self.faults)
-        self.listener = PoseListener(self.robot, self.faults)
+        settled_s = 3 * STOOD_S if case.navigator == "goal_pose" else STOOD_S  # its standstill is judged by fixes
+        self._misled = Misled(case.ground, self.faults, settled_s)
+        self.server = ActionServer(self.robot, route, self.faults, self._misled)
+        self.listener = PoseListener(self.robot, self.faults, self._misled)
         self.fixed: Place | None = None
         self.published: list[CountRecord] = []
         self.has_driver = True
         self._held_fixes: list[Fixed] = []
         self._held_records: list[CountRecord] = []
+        self.doubts = Doubts()
+        self.truth: dict[tuple[float, int], Place] = {}
+        noise = RECEIVERS[case.receiver]
+        self._receiver = Receiver(noise, 1 / case.fixes_hz, np.random.default_rng([case.seed, 2]))
+        self._same_receiver = noise.sd_m > 0.1  # a navigation by another, better one would not arrive by this one
+        self._stood_s, self._led_s = 0.0, -math.inf
         self._rng = np.random.default_rng(case.seed)
         self._rng_of_links = np.random.default_rng([case.seed, 1])
         self._clock_step_s = 0.0
@@ -105,21 +144,86 @@ class World:
         """ROS time, with its steps [s]."""
         return START_S + self.time_s + self._clock_step_s
 
-    def second(self) -> tuple[list[Place], list[Span], list[Reply]]:
-        """Let a second pass: places passed [m], faults that begin, and what the navigation says."""
-        passed = self.robot.advance(1.0)
-        begun = self.faults.begin(self.time_s, self.time_s + 1.0)
-        self.time_s += 1.0
+    def second(self) -> Iterator[tuple[list[Place], list[Fixed]]]:
+        """Let a second pass: the places passed in each part of it [m], and the fixes that come, with stamps."""
+        parts = max(1, round(self.case.fixes_hz))
+        for part in range(parts):
+            self.time_s = round(self.time_s + 1 / parts, 6)
+            if part == parts - 1:
+                self.time_s = round(self.time_s)
+            yield self._move(1 / parts), self._fixes()
+
+    def events(self) -> tuple[list[Span], list[Reply]]:
+        """Faults that have begun in the last second, and what the navigation says now."""
+        begun = self.faults.begin(self.time_s - 1.0, self.time_s)
         for span in begun:
             if span.fault is Fault.CLOCK_BACK:
                 self._clock_step_s -= 3600.0
             elif span.fault is Fault.CLOCK_FORWARD:
                 self._clock_step_s += 6 * 3600.0
+            elif span.fault in (Fault.DETOUR, Fault.STRAY) and self.robot.drives and not self.robot.by_hand:
+                self.robot.turn(self._misled.way(self.robot.way, self.robot.place, self.time_s))
+            elif span.fault is Fault.OTHER_CLIENT:
+                self._somebody_drives(span)
         self.listener.step(self.time_s)
-        return passed, begun, self.server.step(self.time_s)
+        return begun, self.server.step(self.time_s)
 
-    def fixes(self) -> list[Fixed]:
+    def bring_back(self) -> None:
+        """People drive the robot back to where it began, unless they do so already."""
+        if not self.robot.by_hand:
+            self.robot.go([self.case.ground.start], by_hand=True)
+
+    @property
+    def led(self) -> bool:
+        """Whether something else than the mission has moved the robot just now."""
+        return self.time_s - self._led_s <= LED_S
+
+    @property
+    def with_people(self) -> bool:
+        """Whether somebody else drives the robot."""
+        return self.robot.by_hand or self.server.others or self.listener.others
+
+    @property
+    def in_the_field(self) -> bool:
+        """Whether the robot is where it may be, so that a mission can go on."""
+        field, place = self.case.ground.field, shapely.Point(self.robot.place)
+        outside_m = shapely.Polygon(field.polygon).distance(place)
+        return bool(outside_m < 0.2 and all(shapely.Polygon(ring).distance(place) > 0.5 for ring in field.no_go))
+
+    def _move(self, for_s: float) -> list[Place]:
+        """The robot drives, or is moved; the places that it passes."""
+        robot = self.robot
+        self._stood_s = 0.0 if robot.drives else self._stood_s + for_s
+        passed = robot.advance(for_s)
+        if not robot.drives:
+            pushed = robot.push(self._misled.push(self._stood_s, self.time_s, for_s))
+            if pushed:
+                self._led_s = self.time_s
+            passed += pushed
+        if robot.astray or self.with_people:
+            self._led_s = self.time_s
+        return passed
+
+    def _somebody_drives(self, span: Span) -> None:
+        """Somebody else sends the robot to a node, or to a place in the middle of the field."""
+        ground = self.case.ground
+        if self.case.navigator == "goal_pose":
+            self.listener.send(self._elsewhere(span), self.time_s, foreign=True)
+            return
+        target: str | Place = self._elsewhere(span)
+        if self.by_name and ground.graph is not None:
+            target = ground.graph.names[int(span.size * len(ground.graph.names))]
+        self.server.send(target, self.time_s, foreign=ENDS[int(97 * span.size) % 3])
+
+    def _elsewhere(self, span: Span) -> Place:
+        low, high = self.case.ground.field.polygon.min(axis=0), self.case.ground.field.polygon.max(axis=0)
+        x, y = (low + (high - low) * ((7 * span.size) % 1, (31 * span.size) % 1)).tolist()
+        return x, y
+
+    def _fixes(self) -> list[Fixed]:
         """Fixes that come now, with their stamps: none, one, or all that were held back."""
+        if self.case.fixes_hz < 1 and self.time_s % round(1 / self.case.fixes_hz):
+            return []
         return self._arrived(self._fix(), self._held_fixes)
 
     def records(self) -> list[CountRecord]:
@@ -144,11 +248,13 @@ class World:
 
     def _fix(self) -> Fixed | None:
         """A fix that the receiver sends, with its stamp; ``None`` if it has none."""
-        noise = self._rng.normal(0.0, FIX_SD_M, 2)  # always drawn: a fault must not change later noise
+        x, y = self._receiver.measure(self.robot.place)  # always drawn: a fault must not change later noise
+        if self._same_receiver:
+            self.robot.error = self._receiver.wander
         if self.faults.on(Fault.FIX_SILENT, self.time_s):
             return None
-        x, y = self.robot.place
-        place = (x + float(noise[0]), y + float(noise[1]))
+        off = self._misled.fix_error(self._stood_s, self.time_s)
+        place = (x + off[0], y + off[1])
         if (span := self.faults.span(Fault.FIX_JUMP, self.time_s)) is not None:
             far_m, angle = 15.0 * 200.0**span.size, 100 * span.size
             place = (place[0] + far_m * math.cos(angle), place[1] + far_m * math.sin(angle))
@@ -172,7 +278,9 @@ class World:
             counts = 0
         place = self.fixed if self.time_s - self._fixed_s <= CADENCE_S / 2 else (math.nan, math.nan)
         x_m, y_m = np.array(place, np.float32).tolist()  # as messages have it
-        return CountRecord(self.now_s, x_m, y_m, 0.0, counts, CADENCE_S, CADENCE_S)
+        self.truth[round(self.now_s, 3), counts] = x, y
+        record = CountRecord(self.now_s, x_m, y_m, 0.0, counts, CADENCE_S, CADENCE_S)
+        return placed if (placed := self.doubts.placed(record)).quarantine else record  # as the driver does
 
     @property
     def charge(self) -> float | None:
@@ -186,7 +294,7 @@ class World:
     @property
     def obeys(self) -> bool:
         """Whether the navigation has done what it was asked for some seconds."""
-        faults = (Fault.SERVER_DEAF, Fault.RUNS_ON, Fault.SERVER_DEAD)
+        faults = (Fault.SERVER_DEAF, Fault.RUNS_ON, Fault.SERVER_DEAD, Fault.NO_RESULT)
         return not any(self.faults.on(fault, self.time_s - ago_s) for fault in faults for ago_s in range(15))
 
     @property

@@ -4,14 +4,16 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.mission.actions import Finish
-from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import as_samples
@@ -29,6 +31,8 @@ STATUS = MissionStatus(
 )  # fmt: skip
 PAUSED = replace(STATUS, phase=Phase.PAUSED, reason="paused")
 COUNTING = replace(STATUS, phase=Phase.COUNTING)
+CANCELLING = replace(STATUS, phase=Phase.CANCELLING, reason="stopping")
+ALARMED = replace(STATUS, alarms=(Alarm(1.0, "in_no_go", Response.PAUSE, "in the pond"),))
 
 
 @pytest.fixture
@@ -214,3 +218,82 @@ def test_a_mission_ends_or_says_why_it_waits(judge):
     assert kinds(judge) == []
     judge.ended(1.0, replace(STATUS, phase=Phase.TRAVELLING))
     assert kinds(judge) == [Kind.UNENDED]
+
+
+def drive(judge, ways, status, **how):
+    """Drive from place to place, one a second."""
+    for second, (before, place) in enumerate(pairwise(ways)):
+        judge.drove(10.0 + second, before, [place] if place != before else [], status, led=True, **how)
+
+
+INTO_THE_POND = [(8.0 + second, 15.0) for second in range(9)]
+OUT_OF_THE_FIELD = [(38.0 + 2 * second, 30.0) for second in range(9)]
+
+
+@pytest.mark.parametrize(
+    ("way", "status", "people", "found"),
+    [
+        (INTO_THE_POND[:7], STATUS, False, []),  # 3 s are allowed
+        (INTO_THE_POND, STATUS, False, [Kind.IN_NO_GO]),
+        (INTO_THE_POND, ALARMED, False, []),
+        (INTO_THE_POND, CANCELLING, False, []),
+        (INTO_THE_POND, STATUS, True, []),  # people may
+        (OUT_OF_THE_FIELD, STATUS, False, [Kind.AWAY]),
+    ],
+)
+def test_a_robot_that_is_led_astray_is_stopped_in_time(judge, way, status, people, found):
+    drive(judge, way, status, people=people)
+    assert kinds(judge) == found
+
+
+def test_a_robot_that_was_led_into_a_pond_may_leave_it_but_not_go_deeper(judge):
+    drive(judge, INTO_THE_POND[:5], STATUS)  # to 2 m
+    judge.drove(20.0, (12.0, 15.0), [(11.0, 15.0)], STATUS)
+    assert kinds(judge) == []
+    judge.drove(21.0, (11.0, 15.0), [(12.0, 15.0)], STATUS)
+    assert kinds(judge) == [Kind.NO_GO]
+
+
+@pytest.mark.parametrize(("off_m", "found"), [(10.0, []), (12.0, [Kind.OFF_ROUTE])])
+def test_a_robot_that_is_led_off_its_route_is_stopped_in_time(judge, off_m, found):
+    drive(judge, [(5.0 + second, 25.0 + off_m) for second in range(6)], STATUS, right=[(5.0, 25.0), (35.0, 25.0)])
+    assert kinds(judge) == found
+
+
+@pytest.mark.parametrize(("step_m", "found"), [(0.0, []), (0.06, [Kind.CONFIRMED]), (0.3, [Kind.CONFIRMED])])
+def test_nobody_confirms_a_stop_of_a_robot_that_moves(judge, step_m, found):
+    places = [(5.0 + step_m * second, 5.0) for second in range(5)]
+    drive(judge, places[:4], CANCELLING)
+    drive(judge, places[3:], PAUSED)
+    assert kinds(judge) == found
+
+
+@pytest.mark.parametrize("status", [PAUSED, COUNTING, replace(STATUS, phase=Phase.IDLE)])
+def test_a_robot_that_creeps_is_noticed(judge, status):
+    places = [(5.0 + 0.2 * second, 5.0) for second in range(12)]
+    warned = replace(status, alarms=(Alarm(1.0, "moving", Response.WARN, "it moves"),))
+    drive(judge, places[:9], status)
+    drive(judge, places[8:], warned)
+    assert kinds(judge) == []
+    drive(judge, [(x + 2.2, y) for x, y in places], status)
+    assert kinds(judge) == [Kind.UNNOTICED]
+
+
+@pytest.mark.parametrize(("away_m", "found"), [(1.5, []), (2.5, [Kind.NOT_REACHED])])
+def test_a_stop_is_not_reached_at_the_next_node(away_m, found):
+    stops = [Stop("a", 5.0, 5.0), Stop("b", 7.5, 5.0)]
+    graph = TravelGraph.from_edges(stops, [("a", "b"), ("b", "a")])
+    judge = Judge(replace(GROUND, graph=graph), 600.0)
+    judge.drove(1.0, (5.0 + away_m, 5.0), [], replace(COUNTING, target=stops[0]))
+    assert kinds(judge) == found
+
+
+def test_goals_of_others_and_places_of_records(judge):
+    judge.overridden(1.0, "goal sent")
+    records = [CountRecord(10.0 * number, 1.0, 2.0, 0.0, 40, 10.0, 10.0) for number in range(3)]
+    truth = {(0.0, 40): (1.0, 4.9), (10.0, 40): (1.0, 5.1), (20.0, 40): (9.0, 9.0)}
+    judge.placed(2.0, [records[0], replace(records[2], quarantine="place_jump")], truth)
+    assert kinds(judge) == [Kind.OVERRIDDEN]
+    judge.placed(3.0, records, truth)
+    assert kinds(judge) == [Kind.OVERRIDDEN, Kind.MISPLACED]
+    assert "2 of 3 records, the worst 10.6 m off" in judge.violations[1].what

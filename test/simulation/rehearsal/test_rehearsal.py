@@ -7,11 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from soilmoist_ros.exploration.control.watching import Watching
+from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.fence import Fence
+from soilmoist_ros.exploration.guard.motion import Motion, Standing
 from soilmoist_ros.exploration.guard.watch import Watch
-from soilmoist_ros.simulation.rehearsal.cases import make_case
+from soilmoist_ros.exploration.mission.types import MissionRules, Response
+from soilmoist_ros.exploration.navigation.goal_client import Listed
+from soilmoist_ros.simulation.rehearsal import clients
+from soilmoist_ros.simulation.rehearsal.cases import make_case, make_quiet_case
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
 from soilmoist_ros.simulation.rehearsal.judge import Kind, Violation
+from soilmoist_ros.simulation.rehearsal.receiver import RECEIVERS
 from soilmoist_ros.simulation.rehearsal.rehearsal import Outcome, rehearse
 from soilmoist_ros.simulation.rehearsal.world import NAVIGATORS
 
@@ -146,3 +153,74 @@ def test_the_script_ends_with_the_sum(safety, monkeypatch, capsys):
     )
     assert safety.main() == 1
     assert capsys.readouterr().out.splitlines()[-1] == "violations: 3"
+
+
+# Each watch is needed -----------------------------------------------------------------------------------------
+
+
+def ignore(*causes):
+    """Answer causes with nothing."""
+
+    def switch_off(monkeypatch):
+        made = Watch.__init__
+
+        def init(self, *given, **named):
+            made(self, *given, **named)
+            self.responses |= dict.fromkeys(causes, Response.IGNORE)
+
+        monkeypatch.setattr(Watch, "__init__", init)
+
+    return switch_off
+
+
+def no_standing_robot(monkeypatch):
+    """Nothing is known about what the robot does when its place is judged."""
+    monkeypatch.setattr(Watching, "expect", lambda *_: None)
+
+
+def everything_stands(monkeypatch):
+    """Any motion counts as a standstill."""
+    monkeypatch.setattr(Motion, "standing", lambda self, for_s, since_s=0.0: Standing(for_s))
+
+
+def whole_radius(monkeypatch):
+    """A stop is reached within the arrival radius, however near another node is."""
+    monkeypatch.setattr(MissionRules, "reach_m", lambda self, stop, noise_m=0.0: self.arrival_radius_m)
+
+
+def nobody_else(monkeypatch):
+    """Nobody asks whose goals the server works on."""
+    monkeypatch.setattr(clients, "Listed", lambda lives, active, others: Listed(lives, active))
+    monkeypatch.setattr(clients.ActionNavigator, "other_client", "")
+
+
+NEEDED = [  # the number of a rehearsal, what is switched off, and what the judge must find then
+    (Fault.DETOUR, 1, ignore(Cause.IN_NO_GO, Cause.FAR_OFF_ROUTE), Kind.IN_NO_GO),
+    (Fault.STRAY, 6, ignore(Cause.FAR_OFF_ROUTE), Kind.OFF_ROUTE),
+    (Fault.OTHER_MAP, 1, ignore(Cause.OUTSIDE, Cause.FAR_OFF_ROUTE), Kind.AWAY),
+    (Fault.CREEP, 1, ignore(Cause.MOVING), Kind.UNNOTICED),
+    (Fault.SLIDE, 1, ignore(Cause.MOVING), Kind.UNNOTICED),
+    (Fault.CREEP, 5, everything_stands, Kind.MOVED_STANDING),
+    (Fault.FIX_STEP, 1, no_standing_robot, Kind.MISPLACED),
+    (Fault.FIX_DRIFT, 1, no_standing_robot, Kind.MISPLACED),
+    (Fault.NEIGHBOUR, 9, whole_radius, Kind.NOT_REACHED),
+    (Fault.OTHER_CLIENT, 22, nobody_else, Kind.OVERRIDDEN),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("fault", "number", "switch_off", "kind"), NEEDED)
+def test_each_watch_is_needed(rehearsed, monkeypatch, fault, number, switch_off, kind):
+    case = replace(make_case(1, number, fault), budget_s=420.0)
+    assert rehearsed(case).violations == ()
+    switch_off(monkeypatch)
+    assert kind in {violation.kind for violation in rehearsed(case).violations}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(5), ids=RECEIVERS)
+def test_no_receiver_that_works_stops_a_mission(rehearsed, number):
+    outcome = rehearsed(replace(make_quiet_case(1, number), budget_s=1200.0, stated="true"))
+    assert outcome.stops == {}
+    assert (outcome.quarantined, outcome.refused) == (0, "")
+    assert outcome.visits > 3
