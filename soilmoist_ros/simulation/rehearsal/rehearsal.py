@@ -34,6 +34,8 @@ WRONG_M = 3.0
 """People see that a robot is this far from where the map shows it [m]."""
 UNKNOWN_M = 1.0
 """Noise of a receiver that states none, as far as the package can know it [m]."""
+OTHER_ENTRY_M = 25.0
+"""A navigation that is sent to a node may be this far from the shortest way [m]."""
 PATIENCE = 6
 """People who are asked so many times abort the mission."""
 AFTER_RELEASE_S = 15.0
@@ -110,6 +112,8 @@ def limits_of(case: Case) -> Limits:
     sd_m = RECEIVERS[case.receiver].sd_m
     noise_m = 4 * sd_m if sd_m > 0.1 else 0.0 if case.stated == "true" else UNKNOWN_M
     off_m = 11.0 if case.stated == "true" else 15.0  # no standstill has taught the noise yet
+    if case.navigator == "goto_node":  # the navigation may enter the graph by another node
+        off_m = OTHER_ENTRY_M
     return Limits(notice_s=3.0 if case.fixes_hz >= 1 else 5.0, noise_m=noise_m, off_m=off_m)
 
 
