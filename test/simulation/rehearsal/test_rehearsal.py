@@ -144,7 +144,7 @@ def test_rehearsals_without_violations(rehearsed, number):
 @pytest.mark.slow
 def test_the_script_ends_with_the_sum(safety, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["safety", "--fields", "1", "--seed", "5", "--workers", "1"])
-    short = lambda seed, number: replace(make_case(seed, number), budget_s=120.0, faults=Faults())  # noqa: E731
+    short = lambda seed, number, fault: replace(make_case(seed, number), budget_s=120.0, faults=Faults())  # noqa: E731
     monkeypatch.setattr(safety, "make_case", short)
     assert safety.main() == 0
     assert capsys.readouterr().out.splitlines()[-1] == "violations: 0"
