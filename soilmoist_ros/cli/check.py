@@ -153,7 +153,10 @@ def _field(name: str, robot_radius_m: float) -> tuple[Field, Iterable[Finding]]:
 def _graph(field: Field, path: Path, robot_radius_m: float, home: str) -> tuple[None, Iterable[Finding]]:
     from soilmoist_ros.replay.file_facts import graph_findings
 
-    return None, graph_findings(field, path, robot_radius_m, home)
+    try:
+        return None, list(graph_findings(field, path, robot_radius_m, home))
+    except InputError as error:
+        raise InputError([replace(one, path=one.path or path) for one in error.mistakes]) from None
 
 
 def _compare(

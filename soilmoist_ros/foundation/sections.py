@@ -98,6 +98,7 @@ def _as_mistake(detail: Any, content: Any, path: Path, model: type[BaseModel]) -
             message, f"write its keys, such as {{{known[0]}: ...}}" if known else "", path, line, column
         )
     message = detail["msg"].removeprefix("Value error, ").replace(" after validation", "")
+    message = message.replace("valid tuple", "valid list").replace("Tuple should", "list should")
     message = message[:1].lower() + message[1:]
     value = detail.get("input")
     if isinstance(value, (str, int, float)) and repr(value) not in message:

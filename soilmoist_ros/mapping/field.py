@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field as Setting
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
@@ -94,6 +94,17 @@ class FieldFile(Section):
     """What else is known at every place: FILE, FILE:BAND, or a section with ``file``, from the field file."""
     truth: Any = None
     """Truth of a surrogate field, for simulations; a field is mapped the same with or without it."""
+
+    @field_validator("no_go", "no_go_lonlat", mode="before")
+    @classmethod
+    def _list_of_areas(cls, given: Any) -> Any:
+        if given is None:  # a key whose areas are comments
+            return ()
+        if not isinstance(given, list) or any(
+            not isinstance(ring, list) or (ring and not isinstance(ring[0], list)) for ring in given
+        ):
+            raise ValueError("is a list of areas, each a list of corners: [[[1, 2], [3, 4], [5, 2]]]")
+        return given
 
     @model_validator(mode="after")
     def _one_boundary(self) -> FieldFile:
@@ -302,7 +313,7 @@ def misplaced(shape: BaseGeometry, field: BaseGeometry, frame: LocalFrame) -> Mi
         return Misplaced.LONLAT
     if np.abs(corners - datum[::-1]).max() < _DEGREES:
         return Misplaced.LATLON
-    if np.abs(corners).max() > 10 * MAX_DATUM_DISTANCE_M:
+    if np.abs(corners).max() > 2 * MAX_DATUM_DISTANCE_M:
         return Misplaced.PROJECTED
     if shapely.transform(shape, lambda xy: xy[:, ::-1]).intersects(field):
         return Misplaced.SWAPPED
@@ -406,7 +417,7 @@ def _require_plausible(
         if near and in_file:
             hint = "the file has latitude first: export it again with longitude first, as its format requires"
         elif near:
-            hint = "swap the numbers of each corner: longitude comes first"
+            hint = "longitude comes first in corners: swap their numbers, or those of 'datum' if these are wrong"
         elif lonlat is None:
             hint = "give the corners in metres from the datum, not as coordinates of a map projection"
         else:

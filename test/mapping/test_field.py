@@ -132,7 +132,7 @@ def test_a_cell_size_that_makes_no_grid_is_named(tmp_path):
         ),
         (
             "polygon_lonlat: [[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]\n",
-            "7,748 km from the datum -> swap the numbers of each corner: longitude comes first",
+            "7,748 km from the datum -> longitude comes first in corners: swap their numbers, or those of 'datum'",
         ),
         ("polygon_lonlat: [[0.52,53.27],[0.521,53.27],[0.521,53.271]]\n", "69 km from the datum -> check 'datum'"),
         ("polygon_lonlat: [[53.27,-100.5],[53.3,-100.5],[53.3,-100.6]]\n", "longitude comes first"),
@@ -158,6 +158,11 @@ BIG = "polygon: [[0,0],[60,0],[60,50],[0,50]]\n"
             "no_go: [[[398000,5902000],[398100,5902000],[398100,5902100]]]",
             "5,915 km .*not as coordinates of a map",
         ),
+        ("no_go: [[[155000,43000],[155009,43000],[155009,43009]]]", "161 km .*not as coordinates of a map"),
+        ("no_go: [[10,10],[20,10],[20,20]]", r":3 \[no_go\]: is a list of areas, each a list of corners"),
+        ("no_go: [{name: pond, polygon: [[10,10],[20,10],[20,20]]}]", "is a list of areas, each a list of"),
+        ("no_go: pond.geojson", "is a list of areas, each a list of .*, but it is 'pond.geojson'"),
+        ("no_go: [[[10,10,0],[20,10],[20,20]]]", "list should have at most 2 items, not 3"),
         ("no_go: [[[70,10],[80,10],[80,20]]]", "no-go area 1 lies 10 m from the field -> give it in metres east"),
         ("no_go: [[[20,55],[30,55],[30,60]]]", "lies 5 m from the field -> with x and y of each corner swapped"),
         ("no_go: [[[20,30],[20.05,30],[20.05,30.05]]]", "no-go area 1 encloses 0.0013 m2"),
@@ -189,6 +194,10 @@ def test_a_no_go_area_in_degrees_and_one_that_reaches_over_the_border(tmp_path):
     np.testing.assert_allclose(field.no_go[0], [[50, 10], [70, 10], [70, 20]], atol=1e-6)
     post = LocalFrame(53.27, -0.52).to_geographic([[5, 5], [5.3, 5], [5.3, 5.3]])[:, ::-1].tolist()
     assert len(load_field(write(tmp_path, SQUARE + BIG + f"no_go_lonlat: [{post}]")).no_go) == 1
+
+
+def test_a_key_of_no_go_areas_whose_areas_are_comments_has_none(tmp_path):
+    assert load_field(write(tmp_path, SQUARE + BIG + "no_go:\n#  - [[10,10],[20,10],[20,20]]\n")).no_go == ()
 
 
 def test_small_plots_and_whole_farms_are_fields(tmp_path):

@@ -13,12 +13,13 @@ import resource
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from soilmoist_ros.console.plan.outline import outline
 from soilmoist_ros.console.plan.walk import walked
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.errors import InputError, Mistake
 
 MIN_FIELDS, MAX_FIELDS = 2, 3
 """Simulated fields of a forecast, which is the mean of their squared errors."""
@@ -186,6 +187,12 @@ TASKS: Final[Mapping[str, Callable[[Mapping[str, Any]], dict[str, Any]]]] = {
 }
 
 
+def _without_folder(mistake: Mistake) -> Mistake:
+    """The mistake without a file of this process, which people have never seen."""
+    made_here = mistake.path is not None and mistake.path.is_absolute()
+    return replace(mistake, path=None, line=0) if made_here else mistake
+
+
 def _ring(corners: Any) -> str:
     return json.dumps([[round(float(x_m), 3), round(float(y_m), 3)] for x_m, y_m in corners])
 
@@ -198,7 +205,7 @@ def main() -> None:
         answer = TASKS[given["task"]](given)
         said = json.dumps(answer, allow_nan=False)
     except InputError as error:
-        said = json.dumps({"error": str(error)})
+        said = json.dumps({"error": "\n".join(str(_without_folder(one)) for one in error.mistakes)})
     except (KeyError, TypeError, ValueError, OverflowError, MemoryError, RecursionError) as error:
         said = json.dumps({"error": f"this cannot be used: {error!s:.200}"})
     print(said)

@@ -90,8 +90,8 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         "max_entry_m": Limit(
             10.0,
             "m",
-            "distance outside the field, or depth in a no-go area, from which no goal is sent; from nearer the "
-            "robot drives straight back in. At least max_outside_m counts",
+            "distance outside the field from which no goal is sent; from nearer the robot drives straight back "
+            "in. At least max_outside_m counts",
         ),
         "max_in_no_go_m": Limit(
             0.5, "m", "depth in a no-go area, the margin robot_radius_m included, from which a mission pauses"

@@ -351,7 +351,8 @@ _METRES = "the map's places must be metres east and north of the field's datum, 
 _REMEDIES = {
     Misplaced.LONLAT: "the places of its nodes are degrees: write metres east and north of the field's datum",
     Misplaced.LATLON: "the places of its nodes are degrees: write metres east and north of the field's datum",
-    Misplaced.PROJECTED: "its places are those of a map projection, such as UTM: write metres from the datum",
+    Misplaced.PROJECTED: "its places are those of a map projection, such as UTM, or its datum is wrong: write "
+    "metres from the datum",
     Misplaced.SWAPPED: "with x and y swapped nodes are in the field: x is east, y north",
     Misplaced.FEET: f"{_METRES}: read as feet, nodes are in the field",
     None: _METRES,
@@ -371,10 +372,18 @@ def _in_degrees(graph: TravelGraph, fence: Fence) -> bool:
 
 def _elsewhere(graph: TravelGraph, fence: Fence) -> InputError:
     """The error of a map none of whose nodes is in the field, with its distance and the likely cause."""
+    import shapely
+
     (west, south), (east, north) = graph.xy.min(axis=0), graph.xy.max(axis=0)
-    away_m = min(map(fence.outside_m, graph.xy))
+    away_m, remedy = min(map(fence.outside_m, graph.xy)), _REMEDIES[_cause(graph, fence)]
+    if shapely.intersects_xy(shapely.Polygon(fence.field.polygon), graph.xy).any() and not _in_degrees(
+        graph, fence
+    ):
+        remedy = (
+            f"nodes are in the field, but not with robot_radius_m {fence.margin_m:g}: check it and the no-go areas"
+        )
     return InputError(
         f"no node of the topological map lies in the field {fence.field.name!r} and outside its no-go areas: they "
         f"are at x {west:.0f} .. {east:.0f} m, y {south:.0f} .. {north:.0f} m, {distance_text(away_m)} away",
-        _REMEDIES[_cause(graph, fence)],
+        remedy,
     )

@@ -83,9 +83,11 @@ def test_it_is_a_process_that_answers_with_json():
         ({"task": "field", **FIELD}, "file"),
         ({"task": "field"}, "error"),
         ({"task": "x"}, "error"),
+        ({"task": "field", **FIELD, "no_go": [[[900, 10], [910, 10], [910, 20]]]}, "error"),
     ):
         done = subprocess.run(
             [sys.executable, "-m", "soilmoist_ros.console.plan.work"],
             input=json.dumps(given), capture_output=True, text=True, timeout=100, check=True,
         )  # fmt: skip
         assert key in json.loads(done.stdout)
+    assert json.loads(done.stdout)["error"].startswith("no-go area 1 lies "), "no name of a temporary file"
