@@ -230,7 +230,9 @@ def load_field(path: Path) -> Field:
     _require_valid(polygon, "the boundary", shown)
     _require_plausible(polygon, lonlat, frame, shown, section is not None)
     for number, ring in enumerate(no_go, start=1):
-        require_no_go(ring, f"no-go area {number}", polygon, frame, path, number <= len(in_degrees))
+        in_border = border is not None and number <= len(border.no_go)
+        name, lonlat_given = f"no-go area {number}", number <= len(in_degrees)
+        require_no_go(ring, name, polygon, frame, shown if in_border else path, lonlat_given)
     _require_room(polygon, no_go, path)
     covariates = tuple(
         CovariateSource.parse(one, path.parent) if isinstance(one, str) else one.source(path.parent)
@@ -364,9 +366,9 @@ def require_no_go(
     hint = _NO_GO_REMEDIES[cause]
     if distance_m == 0:
         what = f"{name} encloses {area.area:.2g} m2, less than {smallest_m2:g} m2"
-        if cause not in (Misplaced.LONLAT, Misplaced.LATLON):
-            hint = f"give metres; draw a post or well with {smallest_m2:g} m2 or more"
-    if lonlat:
+        if lonlat or cause not in (Misplaced.LONLAT, Misplaced.LATLON):
+            hint = f"{'' if lonlat else 'give metres; '}draw a post or well with {smallest_m2:g} m2 or more"
+    elif lonlat:
         hint = "check its corners: longitude comes first, east and north are positive"
     elif path is None and cause in (Misplaced.LONLAT, Misplaced.LATLON):
         hint = f"it looks like {cause}: give metres east and north of the field's datum"

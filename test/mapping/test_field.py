@@ -178,6 +178,10 @@ BIG = "polygon: [[0,0],[60,0],[60,50],[0,50]]\n"
         ),
         ("no_go: [[[10,10],[20,20],[20,10],[10,20]]]", "no-go area 1 is not a simple polygon: Self-intersection"),
         ("no_go_lonlat: [[[150,-40],[150.1,-40],[150.1,-40.1]]]", "not on the field's side of the earth"),
+        (
+            "no_go_lonlat: [[[-0.5199,53.2701],[-0.5199,53.27010001],[-0.51990001,53.2701]]]",
+            "m2 -> draw a post or",
+        ),
         ("no_go_lonlat: [[[-0.53,53.27],[-0.529,53.27],[-0.529,53.271]]]", "600 m from .* longitude comes first"),
         ("no_go_lonlat: [[[53.27,-100.5],[53.3,-100.5],[53.3,-100.6]]]", "longitude comes first"),
         ("no_go_lonlat: [[[53.27,-0.52],[53.271,-0.52],[53.271,-0.521]]]", "longitude comes first"),

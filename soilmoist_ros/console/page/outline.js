@@ -51,7 +51,8 @@ async function done() {
   if (draft.boundary.length < 3) draft.boundary = [];
   changed();
   if (!hasDraft()) return;
-  const answer = await request("plan", { task: "field", ...field() });
+  const asked = JSON.stringify(field()), answer = await request("plan", { task: "field", ...field() });
+  if (JSON.stringify(field()) !== asked) return;  // it was drawn anew meanwhile
   if (answer.error) page.notice(answer.error, true);
   else { area = answer.area_m2; page.render(); if (answer.note) page.notice(answer.note); }
 }
@@ -111,8 +112,8 @@ function about(kind) {
   if (now) return `${now.who || "Somebody"} walks the ${now.kind === "area" ? "no-go area" : "boundary"} with the robot: ${now.count} places, receiver ${accuracy(now.sd)}.`;
   if (kind) return `Tap the corners on the map, in order. ${draft.drawing.length} so far.`;
   if (!hasDraft()) return "The next mission explores this field. Draw, walk or import another one, or add no-go areas.";
-  const size = area ? `, ${(area / 10000).toFixed(2)} ha` : "";
-  return `Drawn: ${drawn() ? "a boundary" : "the present boundary"} with ${field().no_go.length} no-go areas${size}. Start with this plan to use it.`;
+  const count = field().no_go.length, size = area ? `, ${(area / 10000).toFixed(2)} ha` : "";
+  return `Drawn: ${drawn() ? "a boundary" : "the present boundary"} with ${count} no-go area${count === 1 ? "" : "s"}${size}. Start with this plan to use it.`;
 }
 
 export function renderOutline() {

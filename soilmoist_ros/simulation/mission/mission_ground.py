@@ -47,9 +47,9 @@ def travel_and_stops(
 
     :raises InputError: if the graph cannot be used
     """
+    if divided := Fence(field).divided():
+        _log.warning(divided)
     if settings.travel == "free":
-        if divided := Fence(field).divided():
-            _log.warning(divided)
         return FreeTravel(motion, (field.polygon,), field.no_go), _cell_stops(grid)
     fenced = fenced_map(field, mission_map(field, grid, settings.graph))
     return GraphTravel(fenced.graph, motion, fenced.fence.area.allows), fenced.stops

@@ -53,10 +53,11 @@ def test_a_map_with_another_datum_lies_where_it_says(tmp_path, caplog):
         )
 
 
-def test_simulator_and_planner_name_the_parts_of_a_divided_field(caplog):
+@pytest.mark.parametrize("travel", ["free", "graph"])
+def test_simulator_and_planner_name_the_parts_of_a_divided_field(caplog, travel):
     ditch = np.array([[30, -5], [32, -5], [32, 65], [30, 65]], float)
     field = Field("ditch", FRAME, FIELD.polygon, (ditch,))
-    travel_and_stops(field, field.grid(), RobotMotion(), MissionSettings(travel="free"))
+    travel_and_stops(field, field.grid(), RobotMotion(), MissionSettings(travel=travel))
     assert "2 parts that cannot be reached from each other (0.29 ha about (56, 30), 0.18 ha about" in caplog.text
     access = FieldAccess(field, RobotMotion(), None, AccessRules(robot_radius_m=0.75))
     assert "by a robot that keeps 0.75 m distance (0.27 ha about (56, 30), 0.17 ha about" in access.warning
