@@ -328,7 +328,7 @@ _NO_GO_REMEDIES = {
     Misplaced.PROJECTED: "give it in metres from the datum, not as coordinates of a map projection",
     Misplaced.SWAPPED: "with x and y of each corner swapped it touches the field: x (east) comes first",
     Misplaced.FEET: "give it in metres east and north of the datum: read as feet, it touches the field",
-    None: "give it in metres east and north of the datum, or remove it",
+    None: "give it in metres east and north of the datum; draw one at the border so that it touches the field",
 }
 
 
@@ -361,8 +361,11 @@ def require_no_go(
     smallest_m2 = MIN_POST_M2 if lonlat else MIN_NO_GO_M2
     if distance_m == 0 and area.area >= smallest_m2:
         return
-    what = f"{name} lies {distance_text(distance_m)} from the field"
+    away = distance_text(distance_m) if distance_m >= 1 else f"{distance_m:.2g} m"
+    what = f"{name} lies {away} from the field"
     cause = misplaced(area, field, frame)
+    if 0 < distance_m < 1 and cause in (Misplaced.SWAPPED, Misplaced.FEET):
+        cause = None  # rather next to the border than of another unit
     hint = _NO_GO_REMEDIES[cause]
     if distance_m == 0:
         what = f"{name} encloses {area.area:.2g} m2, less than {smallest_m2:g} m2"
