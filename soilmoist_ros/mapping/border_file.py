@@ -240,7 +240,7 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
         ring for ring in rings[1:] if len(ring) >= 3 and make_valid(Polygon(ring * scale)).area >= _MIN_HOLE_M2
     ]
     if lost := len(rings) - 1 - len(holes):
-        notes.append(f"{lost} holes of less than {_MIN_HOLE_M2:g} m2 are left out")
+        notes.append(f"{lost} {'hole' if lost == 1 else 'holes'} of less than {_MIN_HOLE_M2:g} m2 left out")
     filled = [name for _, ring, name in inside if len(ring) > 1]
     if filled:
         notes.append(f"holes of no-go areas are no-go, too: {listing(filled)}")

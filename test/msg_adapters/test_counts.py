@@ -107,7 +107,7 @@ def test_the_numbers_of_reasons_stay():
     assert NUMBERS == {
         "noisy_tube": 1, "dead_tube": 2, "stuck_tube": 3, "impossible_count": 4, "impossible_weather": 5,
         "frozen_pressure": 6, "place_jump": 7, "clock_drift": 8, "overdispersed": 9, "unexpected_count": 10,
-        "rate_jump": 11,
+        "rate_jump": 11, "place_doubt": 12,
     }  # fmt: skip
     kinds = list(Kind)
     assert set(NUMBERS) == set(kinds[kinds.index(Kind.NOISY_TUBE) :]), "each kind of bad record needs a number"

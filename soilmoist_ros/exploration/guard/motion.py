@@ -33,7 +33,7 @@ SLOW_MPS: Final = 0.05
 """Speed that a standstill must exclude [m/s] ..."""
 SPANS: Final = (1.0, 1.5, 2.0, 3.0, 4.0)
 """... over the first of these multiples of the time asked for at which the noise lets one see it."""
-LONGEST_S: Final = 60.0
+MAX_SPAN_S: Final = 60.0
 """Longest time over which standstill is judged [s]."""
 MOVED_SDS: Final = 6.0
 """A motion is certain beyond this many: hundreds of hours are judged, some times a minute."""
@@ -158,7 +158,7 @@ class Motion:
         """
         shift, whole_s = None, 0.0
         for factor in SPANS:
-            span_s = min(factor * for_s, LONGEST_S)
+            span_s = min(factor * for_s, MAX_SPAN_S)
             longer = self.shift(span_s, since_s, whole=True)
             if longer is None:
                 break
