@@ -117,7 +117,7 @@ def test_the_command_says_of_a_map_what_the_planner_says(tmp_path):
     assert "map.json: there is no stop 'yrad'" in missing.output
     assert "did you mean 'yard'" in missing.output
     broad = check("--field", field, "--graph", graph, "--robot-radius", "31")
-    assert "nodes are in the field, but not with robot_radius_m 31" in broad.output
+    assert "nodes are in the field: check its no-go areas, and robot_radius_m (31 m)" in broad.output
 
 
 SITE = """\

@@ -376,12 +376,9 @@ def _elsewhere(graph: TravelGraph, fence: Fence) -> InputError:
 
     (west, south), (east, north) = graph.xy.min(axis=0), graph.xy.max(axis=0)
     away_m, remedy = min(map(fence.outside_m, graph.xy)), _REMEDIES[_cause(graph, fence)]
-    if shapely.intersects_xy(shapely.Polygon(fence.field.polygon), graph.xy).any() and not _in_degrees(
-        graph, fence
-    ):
-        remedy = (
-            f"nodes are in the field, but not with robot_radius_m {fence.margin_m:g}: check it and the no-go areas"
-        )
+    within = shapely.intersects_xy(shapely.Polygon(fence.field.polygon), graph.xy)
+    if within.any() and not _in_degrees(graph, fence):
+        remedy = f"nodes are in the field: check its no-go areas, and robot_radius_m ({fence.margin_m:g} m)"
     return InputError(
         f"no node of the topological map lies in the field {fence.field.name!r} and outside its no-go areas: they "
         f"are at x {west:.0f} .. {east:.0f} m, y {south:.0f} .. {north:.0f} m, {distance_text(away_m)} away",
