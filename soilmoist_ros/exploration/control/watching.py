@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-import shapely
-
 from soilmoist_ros.exploration.control.mission_setup import FieldAccess
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.watch import NEAR_ROUTE_M, Doing, Surroundings, Watch
@@ -55,6 +53,8 @@ class Watching:
 
     def sent(self, way: Way) -> None:
         """A goal is sent with its route."""
+        import shapely
+
         self._route = shapely.multilinestrings(list(shapely.linestrings(way.lines))) if len(way.lines) else None
 
     def stopped(self, now_s: float) -> None:
@@ -63,6 +63,8 @@ class Watching:
 
     def moved(self, place: tuple[float, float], sd_m: float) -> None:
         """The robot is here [m], by a fix of this standard deviation [m]."""
+        import shapely
+
         if self._access is None:
             return
         fence = self._access.fence
