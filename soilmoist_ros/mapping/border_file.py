@@ -208,7 +208,7 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
             if shared > _MAX_SHARED:
                 notes.append(
                     f"{labels[number]} lies in the field by {shared:.0%} and is not used: if it must not be "
-                    "entered, list it under 'no_go_lonlat'"
+                    "entered, list it under 'no_go_lonlat', or draw it on the page"
                 )
     rivals = [number for number, mine in apart if mine]
     if rivals and not source.takes_largest:
@@ -220,7 +220,7 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
         raise InputError(
             f"holds {len(inside) + 1} polygons, and those inside {label} cover {share:.0%} of it: they may be "
             "zones of the field, or no-go areas",
-            "export the border alone; cut a no-go area out as a hole, or list it under 'no_go_lonlat'",
+            "export the border alone; cut a no-go area out, list it under 'no_go_lonlat', or draw it on the page",
             path,
         )
     for shape, _, name in inside:
