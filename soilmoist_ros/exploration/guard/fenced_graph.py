@@ -148,7 +148,9 @@ class FencedGraph:
             name = self.whole.names[number]
             outside = f", {self._beyond}," if self._beyond else ""
             what = f"the home {home}{outside}" if home else f"{name}, where the robot stands,"
-            why = "; ".join(filter(None, (f"{what} and the nodes of the topological map in the field", lost())))
+            one = f"only the way {'to' if ways[0] else 'from'} it is missing" if any(ways) else ""
+            both = f"{what} and the nodes of the topological map in the field"
+            why = "; ".join(filter(None, (both, one, lost())))
             raise InputError(
                 f"no way that is allowed leads between {why}",
                 "check the no-go areas and the parameter outside, or choose another node",

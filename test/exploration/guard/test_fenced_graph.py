@@ -172,6 +172,9 @@ def test_no_way_home_leads_through_a_no_go_area():
     whole = graph({**AROUND, **SHED}, "a s t u b", "s gate shed")
     with pytest.raises(InputError, match="no way that is allowed leads between the home shed"):
         FencedGraph(whole, Fence(field), Outside.WAY, "shed")
+    one_way = graph({**AROUND, **SHED}, "a s t u b", one_way=["s gate", "gate shed"])
+    with pytest.raises(InputError, match=r"the home shed, .* in the field; only the way from it is missing"):
+        FencedGraph(one_way, Fence(FIELD), Outside.WAY, "shed")
 
 
 def test_a_map_in_a_pond():
