@@ -115,6 +115,8 @@ def _notation(detail: Any, location: Location) -> str:
     if detail["type"] == "literal_error":
         known = re.findall(r"'([^']+)'", str(limits.get("expected")))
         return f"write {value.lower()}" if value.lower() in known else ""
+    if detail["type"] == "too_long" and limits.get("max_length") == 2:
+        return "write two values, such as [1, 2]"
     if unit == "deg" and (degrees := _decimal_degrees(value)) is not None:
         return f"write degrees with decimals: {degrees:.7g}"
     if detail["type"] in ("float_parsing", "int_parsing"):

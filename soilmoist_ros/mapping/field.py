@@ -372,7 +372,7 @@ def require_no_go(
         if lonlat or cause not in (Misplaced.LONLAT, Misplaced.LATLON):
             hint = f"{'' if lonlat else 'give metres; '}draw a post or well with {smallest_m2:g} m2 or more"
     elif lonlat:
-        hint = "check its corners: longitude comes first, east and north are positive"
+        hint = "check the datum and its corners: longitude comes first, east and north are positive"
     elif path is None and cause in (Misplaced.LONLAT, Misplaced.LATLON):
         hint = f"it looks like {cause}: give metres east and north of the field's datum"
     raise InputError(what, hint, path)

@@ -162,7 +162,7 @@ BIG = "polygon: [[0,0],[60,0],[60,50],[0,50]]\n"
         ("no_go: [[10,10],[20,10],[20,20]]", r":3 \[no_go\]: is a list of areas, each a list of corners"),
         ("no_go: [{name: pond, polygon: [[10,10],[20,10],[20,20]]}]", "is a list of areas, each a list of"),
         ("no_go: pond.geojson", "is a list of areas, each a list of .*, but it is 'pond.geojson'"),
-        ("no_go: [[[10,10,0],[20,10],[20,20]]]", "list should have at most 2 items, not 3"),
+        ("no_go: [[[10,10,0],[20,10],[20,20]]]", r"list should have at most 2 items, not 3 -> .* \[1, 2\]"),
         ("no_go: [[[70,10],[80,10],[80,20]]]", "no-go area 1 lies 10 m from the field -> give it in metres east"),
         ("no_go: [[[60.3,10],[80,10],[80,20]]]", "0.3 m from the field -> .* so that it touches the field"),
         ("no_go: [[[20,55],[30,55],[30,60]]]", "lies 5 m from the field -> with x and y of each corner swapped"),
