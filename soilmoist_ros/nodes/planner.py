@@ -33,7 +33,6 @@ from soilmoist_ros.nodes.wiring.planner_inputs import PlannerInputs
 from soilmoist_ros.nodes.wiring.planner_keepout import PlannerKeepout
 from soilmoist_ros.nodes.wiring.planner_outputs import PlannerOutputs
 from soilmoist_ros.recording.stored_mission import StoredMission
-from soilmoist_ros.sensing.position.place_doubt import none_since
 
 __all__ = ["PARAMETERS", "Planner", "main"]
 
@@ -46,7 +45,6 @@ class Planner(Node):
     """Explores a field: chooses stops, sends the robot to them, and lets it count."""
 
     finished = False
-    _has_place = False
 
     def __init__(self) -> None:
         super().__init__("planner")
@@ -137,11 +135,7 @@ class Planner(Node):
     def _tick(self) -> None:
         self._control.tick()
         self._control.check()
-        places = self._control.watch.places
-        if places.fix is not None and not self._has_place:
-            self._has_place = True
-            self._outputs.doubt([none_since(places.fix.time_s)])
-        self._outputs.doubt(places.news())
+        self._outputs.doubt(self._control.doubts())
         if self._autostart and not self._control.missing() and not self._control.dangers:
             self._autostart = not self._control.command(Verb.START).accepted
         self.finished = self._outputs.all_done and self._values.flag("exit_when_finished")

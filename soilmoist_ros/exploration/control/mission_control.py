@@ -88,6 +88,7 @@ from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.position.heard import Heard
+from soilmoist_ros.sensing.position.place_doubt import Doubt, none_since
 from soilmoist_ros.sensing.position.place_judge import PlaceFix
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -196,6 +197,7 @@ class MissionControl:
         self._journal = journal or MissionJournal(None)
         self._interrupted = ""
         self._last_command = "", math.nan
+        self._has_place, self._doubt_s = False, (math.nan, math.nan)
         self._resume_when_ready = False
         self._start(mission or Mission(rules))
         named = (PropertyMap(name, weight) for name, weight in properties.items())
@@ -240,8 +242,13 @@ class MissionControl:
         now_s = max(self._clock.now_s(), mission.state.now_s or 0.0)
         self.watch.adopt((alarm.cause for alarm in mission.state.alarms), now_s)
         self._feed.command(Command(now_s, Verb.PAUSE, who=RESTART))
-        if mission.state.goal is not None:
-            self.navigator.cancel(mission.state.goal.goal_id)  # the robot may still be driving there
+        state = mission.state
+        if state.goal is not None:
+            self.navigator.cancel(state.goal.goal_id)  # the robot may still be driving there
+        elif state.under_way and state.counting is not None:
+            self.watch.places.stood((state.counting.x_m, state.counting.y_m), state.counting.sd_m, now_s)
+        elif state.under_way and state.position is not None:
+            self.watch.places.stood(state.position, state.position_sd_m, now_s)
 
     # What comes in -------------------------------------------------------------------------------------------
 
@@ -377,6 +384,7 @@ class MissionControl:
         """An emergency stop is pressed or released; a release moves nothing."""
         if pressed:
             self._resume_when_ready = False
+            self._watching.stopped(self._clock.now_s())
         self._feed.give(EmergencyStop(self._clock.now_s(), pressed, source))
 
     @property
@@ -527,6 +535,20 @@ class MissionControl:
         if state.phase is Phase.TRAVELLING and taken(place, [pending], access.grid.cell_m)[0]:
             self._feed.give(Command(self._clock.now_s(), Verb.SKIP, f"because {name} goes there"))
 
+    def doubts(self) -> list[Doubt]:
+        """Doubts about the place that are new or over since the last call, on the clock that stamps records."""
+        places, offset_s = self.watch.places, self._mission.state.stamp_offset_s
+        found = places.news()
+        if places.fix is not None and not self._has_place:
+            self._has_place = True
+            found.insert(0, none_since(places.fix.time_s))
+        stamped = []
+        for doubt in found:
+            if doubt.since_s != self._doubt_s[0]:
+                self._doubt_s = doubt.since_s, doubt.since_s + offset_s  # it is known by its begin
+            stamped.append(replace(doubt, since_s=self._doubt_s[1], until_s=doubt.until_s + offset_s))
+        return stamped
+
     def second(self) -> None:
         """A second of steady time has passed: robots that are not heard are lost some day."""
         for name in self.team.pass_time(1.0):
@@ -547,7 +569,8 @@ class MissionControl:
                 self._feed.give(event)
             self._feed.give(Tick(self._clock.now_s()))
         state = self._mission.state
-        if self._resume_when_ready and state.phase is Phase.PAUSED and not (self.missing() or state.hindrance):
+        ready = state.phase is Phase.PAUSED and state.interrupted and self.watch.places.doubt is None
+        if self._resume_when_ready and ready and not (self.missing() or state.hindrance):
             self.command(Verb.RESUME)  # a refused command would be written down five times a second
         self._plan_if_due()
 
@@ -596,7 +619,8 @@ class MissionControl:
         elif status.phase is Phase.IDLE and self.dangers:
             status = replace(status, reason=f"waiting for start, which is refused: {self.dangers}")
         if status.phase in (Phase.PAUSED, Phase.CANCELLING) and self._interrupted:
-            status = replace(status, reason=f"{self._interrupted}; resume or abort", needs_operator=True)
+            why = "resume or abort" if self._mission.state.interrupted else status.reason
+            status = replace(status, reason=f"{self._interrupted}; {why}", needs_operator=True)
         if status.phase is Phase.IDLE and self._access is not None:
             rules, changes = self._mission.current_rules, self._mission.state.changes
             settings = changed_settings(self._settings, rules, changes)

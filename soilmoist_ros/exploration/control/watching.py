@@ -134,7 +134,7 @@ class Watching:
         return Doing(
             under_way=state.under_way,
             driving=state.goal is not None,
-            still=state.goal is None and watched,
+            still=(state.goal is None or state.goal.over) and watched,
             going_home=state.ended is not None or state.phase is Phase.RETURNING,
             waiting_for=navigator.waiting_for,
             other_client=navigator.other_client,

@@ -101,7 +101,7 @@ class Doing:
 
     :param under_way: whether a mission has started and not ended
     :param driving: whether a goal has been sent and has not ended
-    :param still: whether the robot should stand: it is the planner's, and no goal has been sent that has not ended
+    :param still: whether the robot should stand: it is the planner's, and its navigation works on no goal
     :param going_home: whether the robot is on its way home for good
     :param waiting_for: what is missing of the navigation; empty if nothing is
     :param other_client: who drives the robot instead of the planner; empty if nobody does

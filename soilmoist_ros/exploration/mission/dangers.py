@@ -21,7 +21,8 @@ class Dangers(Moves):
             self.state = replace(self.state, alarms=others)
             return
         self.state = replace(self.state, alarms=(*others, alarm))
-        if alarm.cause == MOVING and alarm.response.stops and self.state.goal is None:
+        goal = self.state.goal
+        if alarm.cause == MOVING and alarm.response.stops and (goal is None or goal.over):
             self.do(CancelGoal(ANYBODYS, alarm.reason))  # again with each alarm: nothing else tells it to stop
         if self.state.under_way and (known is None or known.response is not alarm.response):
             self.respond(alarm)

@@ -152,8 +152,8 @@ class PlaceFix:
 
     @property
     def time_s(self) -> float:
-        """Its stamp, or when it came [s]."""
-        return self.stamp_s if math.isfinite(self.stamp_s) else self.now_s
+        """When it was measured, or came if its age is unknown [s]; its stamp may be on another clock."""
+        return self.measured_s if math.isfinite(self.age_s) else self.now_s
 
 
 class PlaceJudge:
@@ -219,6 +219,12 @@ class PlaceJudge:
             self._stood = None
             if self.doubt is not None and not self.rejected:  # somebody has decided to drive from there
                 self._end_doubt(Outcome.LOST)
+
+    def stood(self, xy: tuple[float, float], sd_m: float, now_s: float) -> None:
+        """The robot stood here [m] when an earlier process ended; it should not have moved since."""
+        self.expect(Expected.STANDING, now_s)
+        self._stand = _Stand(PlaceFix(now_s - WANDER_S, *xy, sd_m))
+        self._stand.steady = PlaceFix(now_s, *xy, sd_m)
 
     def confirm(self) -> None:
         """People say that the robot is where its newest places are."""

@@ -48,6 +48,7 @@ class Farm:
         self.steady_s, self.stepped_s = 500.0, 0.0
         self.place, self.goal, self.drive = (50.0, 50.0), None, True
         self.fix = self.stamp = lambda value: value
+        self.sd_m, self.receiver_s = 0.02, 0.0
         self.stray = None  # metres east and north in a second, whatever the goal
         self.cancelled = 0
         self.fixes = self.sensor = self.mapper = True
@@ -136,7 +137,7 @@ class Farm:
         self.steady_s += 1.0
         self.move()
         if self.fixes:
-            self.control.fix(self.fix(self.place), 0.02, self.now_s())
+            self.control.fix(self.fix(self.place), self.sd_m, self.now_s() + self.receiver_s)
         if math.isfinite(self.charge):
             self.control.battery(self.charge, math.nan)
         if self.sensor and self.steady_s % 10 == 0:
@@ -157,7 +158,7 @@ class Farm:
         self.place = tuple(a + share * (b - a) for a, b in zip(self.place, end, strict=True))
         if share == 1.0:
             self.goal = None
-            self.control.fix(self.fix(self.place), 0.02, self.now_s() + 0.5)
+            self.control.fix(self.fix(self.place), self.sd_m, self.now_s() + self.receiver_s)
             self.report(Ended(goal_id, Outcome.SUCCEEDED, "arrived"))
 
     def count(self):
@@ -601,16 +602,59 @@ def test_alarms_of_a_mission_that_was_interrupted_end(farm):
     goes_on(again)
 
 
+@pytest.mark.parametrize("away_m", [0.0, 8.0])
+def test_a_robot_that_is_elsewhere_after_a_restart_waits_for_people(farm, away_m):
+    """The receiver jumped while it counted, and the planner that doubted it has died."""
+    farm.run(lambda: farm.status.phase is Phase.COUNTING).pass_by(15)
+    again = Farm()
+    again.steady_s, again.place = farm.steady_s + 10.0, farm.place
+    again.fix = lambda true: (true[0] + away_m, true[1])
+    again.control.take_up(Mission(again.control._mission.rules, farm.control._mission.state), auto=True)
+    again.pass_by(20)
+    assert again.status.phase is (Phase.PAUSED if away_m else Phase.COUNTING)
+    if away_m:
+        assert "has moved by 8.0 m" in again.pass_by(60).status.reason
+        assert len(again.control.doubts()) == 2
+        assert again.control.command(Verb.RESUME).accepted
+        assert again.control.doubts()[-1].outcome == "confirmed"
+
+
+def test_an_interrupted_mission_with_an_alarm_that_needs_people_does_not_resume_by_itself(farm):
+    again = Farm()
+    again.steady_s, again.place = farm.steady_s, farm.place
+    again.control.take_up(Mission(again.control._mission.rules, farm.control._mission.state), auto=True)
+    again.control.watch.note(Cause.MAP_CHANGED, "the navigation has another map")
+    again.pass_by(60)
+    assert (again.alarms, again.status.phase, again.status.needs_operator) == ({}, Phase.PAUSED, True)
+
+
+@pytest.mark.parametrize("receiver_s", [0.0, -1024 * 604800.0, 3600.0])
+@pytest.mark.parametrize("step_s", [0.0, 7200.0])
+def test_doubts_have_the_clock_of_the_records(receiver_s, step_s):
+    """A receiver may count weeks wrongly, and the clock of the computer may be set in a mission."""
+    farm = Farm()
+    farm.receiver_s = receiver_s
+    farm.begin().run(lambda: farm.shown.phase is Phase.COUNTING, 200)
+    farm.stepped_s = step_s
+    farm.pass_by(10).control.doubts()
+    began_s, farm.fix = farm.now_s(), lambda true: (true[0] + 8.0, true[1])
+    farm.pass_by(20)
+    farm.fix = lambda true: true
+    first, last = farm.pass_by(10).control.doubts()
+    assert first.since_s == last.since_s == pytest.approx(began_s, abs=2.0)
+    assert last.until_s == pytest.approx(began_s + 20.0, abs=2.0)
+
+
 # Motion
 
 
 POND = np.array([[30.0, 60.0], [35.0, 60.0], [35.0, 66.0], [30.0, 66.0]])
 
 
-def strays(farm, mps, to=(50.0, 1e6)):
+def strays(farm, mps, to=(50.0, 1e6), noise_m=0.02):
     """The robot moves towards a place, whatever it is asked for; its fixes have noise."""
     noise, away_m = np.random.default_rng(3), math.dist(farm.place, to)
-    farm.fix = lambda true: tuple(noise.normal(true, 0.02).tolist())
+    farm.fix = lambda true: tuple(noise.normal(true, noise_m).tolist())
     farm.stray = tuple(mps / away_m * (end - here) for here, end in zip(farm.place, to, strict=True))
     return farm
 
@@ -622,12 +666,18 @@ def stopped(farm, cause, within_s):
     return farm
 
 
-@pytest.mark.parametrize("sd_m", [0.02, 0.3])
-def test_a_robot_that_drives_into_a_small_pond_is_stopped(sd_m):
-    farm = strays(Farm(no_go=(POND,)).begin(), 0.8, (32.5, 63.0))
-    farm.run(lambda: "in_no_go" in farm.alarms, 60)
+@pytest.mark.parametrize(("noise_m", "sd_m"), [(0.02, 0.02), (0.1, 0.1), (0.02, math.nan), (0.02, 0.0)])
+def test_a_robot_that_drives_into_a_small_pond_is_stopped(noise_m, sd_m):
+    farm = Farm(no_go=(POND,))
+    farm.sd_m = sd_m
+    strays(farm, 0.0, noise_m=noise_m)
+    farm.stray = None
+    farm.begin().run(lambda: farm.status.samples == 1)  # a stop teaches what the receiver does not state
+    strays(farm, 0.8, (32.5, 63.0), noise_m)
+    farm.run(lambda: "in_no_go" in farm.alarms, 100)
     assert farm.goal is None
-    assert math.dist(farm.place, (32.5, 63.0)) > 1.0, "it is 3 m from the middle to the border"
+    left_m = 1.0 if sd_m == 0.02 else 0.3  # what is not stated well is not known as well
+    assert math.dist(farm.place, (32.5, 63.0)) > left_m, "it is 3 m from the middle to the border"
 
 
 def test_a_robot_far_off_its_route_waits_for_an_operator(farm):
@@ -686,6 +736,23 @@ def test_an_aborted_robot_that_moves_is_stopped_and_cannot_start(farm):
     answer = farm.control.command(Verb.ABORT)
     assert answer.message.endswith("it is not known to stand")
     farm.run(lambda: "moving" in farm.alarms, 8)
+
+
+def test_a_robot_that_moves_after_its_goal_has_ended_is_stopped_again(farm):
+    cancelled, cancel = [], farm.cancel
+    farm.cancel = lambda goal_id: (cancelled.append(goal_id), cancel(goal_id))
+    strays(farm, 0.4).control.command(Verb.PAUSE)
+    farm.run(lambda: "moving" in farm.alarms, 12)
+    assert (farm.status.phase, cancelled[-1]) == (Phase.CANCELLING, ANYBODYS)
+    farm.stray = None
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
+    assert farm.status.needs_operator
+
+
+def test_a_robot_that_moves_after_an_emergency_stop_is_stopped_again_without_a_mission():
+    farm = Farm().pass_by(3)
+    farm.control.emergency(True, "button")
+    strays(farm, 0.4).run(lambda: "moving" in farm.alarms, 8)
 
 
 def test_people_may_drive_a_robot_before_its_mission():
