@@ -195,7 +195,7 @@ class Watch:
         self.limits = limits or WatchLimits()
         self.responses = {cause: responses.get(cause, row.response) for cause, row in FAILSAFES.items()}
         self.places = PlaceJudge(self.limits.place)
-        self.motion = Motion()
+        self.motion, self._astray = Motion(), Motion()  # the latter by places that are not believed
         self._states = {cause: _State() for cause in Cause}
         self._heard: dict[str, _Heard] = {}
         self._under_way = False
@@ -230,6 +230,9 @@ class Watch:
             if lost:
                 away = f"the last one {places.jump_m(fix):.0f} m from the last plausible place"
                 self.report(Cause.JUMP, f"{places.rejected} fixes in a row are implausible, {away}")
+            if places.rejected == 1 or places.agreeing == 1:
+                self._astray = Motion()
+            self._astray.take(fix.measured_s, fix.xy, places.sd_m(fix.sd_m))
         if verdict is not Verdict.PLAUSIBLE:
             return None
         self.report(Cause.JUMP, "")
@@ -482,10 +485,11 @@ class Watch:
             return ""
         self._still_since_s = min(self._still_since_s, now_s)
         settling = now_s - self._still_since_s < SETTLE_S
-        shift = self.motion.moved(self._still_since_s + (0.0 if settling else SETTLE_S))
+        motion = self._astray if self.places.rejected else self.motion
+        shift = motion.moved(self._still_since_s + (0.0 if settling else SETTLE_S))
         if shift.certain_m <= self.limits.moving_m + (SETTLE_M if settling else 0.0):
             return ""
-        if self._states[Cause.MOVING].on and self.motion.standing(STILL_S).for_s > 0:
+        if self._states[Cause.MOVING].on and motion.standing(STILL_S).for_s > 0:
             self._still_since_s = now_s
             return ""
         return f"the robot moves without a goal: {shift.length_m:.1f} m in {shift.span_s:.0f} s"

@@ -167,6 +167,8 @@ class PlaceJudge:
         the last plausible place
     rejected : int
         number of places in a row that contradict it
+    agreeing : int
+        number of the last of them that agree with each other
     rejected_since_s : float
         when the first of them came [s]
     relocated_m : float
@@ -191,7 +193,7 @@ class PlaceJudge:
         self.counts = dict.fromkeys(Verdict, 0)
         self._track: deque[PlaceFix] = deque()
         self._candidates: deque[PlaceFix] = deque()
-        self._agreeing = 0
+        self.agreeing = 0
         self._agreeing_since_s = math.inf
         self._stamp_s = math.nan
         self._expected = Expected.ANYTHING
@@ -362,17 +364,17 @@ class PlaceJudge:
         """Whether enough places that contradict the track agree with each other, this one included."""
         if not self._candidates or not self._within_reach(fix, self._candidates):
             self._candidates.clear()
-            self._agreeing, self._agreeing_since_s = 0, fix.now_s
+            self.agreeing, self._agreeing_since_s = 0, fix.now_s
         self._candidates.append(fix)
-        self._agreeing += 1
+        self.agreeing += 1
         while self._time_s(self._candidates[0], fix) > WINDOW_S:
             self._candidates.popleft()
         if self.fix is None:
-            return self._agreeing >= self.limits.first_fixes and not self._is_old(fix)
+            return self.agreeing >= self.limits.first_fixes and not self._is_old(fix)
         better = 0 < 2 * fix.sd_m < self.fix.sd_m and self._is_explained(fix)
         needed_s = self.limits.agree_s if self._stand is None or better else max(self.limits.agree_s, STAYS_S)
         lasted = fix.now_s - self._agreeing_since_s >= needed_s
-        return lasted and self._agreeing >= self.limits.agree_fixes
+        return lasted and self.agreeing >= self.limits.agree_fixes
 
     def _is_old(self, fix: PlaceFix) -> bool:
         """Whether a place is too old when it comes, or of unknown age."""

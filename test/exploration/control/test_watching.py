@@ -717,6 +717,18 @@ def test_a_paused_robot_that_moves_is_stopped_again_until_it_stands(farm):
     goes_on(farm)
 
 
+def test_a_robot_that_moves_while_its_place_is_not_believed_is_stopped(farm):
+    farm.control.command(Verb.PAUSE)
+    farm.run(lambda: farm.status.phase is Phase.PAUSED, 30).pass_by(20)
+    strays(farm, 0.0)
+    farm.fix, noisy = lambda true: noisy((true[0] + 8.0, true[1])), farm.fix
+    assert set(farm.pass_by(15).alarms) == {"jump", "fix_old"}
+    farm.stray = 0.4, 0.0
+    before = farm.cancelled
+    farm.run(lambda: "moving" in farm.alarms, 6)
+    assert farm.pass_by(12).cancelled >= before + 2
+
+
 def test_a_counting_robot_that_moves_is_stopped(farm):
     farm.run(lambda: farm.status.phase is Phase.COUNTING).pass_by(20)
     stopped(strays(farm, 0.3), "moving", 8)
