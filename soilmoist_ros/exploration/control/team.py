@@ -253,7 +253,9 @@ class Team:
                 continue
             drives = status.phase in _DRIVES and not self.is_lost(robot)
             velocity, age_s = (robot.velocity, now_s - robot.heard_s) if drives else ((0.0, 0.0), 0.0)
-            away = np.subtract(status.place, place) + np.multiply(velocity, age_s)
+            away, sure_s = np.subtract(status.place, place), age_s if age_s <= AHEAD_S else 0.0
+            nearest_s = -(away @ velocity) / max(float(np.dot(velocity, velocity)), 1e-9)
+            away = away + np.multiply(velocity, np.clip(nearest_s, sure_s, age_s))  # where it may have stopped
             away_m, closing = float(np.hypot(*away)), np.subtract(velocity, self._velocity)
             farthest_m = self._farthest_m[name] = max(self._farthest_m.get(name, 0.0), away_m)
             if driving:

@@ -365,6 +365,24 @@ def test_a_robot_that_falls_silent_is_lost_and_its_place_stays_taken_until_someb
     assert one.control.team.release_lost() == []
 
 
+@pytest.mark.parametrize("silent_s", [5.0, 20.0, 29.0])
+def test_a_robot_that_drove_when_it_fell_silent_may_have_stopped_at_once_or_driven_on(silent_s):
+    one, two = Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0))
+    begun(one, two)
+    two.asked((47.5, 32.5))
+    together([one, two], lambda: two.place[0] > 38)
+    team, now_s = one.control.team, one.time_s
+    [robot] = team.robots.values()
+    died, velocity = robot.status.place, robot.velocity
+    team.pass_time(silent_s)
+    gone = tuple(at + (now_s + silent_s - robot.heard_s) * mps for at, mps in zip(died, velocity, strict=True))
+    for there in (died, gone):
+        team.fault((0.0, 0.0), True, False, now_s + silent_s - 1.0)  # it was far away
+        assert "/robot_2 is" in team.fault((there[0], there[1] + 1.0), True, False, now_s + silent_s)
+    middle = (died[0] + gone[0]) / 2, (died[1] + gone[1]) / 2 + 20.0
+    assert not team.fault(middle, True, False, now_s + silent_s)
+
+
 @pytest.mark.parametrize(("off_s", "named"), [(0.0, False), (2.0, False), (40.0, True), (-3600.0, True)])
 def test_a_clock_that_differs_is_named(off_s, named):
     one, two = Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0))
