@@ -197,7 +197,7 @@ class MissionControl:
         self._journal = journal or MissionJournal(None)
         self._interrupted = ""
         self._last_command = "", math.nan
-        self._has_place, self._doubt_s = False, (math.nan, math.nan)
+        self._has_place = False
         self._resume_when_ready = False
         self._start(mission or Mission(rules))
         named = (PropertyMap(name, weight) for name, weight in properties.items())
@@ -538,16 +538,12 @@ class MissionControl:
     def doubts(self) -> list[Doubt]:
         """Doubts about the place that are new or over since the last call, on the clock that stamps records."""
         places, offset_s = self.watch.places, self._mission.state.stamp_offset_s
+        places.set_clock(offset_s, self._clock.now_s())
         found = places.news()
         if places.fix is not None and not self._has_place:
             self._has_place = True
-            found.insert(0, none_since(places.fix.time_s))
-        stamped = []
-        for doubt in found:
-            if doubt.since_s != self._doubt_s[0]:
-                self._doubt_s = doubt.since_s, doubt.since_s + offset_s  # it is known by its begin
-            stamped.append(replace(doubt, since_s=self._doubt_s[1], until_s=doubt.until_s + offset_s))
-        return stamped
+            found.insert(0, none_since(places.fix.time_s + offset_s))
+        return found
 
     def second(self) -> None:
         """A second of steady time has passed: robots that are not heard are lost some day."""

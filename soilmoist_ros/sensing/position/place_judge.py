@@ -19,7 +19,7 @@ from enum import Enum, StrEnum
 from statistics import median
 from typing import Final
 
-from soilmoist_ros.sensing.position.place_doubt import Doubt, Outcome
+from soilmoist_ros.sensing.position.place_doubt import CLOCKS_S, Doubt, Outcome
 
 WINDOW_S: Final = 5.0
 """Time over which places are compared and the speed is measured [s]."""
@@ -208,6 +208,7 @@ class PlaceJudge:
         self._repeated: tuple[float, float] | None = None  # a place that the receiver repeats in the open doubt
         self._before = _NOWHERE  # the last trusted place before the open doubt
         self._news: list[Doubt] = []
+        self._offset_s = 0.0
 
     # What is known -------------------------------------------------------------------------------------------
 
@@ -228,6 +229,14 @@ class PlaceJudge:
         self._stand = _Stand(PlaceFix(now_s - WANDER_S, *xy, sd_m))
         self._stand.steady = PlaceFix(now_s, *xy, sd_m)
 
+    def set_clock(self, offset_s: float, now_s: float) -> None:
+        """Stamps of records are the times of fixes and this [s]; an open doubt is lost so far, and goes on."""
+        before_s, self._offset_s = self._offset_s, offset_s
+        if self.doubt is not None and abs(offset_s - before_s) > CLOCKS_S:
+            so_far = replace(self.doubt, until_s=now_s + before_s, outcome=Outcome.LOST)
+            self.doubt = Doubt(now_s + offset_s)
+            self._news += [so_far, self.doubt]
+
     def confirm(self) -> None:
         """People say that the robot is where its newest places are."""
         if self.doubt is None:
@@ -244,7 +253,7 @@ class PlaceJudge:
         if self.fix is None or self.doubt is not None:
             return
         self._begin_doubt(self.fix)
-        self.doubt = self._news[-1] = Doubt(self.fix.time_s - for_s)
+        self.doubt = self._news[-1] = Doubt(self.fix.time_s - for_s + self._offset_s)
         self._repeated, self._before = self.fix.xy, _NOWHERE
 
     def news(self) -> list[Doubt]:
@@ -480,7 +489,7 @@ class PlaceJudge:
         )
         self._sudden = self._relocated = False
         trusted = self._stand.steady if self._stand is not None else self.fix
-        self.doubt = Doubt((trusted or fix).time_s)
+        self.doubt = Doubt((trusted or fix).time_s + self._offset_s)
         self._news.append(self.doubt)
 
     def _end_doubt(self, outcome: Outcome, fix: PlaceFix | None = None) -> None:
@@ -491,7 +500,7 @@ class PlaceJudge:
         if outcome is Outcome.RETURNED and self._stood is not None:
             x_m, y_m = self._stood.xy
         assert until is not None  # there is no doubt before the first place
-        ended = replace(self.doubt, until_s=until.time_s, outcome=outcome, x_m=x_m, y_m=y_m)
+        ended = replace(self.doubt, until_s=until.time_s + self._offset_s, outcome=outcome, x_m=x_m, y_m=y_m)
         if outcome is Outcome.CONFIRMED:
             (x_m, y_m), (before_x_m, before_y_m) = until.xy, self._before
             ended = replace(ended, x_m=x_m, y_m=y_m, before_x_m=before_x_m, before_y_m=before_y_m)

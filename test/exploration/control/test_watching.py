@@ -645,6 +645,20 @@ def test_doubts_have_the_clock_of_the_records(receiver_s, step_s):
     assert last.until_s == pytest.approx(began_s + 20.0, abs=2.0)
 
 
+def test_a_doubt_goes_on_when_the_clock_is_set(farm):
+    farm.run(lambda: farm.shown.phase is Phase.COUNTING, 200).pass_by(10).control.doubts()
+    began_s, farm.fix = farm.now_s(), lambda true: (true[0] + 8.0, true[1])
+    farm.pass_by(10).control.doubts()
+    farm.stepped_s = -3600.0
+    farm.pass_by(1)
+    before, after = farm.control.doubts()
+    assert (before.outcome, before.since_s) == ("lost", pytest.approx(began_s, abs=2.0))
+    assert before.until_s - before.since_s == pytest.approx(11.0, abs=2.0)
+    assert (after.outcome, after.since_s) == ("open", pytest.approx(farm.now_s(), abs=2.0))
+    farm.fix = lambda true: true
+    assert farm.pass_by(10).control.doubts()[0].since_s == after.since_s
+
+
 # Motion
 
 
