@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -257,6 +258,21 @@ def test_which_topic_has_the_positions_is_shown_or_asked_for(tmp_path):
     assert "name one with --fix-topic: /a/fix, /b/fix" in said
     code, said = run("check", "--log", tmp_path / "b.mcap", "--fix-topic", "/a/fix")
     assert (code, "12 records at 53.27 N" in said) == (0, True)
+
+
+def test_topics_without_messages_are_no_choice(tmp_path):
+    """A recorder lists topics that nobody published to."""
+    types = Types(2)
+    path = bag(tmp_path / "run", types, {"/gps/data": KINDS["fix"](types)}, packed=False)
+    with closing(sqlite3.connect(path / "run.db3")) as base, base:
+        for number, name, like in ((98, "/robot/fix", "/gps/data"), (99, "/notes", "/crns/line")):
+            columns = "type, serialization_format, offered_qos_profiles, type_description_hash"
+            base.execute(
+                f"INSERT INTO topics (id, name, {columns}) SELECT ?, ?, {columns} FROM topics WHERE name = ?",
+                (number, name, like),
+            )
+    code, said = run("check", "--log", path)
+    assert (code, "12 records at 53.27 N" in said) == (0, True), said
 
 
 def test_options_that_a_remedy_names_are_there(tmp_path):
