@@ -122,6 +122,9 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     found = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     if not isinstance(found, dict):
         raise ValueError("metadata.yaml is not that of a bag")
+    listed = found.get("relative_file_paths")
+    if not isinstance(listed, list) or not listed or not all(isinstance(name, str) for name in listed):
+        raise ValueError("metadata.yaml lists no files")
     return found
 
 
@@ -139,18 +142,24 @@ def recorder_notes(path: Path) -> dict[str, str]:
 
 
 def _listed(folder: Path, stack: contextlib.ExitStack) -> list[Path]:
-    """The files that ``metadata.yaml`` lists, unpacked."""
+    """The files that ``metadata.yaml`` lists, unpacked; people may have unpacked them before."""
     metadata = read_metadata(folder)
-    files = [inside(folder, folder / PurePath(name).name) for name in metadata["relative_file_paths"]]
-    missing = [file.name for file in files if not file.is_file()]
+    mode, packing = (str(metadata.get(f"compression_{what}") or "").lower() for what in ("mode", "format"))
+    if mode in ("file", "message") and packing != "zstd":
+        raise ValueError(f"compression {packing!r} is not supported")
+    files, missing, target = list[Path](), list[str](), None
+    for name in metadata["relative_file_paths"]:
+        file = inside(folder, folder / PurePath(name).name)
+        if file.suffix == ".zstd" and file.with_suffix("").is_file():
+            file = inside(folder, file.with_suffix(""))
+        if not file.is_file():
+            missing.append(file.name)
+        elif file.suffix == ".zstd":
+            target = target or Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            file = unpacked(file, target / file.stem)
+        files.append(file)
     if missing:
         raise ValueError(f"files are missing: {', '.join(missing)}")
-    mode = str(metadata.get("compression_mode") or "").lower()
-    if mode in ("file", "message") and metadata.get("compression_format") != "zstd":
-        raise ValueError(f"compression {metadata.get('compression_format')!r} is not supported")
-    if mode == "file":
-        target = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        files = [unpacked(file, target / file.stem) for file in files]
     return files
 
 

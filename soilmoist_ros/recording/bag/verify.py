@@ -8,7 +8,7 @@ import hashlib
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -75,7 +75,7 @@ def mcap_files(path: Path) -> list[Path]:
     if path.is_file() and path.suffix == ".mcap":
         return [path]
     if path.is_dir():
-        found = [inside(path, file) for file in sorted(path.glob("*.mcap"), key=_split_number)]
+        found = [inside(path, file) for file in sorted(_named(path, "*.mcap"), key=_split_number)]
         if found:
             return found
         if any(path.glob("*.mcap.zstd")):
@@ -148,7 +148,7 @@ def compared(
         return right, [*problems, f"{METADATA} is missing"] if required else problems
     try:
         metadata = read_metadata(bag)
-        listed = [PurePath(str(name)).name for name in metadata["relative_file_paths"] or ()]
+        listed = [PurePath(str(name)).name for name in metadata["relative_file_paths"]]
         by_file = {
             _plain(PurePath(str(one["path"])).name): int(one["message_count"])
             for one in metadata.get("files") or ()
@@ -206,7 +206,7 @@ def _files(path: Path) -> list[Path]:
     """The files of a bag in the order of recording; none in a folder with metadata only."""
     if path.is_file():
         return [path] if Path(path.name.removesuffix(".zstd")).suffix in _STORAGES else mcap_files(path)
-    found = [inside(path, file) for pattern in _PATTERNS for file in path.glob(pattern)]
+    found = [inside(path, file) for pattern in _PATTERNS for file in _named(path, pattern)]
     names = {file.name for file in found}  # a file and its copy that was unpacked are one
     found = [file for file in found if not (file.suffix == ".zstd" and _plain(file.name) in names)]
     if not found and not (path / METADATA).is_file():
@@ -284,6 +284,11 @@ def _checked_sums(bag: Path) -> tuple[int, list[str]]:
         if found != match[1]:
             problems.append(f"{match[2]} is not the file that was recorded: its checksum is another one")
     return right, problems
+
+
+def _named(folder: Path, pattern: str) -> Iterator[Path]:
+    """Files of a folder; computers of Apple add one of their own to each on a foreign disk."""
+    return (file for file in folder.glob(pattern) if not file.name.startswith("._"))
 
 
 def _plain(name: str) -> str:

@@ -155,7 +155,14 @@ def test_the_verbs_agree_on_bags_of_every_version_storage_and_compression(tmp_pa
     ("said", "problem"),
     [
         ("{}", "metadata.yaml cannot be read: metadata.yaml is not that of a bag"),
-        ("rosbag2_bagfile_information: {version: 9}", "metadata.yaml cannot be read: 'relative_file_paths'"),
+        (
+            "rosbag2_bagfile_information: {version: 9}",
+            "metadata.yaml cannot be read: metadata.yaml lists no files",
+        ),
+        (
+            "rosbag2_bagfile_information: {relative_file_paths: []}",
+            "metadata.yaml cannot be read: metadata.yaml lists no files",
+        ),
         ("a: [", "metadata.yaml cannot be read: "),
     ],
 )
@@ -164,6 +171,8 @@ def test_metadata_that_say_nothing_make_no_bag_whole(tmp_path, said, problem):
     (bag / "metadata.yaml").write_text(said)
     (found,) = all_agree(bag, tmp_path)
     assert found.startswith(problem)
+    with pytest.raises(InputError), BagReader(bag):
+        pass
 
 
 def test_a_bag_that_is_shorter_than_its_metadata_say_is_not_whole(tmp_path):
@@ -249,3 +258,16 @@ def test_the_remedy_is_one_for_this_kind_of_file(tmp_path, name, remedy):
         except InputError as failure:
             error = str(failure)
         assert remedy in error.rpartition("->")[2]
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_files_that_people_have_unpacked_and_those_of_an_apple_are_no_fault(tmp_path, storage):
+    bag = rosbag2(tmp_path / "run", storage, 9, "FILE")
+    for file in list(bag.glob("*.zstd")):
+        file.with_suffix("").write_bytes(zstandard.decompress(file.read_bytes(), max_output_size=1 << 20))
+        file.with_name(f"._{file.stem}").write_bytes(b"\0\5\x16\7")
+        if file.name.startswith("run_1"):
+            file.unlink()
+    assert bag_info(bag).problems == ()
+    with BagReader(bag) as reader:
+        assert len(list(reader.messages())) == 12
