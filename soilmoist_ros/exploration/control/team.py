@@ -293,6 +293,7 @@ class Team:
         for name, robot in self.robots.items():
             status = robot.status
             if robot.stranger:
+                level = Level.ERROR if under_way else level  # nobody keeps apart from it
                 faults.append(f"{name} is not heard: {robot.stranger}")
             if status is not None and self.is_lost(robot):
                 level = Level.ERROR if under_way else level

@@ -408,3 +408,12 @@ def test_a_clock_that_differs_is_named(off_s, named):
     together([one, two], lambda: one.time_s > BEGIN_S + 10)
     said = "" if one.others is None else one.others.message
     assert (f"the clock of /robot_2 differs by {off_s:+.0f} s" in said) == named
+
+
+@pytest.mark.parametrize(("under_way", "level"), [(False, Level.WARN), (True, Level.ERROR)])
+def test_a_robot_about_another_datum_is_no_small_matter(under_way, level):
+    one = Robot("/robot_1", (2.5, 30.0))
+    one.control.other("/robot_2", STATUS, datum=(53.001, 0.0))
+    health = one.control.team.health(under_way)
+    assert (health.level, "/robot_2 is not heard" in health.message) == (level, True)
+    assert not list(one.control.team.standing())
