@@ -98,8 +98,10 @@ def read_fixes(
         decoded = reader.decode(message)
         received.append(message.log_ns * 1e-9)
         fixes.append(replace(fix_from_message(decoded), stamp_s=stamp_of(decoded)))
-    if fixes and not any(fix.stamp_s for fix in fixes):
-        said = f"the {len(fixes)} positions have no stamp: the time of their receipt is used"
+    stamps = {fix.stamp_s for fix in fixes}
+    if stamps == {0.0} or len(stamps) == 1 < len(fixes):
+        have = "all have the same stamp" if any(stamps) else "have no stamp"
+        said = f"the {len(fixes)} positions {have}: the time of their receipt is used"
         note = Problem(Kind.ASSUMED_TIME, Mistake(said, "", path))
         return [replace(fix, stamp_s=s) for fix, s in zip(fixes, received, strict=True)], [*chosen, note]
     stamped = [(fix, s) for fix, s in zip(fixes, received, strict=True) if fix.stamp_s]

@@ -218,12 +218,13 @@ def test_epochs_without_a_position_say_why(tmp_path, make, message):
     assert message in said
 
 
-def test_without_stamps_the_time_of_receipt_is_used_and_said_once(tmp_path):
+@pytest.mark.parametrize(("stamp_s", "words"), [(0.0, "have no stamp"), (T0, "all have the same stamp")])
+def test_without_stamps_the_time_of_receipt_is_used_and_said_once(tmp_path, stamp_s, words):
     types = Types(2)
-    code, said = run("check", "--log", bag(tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, 0.0)}))
+    code, said = run("check", "--log", bag(tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, stamp_s)}))
     assert code == 0
     assert "12 records at 53.27 N" in said
-    assert said.count("the 121 positions have no stamp: the time of their receipt is used") == 1
+    assert said.count(f"the 121 positions {words}: the time of their receipt is used") == 1
 
 
 @pytest.mark.parametrize(
