@@ -269,7 +269,7 @@ def bags_of(path: Path) -> list[Path]:
     """
     if not path.exists():
         raise InputError("there is no such bag", GIVE, path)
-    if path.name.endswith(".bag.active") or (path.is_dir() and {*path.glob("*.bag.active")} == {*path.glob("*")}):
+    if path.name.endswith(".bag.active") or any(path.glob("*.bag.active")):
         raise InputError("was not closed: its recorder was killed", remedy_of(path), path)
     if path.is_file() and path.suffix not in BAG_FILES:
         raise InputError("is not a bag", GIVE, path)

@@ -103,7 +103,7 @@ def verify_bag(path: Path, note: Note = lambda name, kind, log_ns, size: None) -
         paths = _files(path)
         storage = _STORAGES[Path(paths[0].name.removesuffix(".zstd")).suffix] if paths else "mcap"
         counts: Counter[str] = Counter()
-        files, problems = [], list[str]()
+        files, problems = [], [f"{file.name} was not closed" for file in path.glob("*.bag.active")]
         for file in paths:
             try:
                 extent, found = _read(file, counts, note)

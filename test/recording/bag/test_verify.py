@@ -193,6 +193,10 @@ def test_a_bag_of_ros_1_needs_no_metadata_and_is_compared_with_its_index(tmp_pat
             writer.write(to, START_NS + number, b"\1\0\0\0x")
     assert all_agree(tmp_path / "run.bag", tmp_path) == ()
     data = (tmp_path / "run.bag").read_bytes()
+    (tmp_path / "run_1.bag.active").touch()
+    assert all_agree(tmp_path, tmp_path) == ("run_1.bag.active was not closed",)
+    with pytest.raises(InputError, match="was not closed"):
+        BagReader(tmp_path)
     at = data.rindex(struct.pack("<II", 0, 3))
     (tmp_path / "run.bag").write_bytes(data[:at] + struct.pack("<II", 0, 4) + data[at + 8 :])
     assert all_agree(tmp_path / "run.bag", tmp_path) == ("/a has 3 messages, and the index of run.bag says 4",)
