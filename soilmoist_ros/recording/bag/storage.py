@@ -27,7 +27,8 @@ _PIECE: Final = 1 << 20
 _RECOVER: Final = "soilmoist bag recover"
 _REINDEX: Final = "rosbag fix or rosbag reindex (ROS 1)"
 _REMEDIES: Final = {
-    ".zstd": "copy it again; unzstd writes what can be unpacked of a file that was cut",
+    ".zstd": "unpack its files with unzstd, which unpacks a part of one that was cut; then soilmoist bag recover "
+    "(MCAP) or ros2 bag reindex (SQLite), which reads no packed files",
     ".mcap": _RECOVER,
     ".db3": "ros2 bag reindex writes metadata.yaml anew; a damaged file may be read by .recover of sqlite3",
     ".bag": _REINDEX,

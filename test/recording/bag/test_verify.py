@@ -250,7 +250,7 @@ def test_a_database_that_was_cut_is_not_whole(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "remedy"),
-    [("a.mcap", "soilmoist bag recover"), ("a.db3", "sqlite3"), ("a.db3.zstd", "again"),
+    [("a.mcap", "soilmoist bag recover"), ("a.db3", "sqlite3"), ("a.db3.zstd", "unzstd"),
      ("a.bag", "rosbag reindex"), ("a.bag.active", "rosbag reindex")],
 )  # fmt: skip
 def test_the_remedy_is_one_for_this_kind_of_file(tmp_path, name, remedy):
