@@ -22,7 +22,7 @@ from typing import Any, Final
 from soilmoist_ros.mapping.expected_counts import without_verdict
 from soilmoist_ros.mapping.field_map import FieldMap, SkippedRecords
 from soilmoist_ros.mapping.record_check import Skip
-from soilmoist_ros.sensing.position.place_doubt import Doubt, Doubts
+from soilmoist_ros.sensing.position.place_doubt import Doubt, Doubts, placed_of_any
 from soilmoist_ros.sensing.records import CountRecord
 
 RECEIVED: Final = ""
@@ -67,7 +67,7 @@ class MapRecords:
 
     :param field_map: map to which the records are added
     :param late_s: how much older than the last record of the map a record may be [s] before the map is made again
-        in order of time
+        in order of time; 0: the records are those of one robot
 
     Attributes
     ----------
@@ -139,9 +139,10 @@ class MapRecords:
     def _placed(self, record: CountRecord) -> CountRecord:
         if not self._doubts:
             return record
-        robot = self._robots.get(record_key(record)) if self._robots else ""
-        doubts = None if robot is None else self._doubts.get(robot)
-        return record if doubts is None else doubts.placed(record)
+        robot = self._robots.get(record_key(record), None if self._late_s else "")
+        if robot is None:  # of a log, or sent by another mapper: any of the robots may have counted it
+            return placed_of_any(record, self._doubts.values())
+        return self._doubts[robot].placed(record) if robot in self._doubts else record
 
     def read_anew(self, source: str, records: Iterable[CountRecord]) -> list[CountRecord]:
         """Add the records of a source that is read as a whole each time; otherwise as :meth:`take`."""

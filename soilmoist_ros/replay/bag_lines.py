@@ -57,19 +57,21 @@ def logger_topic(reader: BagReader, named: str = "") -> str:
     if named:
         return reader.find_topic(named, TEXT)
     texts = [name for name, kind in reader.topics.items() if kind == TEXT]
+    counts = reader.counts
+    texts = [name for name in texts if counts.get(name)] or texts
     own = [name for name in texts if name.endswith("/raw/logger")]
     if not own and len(texts) > 1:
         texts = [name for name in texts if not _is_nmea(reader, name)] or texts
     if len(own or texts) == 1:
         return (own or texts)[0]
-    counts = [name for name, kind in reader.topics.items() if kind == CLOUD and name.endswith("/counts")]
+    clouds = [name for name, kind in reader.topics.items() if kind == CLOUD and name.endswith("/counts")]
     if texts:
         raise InputError(
             "has several topics that may be the lines of the logger",
             f"name one with --logger-topic: {', '.join(sorted(own or texts))}",
             reader.path,
         )
-    remedy = "map its counts: soilmoist replay" if counts else f"record the lines of the logger as {TEXT}"
+    remedy = "map its counts: soilmoist replay" if clouds else f"record the lines of the logger as {TEXT}"
     raise InputError(f"has no lines of a logger (type {TEXT})", remedy, reader.path)
 
 
@@ -96,8 +98,10 @@ def read_fixes(
         decoded = reader.decode(message)
         received.append(message.log_ns * 1e-9)
         fixes.append(replace(fix_from_message(decoded), stamp_s=stamp_of(decoded)))
-    if fixes and not any(fix.stamp_s for fix in fixes):
-        said = f"the {len(fixes)} positions have no stamp: the time of their receipt is used"
+    stamps = {fix.stamp_s for fix in fixes}
+    if stamps == {0.0} or len(stamps) == 1 < len(fixes):
+        have = "all have the same stamp" if any(stamps) else "have no stamp"
+        said = f"the {len(fixes)} positions {have}: the time of their receipt is used"
         note = Problem(Kind.ASSUMED_TIME, Mistake(said, "", path))
         return [replace(fix, stamp_s=s) for fix, s in zip(fixes, received, strict=True)], [*chosen, note]
     stamped = [(fix, s) for fix, s in zip(fixes, received, strict=True) if fix.stamp_s]
@@ -150,15 +154,20 @@ _READABLE = (FIX, *GPS_FIX, SENTENCE)
 
 
 def _candidates(reader: BagReader) -> list[list[str]]:
-    """Topics that may be the positions, the likeliest group first."""
-    topics = reader.topics
-    by_type = [[name for name, its in topics.items() if its in kinds] for kinds in ((FIX,), GPS_FIX, (SENTENCE,))]
-    own = [name for name, its in topics.items() if its == TEXT and name.endswith("/raw/gnss")]
-    plain = [name for name in by_type[0] if name.endswith("/fix")]
-    found = [own, plain, *by_type]
-    return (
-        found if any(found) else [[name for name, its in topics.items() if its == TEXT and _is_nmea(reader, name)]]
-    )
+    """Topics that may be the positions, the likeliest group first; those without messages if no other may."""
+    counts = reader.counts
+    filled = {name: kind for name, kind in reader.topics.items() if counts.get(name)}
+    for topics in (filled, reader.topics):
+        types = ((FIX,), GPS_FIX, (SENTENCE,))
+        by_type = [[name for name, its in topics.items() if its in kinds] for kinds in types]
+        own = [name for name, its in topics.items() if its == TEXT and name.endswith("/raw/gnss")]
+        plain = [name for name in by_type[0] if name.endswith("/fix")]
+        texts = [name for name, its in topics.items() if its == TEXT]
+        found = [own, plain, *by_type]
+        found = found if any(found) else [[name for name in texts if _is_nmea(reader, name)]]
+        if any(found):
+            return found
+    return []
 
 
 def _is_nmea(reader: BagReader, topic: str) -> bool:

@@ -40,6 +40,7 @@ from soilmoist_ros.reporting.output_folder import require_crs
 from soilmoist_ros.reporting.run import LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.sensing.corrections.reference import Reference
 from soilmoist_ros.sensing.position.lever_arms import LeverArms
+from soilmoist_ros.sensing.position.place_doubt import placed_of_any
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
@@ -174,7 +175,7 @@ def _read(
     frame = str(read_parameters(configuration, "mapper").get("frame", ""))  # the mapper skips counts of others
     places = recorded_places(configuration, survey.field)
     robots: list[RunTopics] = []
-    others: list[str] = []
+    others, missed = list[str](), list[str]()
     if chosen.from_lines:
         robots = [
             RunTopics.of_counts(reader, f"{logger_topic(reader, chosen.logger_topic).rpartition('/')[0]}/counts")
@@ -200,7 +201,10 @@ def _read(
         if missed:
             counted = _in_order(counted, missed, survey)
     doubts = {name: places.doubts(reader, name) for name in {name for name, _ in counted}}
-    counted = [(name, doubts[name].placed(record)) for name, record in counted]
+    counted = [
+        (name, placed_of_any(record, doubts.values()) if name in missed else doubts[name].placed(record))
+        for name, record in counted
+    ]
     records = [record for _, record in counted]
     reference = None
     if chosen.reference is not None and (good := [record for record in records if not record.quarantine]):

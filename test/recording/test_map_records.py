@@ -24,6 +24,7 @@ from soilmoist_ros.recording.map_records import (
     RecordExchange,
     record_key,
 )
+from soilmoist_ros.sensing.position.place_doubt import Doubt, Outcome
 from soilmoist_ros.sensing.records import CountRecord
 
 BEGIN_S = 1.78e9
@@ -145,6 +146,28 @@ def test_what_is_bad_void_or_of_an_earlier_survey_is_not_sent():
     one.records.take(RECEIVED, [record(1, 500)])
     rounds(members, 2000.0)
     assert two.held == [record(1, 500).stamp_s], "the operator has removed the others there"
+
+
+@pytest.mark.parametrize("source", [TEAM, START])
+@pytest.mark.parametrize("doubt_first", [True, False])
+@pytest.mark.parametrize(
+    ("outcome", "doubted"),
+    [(Outcome.OPEN, True), (Outcome.LOST, True), (Outcome.RETURNED, True), (Outcome.CONFIRMED, False)],
+)
+def test_records_of_which_nobody_says_whose_they_are_are_doubted_with_any_robot(
+    source, doubt_first, outcome, doubted
+):
+    """As those that a mapper has missed, and those of its log when it starts again."""
+    records = Robot().records
+    there = (1.0, 15.0) if outcome is Outcome.CONFIRMED else (7.0, 7.0)
+    doubt = Doubt(BEGIN_S + 100.0, BEGIN_S + 200.0, outcome, *there)
+    if doubt_first:
+        records.doubt(doubt, "/robot_2")
+    records.take(source, [record(1, number) for number in (0, 15)])
+    records.doubt(doubt, "/robot_2")
+    found = sorted(records.map.added, key=lambda each: each.stamp_s)
+    assert [each.quarantine for each in found] == ["", "place_doubt" * doubted]
+    assert [each.x_m for each in found] == [1.0, 1.0], "the place of another robot is not known"
 
 
 def test_what_a_mapper_does_not_take_is_sent_less_and_less_often():

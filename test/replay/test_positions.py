@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -217,12 +218,13 @@ def test_epochs_without_a_position_say_why(tmp_path, make, message):
     assert message in said
 
 
-def test_without_stamps_the_time_of_receipt_is_used_and_said_once(tmp_path):
+@pytest.mark.parametrize(("stamp_s", "words"), [(0.0, "have no stamp"), (T0, "all have the same stamp")])
+def test_without_stamps_the_time_of_receipt_is_used_and_said_once(tmp_path, stamp_s, words):
     types = Types(2)
-    code, said = run("check", "--log", bag(tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, 0.0)}))
+    code, said = run("check", "--log", bag(tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, stamp_s)}))
     assert code == 0
     assert "12 records at 53.27 N" in said
-    assert said.count("the 121 positions have no stamp: the time of their receipt is used") == 1
+    assert said.count(f"the 121 positions {words}: the time of their receipt is used") == 1
 
 
 @pytest.mark.parametrize(
@@ -257,6 +259,21 @@ def test_which_topic_has_the_positions_is_shown_or_asked_for(tmp_path):
     assert "name one with --fix-topic: /a/fix, /b/fix" in said
     code, said = run("check", "--log", tmp_path / "b.mcap", "--fix-topic", "/a/fix")
     assert (code, "12 records at 53.27 N" in said) == (0, True)
+
+
+def test_topics_without_messages_are_no_choice(tmp_path):
+    """A recorder lists topics that nobody published to."""
+    types = Types(2)
+    path = bag(tmp_path / "run", types, {"/gps/data": KINDS["fix"](types)}, packed=False)
+    with closing(sqlite3.connect(path / "run.db3")) as base, base:
+        for number, name, like in ((98, "/robot/fix", "/gps/data"), (99, "/notes", "/crns/line")):
+            columns = "type, serialization_format, offered_qos_profiles, type_description_hash"
+            base.execute(
+                f"INSERT INTO topics (id, name, {columns}) SELECT ?, ?, {columns} FROM topics WHERE name = ?",
+                (number, name, like),
+            )
+    code, said = run("check", "--log", path)
+    assert (code, "12 records at 53.27 N" in said) == (0, True), said
 
 
 def test_options_that_a_remedy_names_are_there(tmp_path):

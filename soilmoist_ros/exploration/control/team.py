@@ -36,6 +36,8 @@ AHEAD_S: Final = 3.0
 """Time that a robot needs to stop, with a second for the status of the other one and one for its velocity [s]."""
 WAITS_M: Final = 8.0
 """Distance, in addition to that which robots keep, from which one that waits lets the other pass [m]."""
+SOON_S: Final = 0.2
+"""Time after which two places give a velocity [s]."""
 CLOCK_S: Final = 5.0
 """Difference between the clocks of two robots that is reported [s]; messages are on their way for less."""
 
@@ -158,9 +160,10 @@ class OtherRobot:
         nearest_s = min(before_s, self._off_s, key=abs)  # NaN before the second
         self.clock_s = nearest_s if min(abs(before_s), abs(self._off_s)) > CLOCK_S else 0.0
         known = None if self.status is None else self.status.place
-        self.velocity = (
-            _velocity(known, self.heard_s, status.place, now_s) if status.phase in _DRIVES else (0.0, 0.0)
-        )
+        if status.phase not in _DRIVES:
+            self.velocity = (0.0, 0.0)
+        elif now_s - self.heard_s >= SOON_S:  # an event is shown at once, and the next second after that
+            self.velocity = _velocity(known, self.heard_s, status.place, now_s)
         self.goes_first, self.status, self.heard_s = goes_first, status, now_s
         self.silent_s, self.stranger = 0.0, ""
 
@@ -184,7 +187,7 @@ class Team:
     def __init__(self, apart_m: float = 0.0, lost_s: float = 30.0) -> None:
         self.apart_m, self.lost_s = apart_m, lost_s
         self.robots: dict[str, OtherRobot] = {}
-        self._farthest_m: dict[str, float] = {}
+        self._farthest_m: dict[tuple[str, int], float] = {}
         self._was: tuple[Place, float] | None = None
         self._velocity: Place = (0.0, 0.0)
 
@@ -197,13 +200,13 @@ class Team:
         return robot.status is not None and robot.silent_s > self.lost_s
 
     def pass_time(self, seconds: float) -> list[str]:
-        """Steady time has passed; names of robots whose pending measurement is over [s]."""
+        """Steady time has passed; names of robots without a pending measurement, or whose one is over [s]."""
         over = []
         for name, robot in self.robots.items():
             robot.silent_s += seconds
-            if robot.status is not None and robot.silent_s > self.lost_s:
-                left_s = robot.status.planned_dwell_s - robot.status.dwell_s
-                over += [name] if robot.silent_s > self.lost_s + left_s else []
+            status = robot.status
+            left_s = -math.inf if status is None else status.planned_dwell_s - status.dwell_s
+            over += [name] if robot.silent_s > self.lost_s + max(left_s, 0.0) or status is None else []
         return over
 
     def release_lost(self) -> list[str]:
@@ -248,25 +251,36 @@ class Team:
             self._velocity = (0.0, 0.0) if self._was is None else _velocity(*self._was, place, now_s)
             self._was = None if place is None else (place, now_s)
         for name, robot in self.robots.items():
-            status = robot.status
-            if place is None or status is None or status.place is None:
+            status, lost = robot.status, self.is_lost(robot)
+            if place is None or status is None:
                 continue
-            drives = status.phase in _DRIVES and not self.is_lost(robot)
-            velocity, age_s = (robot.velocity, now_s - robot.heard_s) if drives else ((0.0, 0.0), 0.0)
-            away, sure_s = np.subtract(status.place, place), age_s if age_s <= AHEAD_S else 0.0
-            nearest_s = -(away @ velocity) / max(float(np.dot(velocity, velocity)), 1e-9)
-            away = away + np.multiply(velocity, np.clip(nearest_s, sure_s, age_s))  # where it may have stopped
-            away_m, closing = float(np.hypot(*away)), np.subtract(velocity, self._velocity)
-            farthest_m = self._farthest_m[name] = max(self._farthest_m.get(name, 0.0), away_m)
-            if driving:
-                after_s = np.clip(-(away @ closing) / max(float(closing @ closing), 1e-9), 0.0, AHEAD_S)
-                near_m = float(np.hypot(*(away + after_s * closing)))
-                wrong = near_m < min(self.apart_m, farthest_m - NEARER_M)
-            else:
-                first = robot.goes_first and robot.wants_to_drive and not self.is_lost(robot)
-                wrong = waiting and (drives or first) and away_m < self.apart_m + WAITS_M
-            if wrong and not found:
-                found = f"{name} is {away_m:.1f} m away, and robots keep {self.apart_m:g} m apart"
+            stop = None if status.target is None else (status.target.x_m, status.target.y_m)
+            drives = status.phase in _DRIVES and not lost
+            for number, there in enumerate((status.place, stop)):
+                if there is None:
+                    continue
+                moves, age_s = drives and number == 0, now_s - robot.heard_s
+                velocity = np.array(robot.velocity if moves else (0.0, 0.0))
+                away = np.subtract(there, place)
+                if age_s > AHEAD_S:  # it may have stopped anywhere, or still drive
+                    until_s = -(away @ velocity) / max(float(velocity @ velocity), 1e-9)
+                    away = away + velocity * np.clip(until_s, 0.0, age_s + AHEAD_S)
+                    velocity = np.zeros(2)
+                away = away + velocity * age_s
+                away_m, closing = float(np.hypot(*away)), velocity - self._velocity
+                key = (name, number)
+                farthest_m = self._farthest_m[key] = max(self._farthest_m.get(key, 0.0), away_m)
+                if number and not lost:
+                    continue
+                if driving:
+                    after_s = np.clip(-(away @ closing) / max(float(closing @ closing), 1e-9), 0.0, AHEAD_S)
+                    near_m = float(np.hypot(*(away + after_s * closing)))
+                    wrong = near_m < min(self.apart_m, farthest_m - NEARER_M)
+                else:
+                    first = robot.goes_first and robot.wants_to_drive and not lost
+                    wrong = waiting and (drives or first) and away_m < self.apart_m + WAITS_M
+                if wrong and not found:
+                    found = f"{name} is {away_m:.1f} m away, and robots keep {self.apart_m:g} m apart"
         return found
 
     def health(self, under_way: bool) -> Health | None:
@@ -279,6 +293,7 @@ class Team:
         for name, robot in self.robots.items():
             status = robot.status
             if robot.stranger:
+                level = Level.ERROR if under_way else level  # nobody keeps apart from it
                 faults.append(f"{name} is not heard: {robot.stranger}")
             if status is not None and self.is_lost(robot):
                 level = Level.ERROR if under_way else level
@@ -295,6 +310,6 @@ class Team:
 
 def _velocity(before: Place | None, before_s: float, place: Place | None, now_s: float) -> Place:
     """Velocity between two places [m/s]; 0 if one is missing, or they are too far apart in time."""
-    if before is None or place is None or not 0.2 <= now_s - before_s <= 5.0:
+    if before is None or place is None or not SOON_S <= now_s - before_s <= 5.0:
         return 0.0, 0.0
     return (place[0] - before[0]) / (now_s - before_s), (place[1] - before[1]) / (now_s - before_s)

@@ -31,6 +31,8 @@ def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
     :raises InputError: if a namespace is invalid
     """
     plain = dict.fromkeys(f"/{name.strip('/')}" for name in namespaces)
+    if "/" in plain:
+        raise InputError("others: a robot has no namespace", "give each robot one of its own, such as /robot_2")
     for name in plain:
         try:
             validate_namespace(name)

@@ -75,7 +75,7 @@ class Parameter:
         if wanted is list and value is None:  # an empty list has no type in ROS
             value = []
         if wanted is list and isinstance(value, Iterable) and not isinstance(value, str | bytes):
-            value = list(value)
+            value = [item for item in value if item != ""]  # [""] is how people write an empty list for ROS
         if type(value) is not wanted or (wanted is list and not all(isinstance(item, str) for item in value)):
             quoted = wanted is str and isinstance(value, bool)
             hint = ": YAML reads on, off, yes and no as such; write it in quotes" if quoted else ""

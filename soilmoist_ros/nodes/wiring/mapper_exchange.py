@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from msg_adapters.counts import counts_to_messages
 from soilmoist_ros.foundation.health import Health, Level
 from soilmoist_ros.foundation.places import other_datum
-from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.foundation.plain_values import foreign_text, read_json
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
 from soilmoist_ros.recording.map_records import HELD, LIST_S, MAX_RECORDS, MISSED, MapRecords, RecordExchange
@@ -110,7 +110,7 @@ class MapperExchange:
             self._strangers.pop(name, None)
             self._fields.pop(name, None)
             if (theirs := str(held.get("field", self.field.name))) != self.field.name:
-                self._fields[name] = theirs
+                self._fields[name] = foreign_text(theirs)
             now_s = time.monotonic()
             with self._guard:
                 self._exchange.update(now_s)

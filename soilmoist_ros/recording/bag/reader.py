@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_topic
-from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Storage, open_storages
+from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Storage, open_storages, remedy_of
 from soilmoist_ros.recording.bag.visit import visit_of
 from soilmoist_ros.recording.mcap.chunks import Allowance, TooMuchError
 from soilmoist_ros.recording.mcap.definitions import Definition, require_small
@@ -269,6 +269,8 @@ def bags_of(path: Path) -> list[Path]:
     """
     if not path.exists():
         raise InputError("there is no such bag", GIVE, path)
+    if path.name.endswith(".bag.active") or any(path.glob("*.bag.active")):
+        raise InputError("was not closed: its recorder was killed", remedy_of(path), path)
     if path.is_file() and path.suffix not in BAG_FILES:
         raise InputError("is not a bag", GIVE, path)
     if path.is_file() or (path / "metadata.yaml").is_file():
@@ -311,4 +313,4 @@ def _damaged(path: Path, error: Exception) -> InputError:
         return error
     if isinstance(error, TooMuchError):
         return InputError(TOO_MUCH, "do not open it with other programs either", path)
-    return InputError(f"cannot be read as a bag: {error}", "try soilmoist bag recover", path)
+    return InputError(f"cannot be read as a bag: {error}", remedy_of(path), path)

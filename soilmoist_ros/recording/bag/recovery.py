@@ -13,10 +13,12 @@ from pathlib import Path
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.retention import NUMBER, next_number
+from soilmoist_ros.recording.bag.storage import plain_message
 from soilmoist_ros.recording.bag.verify import compared, findings, mcap_files
 from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
 from soilmoist_ros.recording.mcap.metadata import BagFile, Extent
 from soilmoist_ros.recording.mcap.scan import McapScan, ScannedMessage
+from soilmoist_ros.recording.ros1.bag_file import ROS1
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,8 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
     try:
         with writer:
             for message in chain([first], messages):
-                writer.write(message.topic, message.log_ns, message.publish_ns, message.data)
+                data = message.data if message.topic.definition.encoding == ROS1 else plain_message(message.data)
+                writer.write(message.topic, message.log_ns, message.publish_ns, data)
     except InputError:
         shutil.rmtree(out, ignore_errors=True)
         raise

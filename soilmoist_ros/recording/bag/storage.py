@@ -24,6 +24,16 @@ from soilmoist_ros.recording.ros1.bag_file import ROS1, Connection, Message, Ros
 
 TOO_MUCH: Final = "unpacks to far more than a recording of its size can: it is damaged, or was made to do harm"
 _PIECE: Final = 1 << 20
+_RECOVER: Final = "soilmoist bag recover"
+_REINDEX: Final = "rosbag fix or rosbag reindex (ROS 1)"
+_REMEDIES: Final = {
+    ".zstd": "unpack its files with unzstd, which unpacks a part of one that was cut; then soilmoist bag recover "
+    "(MCAP) or ros2 bag reindex (SQLite), which reads no packed files",
+    ".mcap": _RECOVER,
+    ".db3": "ros2 bag reindex writes metadata.yaml anew; a damaged file may be read by .recover of sqlite3",
+    ".bag": _REINDEX,
+    ".active": _REINDEX,
+}
 _MAX_DEFAULT: Final = 100
 """Longest default of a column of SQLite: rows that lack the column do not store it, however long it is."""
 
@@ -67,17 +77,23 @@ def open_storages(path: Path) -> tuple[list[Storage], contextlib.ExitStack]:
     :raises ValueError: if it is damaged
     """
     with contextlib.ExitStack() as stack:
-        files, per_message = ([path], False) if path.is_file() else _listed(path, stack)
+        files = [path] if path.is_file() else _listed(path, stack)
         storages: list[Storage] = []
         for file in files:
             one: Storage
             if file.suffix == ".bag":
                 one = _Ros1(file)
             else:
-                one = SqliteFile(file, per_message) if file.suffix == ".db3" else _Mcap(file, per_message)
+                one = SqliteFile(file) if file.suffix == ".db3" else _Mcap(file)
             stack.callback(one.close)
             storages.append(one)
         return storages, stack.pop_all()
+
+
+def remedy_of(path: Path) -> str:
+    """What to do about a damaged bag, by the kind of its files."""
+    kinds = {path.suffix} if path.is_file() else {file.suffix for file in path.glob("*")}
+    return next((remedy for kind, remedy in _REMEDIES.items() if kind in kinds), _RECOVER)
 
 
 def inside(folder: Path, path: Path) -> Path:
@@ -107,6 +123,9 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     found = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     if not isinstance(found, dict):
         raise ValueError("metadata.yaml is not that of a bag")
+    listed = found.get("relative_file_paths")
+    if not isinstance(listed, list) or not listed or not all(isinstance(name, str) for name in listed):
+        raise ValueError("metadata.yaml lists no files")
     return found
 
 
@@ -123,20 +142,26 @@ def recorder_notes(path: Path) -> dict[str, str]:
     return {str(name): str(value) for name, value in found.items() if name not in (NUMBER, CLOSED_S)}
 
 
-def _listed(folder: Path, stack: contextlib.ExitStack) -> tuple[list[Path], bool]:
-    """The files that ``metadata.yaml`` lists, unpacked, and whether each message is compressed."""
+def _listed(folder: Path, stack: contextlib.ExitStack) -> list[Path]:
+    """The files that ``metadata.yaml`` lists, unpacked; people may have unpacked them before."""
     metadata = read_metadata(folder)
-    files = [inside(folder, folder / PurePath(name).name) for name in metadata["relative_file_paths"]]
-    missing = [file.name for file in files if not file.is_file()]
+    mode, packing = (str(metadata.get(f"compression_{what}") or "").lower() for what in ("mode", "format"))
+    if mode in ("file", "message") and packing != "zstd":
+        raise ValueError(f"compression {packing!r} is not supported")
+    files, missing, target = list[Path](), list[str](), None
+    for name in metadata["relative_file_paths"]:
+        file = inside(folder, folder / PurePath(name).name)
+        if file.suffix == ".zstd" and file.with_suffix("").is_file():
+            file = inside(folder, file.with_suffix(""))
+        if not file.is_file():
+            missing.append(file.name)
+        elif file.suffix == ".zstd":
+            target = target or Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            file = unpacked(file, target / file.stem)
+        files.append(file)
     if missing:
         raise ValueError(f"files are missing: {', '.join(missing)}")
-    mode = str(metadata.get("compression_mode") or "").lower()
-    if mode in ("file", "message") and metadata.get("compression_format") != "zstd":
-        raise ValueError(f"compression {metadata.get('compression_format')!r} is not supported")
-    if mode == "file":
-        target = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        files = [unpacked(file, target / file.stem) for file in files]
-    return files, mode == "message"
+    return files
 
 
 def unpacked(source: Path, target: Path) -> Path:
@@ -152,8 +177,10 @@ def unpacked(source: Path, target: Path) -> Path:
     return target
 
 
-def _message(data: bytes) -> bytes:
-    """A message that was compressed alone."""
+def plain_message(data: bytes) -> bytes:
+    """A message, unpacked if it was compressed alone; the first byte of one of ROS 2 is always 0."""
+    if not data.startswith(zstandard.FRAME_HEADER):
+        return data
     return zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES).stream_reader(data).read(MAX_CHUNK_BYTES)
 
 
@@ -166,9 +193,8 @@ def _as_ros2(topic: Topic) -> Topic:
 
 
 class _Mcap:
-    def __init__(self, path: Path, packed: bool) -> None:
+    def __init__(self, path: Path) -> None:
         self._path = path
-        self._packed = packed
         scan = McapScan(path)
         if scan.read_summary() and scan.statistics is not None:
             numbers, topics = scan.statistics, {key: _as_ros2(one) for key, one in scan.topics().items()}
@@ -193,10 +219,12 @@ class _Mcap:
         scan = McapScan(self._path)
         for message in scan.sorted_messages() if by_time else scan.messages():
             if message.topic.name in topics:
-                data = _message(message.data) if self._packed else message.data
                 definition = _as_ros2(message.topic).definition
                 if definition.encoding == ROS1:
-                    data = converted(Connection(message.topic.name, definition.type_name, definition.text), data)
+                    connection = Connection(message.topic.name, definition.type_name, definition.text)
+                    data = converted(connection, message.data)
+                else:
+                    data = plain_message(message.data)
                 yield message.topic.name, definition.type_name, message.log_ns, data
         self._check(scan)
 
@@ -218,8 +246,7 @@ class _Mcap:
 class SqliteFile:
     """A file of rosbag2's older storage."""
 
-    def __init__(self, path: Path, packed: bool) -> None:
-        self._packed = packed
+    def __init__(self, path: Path) -> None:
         log = path.with_name(f"{path.name}-wal")
         if log.is_file() and log.stat().st_size:  # to read both, SQLite would write
             message = f"{log.name} has messages that it lacks: it is being recorded, or its recorder was killed"
@@ -271,8 +298,7 @@ class SqliteFile:
         for number, time_ns, data in rows:
             if not isinstance(data, bytes):
                 raise ValueError("a message has no data")
-            data = _message(data) if self._packed else data
-            yield wanted[number].name, wanted[number].definition.type_name, _time_ns(time_ns), data
+            yield wanted[number].name, wanted[number].definition.type_name, _time_ns(time_ns), plain_message(data)
 
     def close(self) -> None:
         """See :class:`Storage`."""

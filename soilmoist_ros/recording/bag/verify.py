@@ -8,14 +8,22 @@ import hashlib
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Final
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, SqliteFile, inside, read_metadata, unpacked
+from soilmoist_ros.recording.bag.storage import (
+    FAULTS,
+    TOO_MUCH,
+    SqliteFile,
+    inside,
+    read_metadata,
+    remedy_of,
+    unpacked,
+)
 from soilmoist_ros.recording.bag.writer import CHECKSUMS, is_being_written
 from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES
 from soilmoist_ros.recording.mcap.metadata import BagFile, Extent, joined
@@ -29,11 +37,6 @@ _LINE: Final = re.compile(r"([0-9a-f]{64}) [ *]([^/\0]+)")
 _MAX_SUMS: Final = 1 << 20
 _SHORT_NS: Final = 1_000_000_000
 """A bag that is shorter than its metadata say by more than this lacks messages [ns]."""
-_REMEDIES: Final = {
-    "mcap": "soilmoist bag recover",
-    "sqlite3": "ros2 bag reindex writes metadata.yaml anew; a damaged file may be read by .recover of sqlite3",
-    "ROS 1": "rosbag fix or rosbag reindex (ROS 1)",
-}
 
 Note = Callable[[str, str, int, int], None]
 """Takes topic, type, time [ns] and size [bytes] of a message."""
@@ -72,7 +75,7 @@ def mcap_files(path: Path) -> list[Path]:
     if path.is_file() and path.suffix == ".mcap":
         return [path]
     if path.is_dir():
-        found = [inside(path, file) for file in sorted(path.glob("*.mcap"), key=_split_number)]
+        found = [inside(path, file) for file in sorted(_named(path, "*.mcap"), key=_split_number)]
         if found:
             return found
         if any(path.glob("*.mcap.zstd")):
@@ -83,7 +86,7 @@ def mcap_files(path: Path) -> list[Path]:
     if any(re.search(r"\.db3(\.zstd)?$", name) for name in names):
         message = "is an SQLite bag, which needs no recovery: this command is for MCAP"
         raise InputError(message, "see soilmoist bag info; without metadata.yaml: ros2 bag reindex", path)
-    if any(name.endswith(".bag") for name in names):
+    if any(name.endswith((".bag", ".bag.active")) for name in names):
         message = "is a bag of ROS 1: this command is for MCAP"
         raise InputError(message, "see soilmoist bag info; if it was not closed: rosbag reindex (ROS 1)", path)
     raise InputError("holds no MCAP file", "give the folder of a bag or an MCAP file", path)
@@ -100,11 +103,10 @@ def verify_bag(path: Path, note: Note = lambda name, kind, log_ns, size: None) -
         paths = _files(path)
         storage = _STORAGES[Path(paths[0].name.removesuffix(".zstd")).suffix] if paths else "mcap"
         counts: Counter[str] = Counter()
-        files, problems = [], list[str]()
-        packed = path.is_dir() and _packs_messages(path)
+        files, problems = [], [f"{file.name} was not closed" for file in path.glob("*.bag.active")]
         for file in paths:
             try:
-                extent, found = _read(file, packed, counts, note)
+                extent, found = _read(file, counts, note)
             except FAULTS as error:
                 if len(paths) == 1 and not path.is_dir():
                     raise
@@ -121,8 +123,8 @@ def verify_bag(path: Path, note: Note = lambda name, kind, log_ns, size: None) -
     except InputError:
         raise
     except FAULTS as error:
-        raise InputError(f"cannot be read as a bag: {error}", "try soilmoist bag recover", path) from None
-    remedy = "" if not problems else "stop the recorder" if recording else _REMEDIES[storage]
+        raise InputError(f"cannot be read as a bag: {error}", remedy_of(path), path) from None
+    remedy = "" if not problems else "stop the recorder" if recording else remedy_of(path)
     if not recording and any(problem.endswith(" is missing") and METADATA not in problem for problem in problems):
         remedy = "copy the missing files into the folder of the bag, if they still exist"
     return Verified(path, storage, tuple(paths), tuple(files), right, recording, tuple(problems), remedy)
@@ -146,7 +148,7 @@ def compared(
         return right, [*problems, f"{METADATA} is missing"] if required else problems
     try:
         metadata = read_metadata(bag)
-        listed = [PurePath(str(name)).name for name in metadata["relative_file_paths"] or ()]
+        listed = [PurePath(str(name)).name for name in metadata["relative_file_paths"]]
         by_file = {
             _plain(PurePath(str(one["path"])).name): int(one["message_count"])
             for one in metadata.get("files") or ()
@@ -204,7 +206,7 @@ def _files(path: Path) -> list[Path]:
     """The files of a bag in the order of recording; none in a folder with metadata only."""
     if path.is_file():
         return [path] if Path(path.name.removesuffix(".zstd")).suffix in _STORAGES else mcap_files(path)
-    found = [inside(path, file) for pattern in _PATTERNS for file in path.glob(pattern)]
+    found = [inside(path, file) for pattern in _PATTERNS for file in _named(path, pattern)]
     names = {file.name for file in found}  # a file and its copy that was unpacked are one
     found = [file for file in found if not (file.suffix == ".zstd" and _plain(file.name) in names)]
     if not found and not (path / METADATA).is_file():
@@ -212,19 +214,11 @@ def _files(path: Path) -> list[Path]:
     return sorted(found, key=_split_number)
 
 
-def _packs_messages(bag: Path) -> bool:
-    """Whether each message of a bag is compressed."""
-    try:
-        return str(read_metadata(bag).get("compression_mode") or "").lower() == "message"
-    except (InputError, ValueError, OSError):
-        return False
-
-
-def _read(file: Path, packed: bool, counts: Counter[str], note: Note) -> tuple[Extent, list[str]]:
+def _read(file: Path, counts: Counter[str], note: Note) -> tuple[Extent, list[str]]:
     """Read the messages of a file: their extent, and its problems."""
     if file.suffix == ".zstd":
         with tempfile.TemporaryDirectory() as folder:
-            return _read(unpacked(file, Path(folder) / file.stem), packed, counts, note)
+            return _read(unpacked(file, Path(folder) / file.stem), counts, note)
     extent, here = Extent(), Counter[str]()
 
     def take(name: str, kind: str, log_ns: int, size: int) -> None:
@@ -241,7 +235,8 @@ def _read(file: Path, packed: bool, counts: Counter[str], note: Note) -> tuple[E
                 take(message.topic.name, message.topic.definition.type_name, message.log_ns, len(message.data))
             problems = findings(scan)
         elif file.suffix == ".db3":
-            with closing(SqliteFile(file, packed)) as base:
+            problems = _cut(file)
+            with closing(SqliteFile(file)) as base:
                 for name, kind, log_ns, data in base.messages(base.content.counts, by_time=False):
                     take(name, kind, log_ns, len(data))
         else:
@@ -256,6 +251,16 @@ def _read(file: Path, packed: bool, counts: Counter[str], note: Note) -> tuple[E
     finally:
         counts.update(here)
     return extent, problems
+
+
+def _cut(file: Path) -> list[str]:
+    """Whether an SQLite file is shorter than its header says, in words."""
+    with file.open("rb") as stream:
+        header = stream.read(100)
+    page, pages = (int.from_bytes(header[at : at + size]) for at, size in ((16, 2), (28, 4)))
+    size, there = (page if page > 1 else 1 << 16) * pages, file.stat().st_size
+    valid = header[24:28] == header[92:96]  # older versions of SQLite do not write the number of pages
+    return [f"{file.name} was cut: it has {there} of {size} bytes"] if valid and there < size else []
 
 
 def _checked_sums(bag: Path) -> tuple[int, list[str]]:
@@ -279,6 +284,11 @@ def _checked_sums(bag: Path) -> tuple[int, list[str]]:
         if found != match[1]:
             problems.append(f"{match[2]} is not the file that was recorded: its checksum is another one")
     return right, problems
+
+
+def _named(folder: Path, pattern: str) -> Iterator[Path]:
+    """Files of a folder; computers of Apple add one of their own to each on a foreign disk."""
+    return (file for file in folder.glob(pattern) if not file.name.startswith("._"))
 
 
 def _plain(name: str) -> str:

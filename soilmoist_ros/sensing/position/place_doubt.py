@@ -116,6 +116,13 @@ def placed(record: CountRecord, doubts: Iterable[Doubt]) -> CountRecord:
     return replace(record, x_m=ended.x_m, y_m=ended.y_m, quarantine="")
 
 
+def placed_of_any(record: CountRecord, robots: Iterable[Doubts]) -> CountRecord:
+    """A record of one of several robots, quarantined if a doubt about the place of any of them changes it."""
+    if record.quarantine or all(doubts.placed(record) == record for doubts in robots):
+        return record
+    return replace(record, quarantine=Kind.PLACE_DOUBT.value)
+
+
 class Doubts:
     """The doubts about the place of one robot, each with its newest outcome."""
 

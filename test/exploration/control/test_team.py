@@ -26,7 +26,7 @@ from soilmoist_ros.exploration.control.team import (
 )
 from soilmoist_ros.exploration.mission.actions import RequestPlan
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind, Verb
+from soilmoist_ros.exploration.mission.types import MissionRules, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.properties import Property
@@ -365,22 +365,40 @@ def test_a_robot_that_falls_silent_is_lost_and_its_place_stays_taken_until_someb
     assert one.control.team.release_lost() == []
 
 
-@pytest.mark.parametrize("silent_s", [5.0, 20.0, 29.0])
-def test_a_robot_that_drove_when_it_fell_silent_may_have_stopped_at_once_or_driven_on(silent_s):
-    one, two = Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0))
-    begun(one, two)
+def test_what_a_released_robot_was_to_count_is_released_with_it():
+    one, two = begun(Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0)))
     two.asked((47.5, 32.5))
     together([one, two], lambda: two.place[0] > 38)
-    team, now_s = one.control.team, one.time_s
-    [robot] = team.robots.values()
-    died, velocity = robot.status.place, robot.velocity
-    team.pass_time(silent_s)
-    gone = tuple(at + (now_s + silent_s - robot.heard_s) * mps for at, mps in zip(died, velocity, strict=True))
-    for there in (died, gone):
-        team.fault((0.0, 0.0), True, False, now_s + silent_s - 1.0)  # it was far away
-        assert "/robot_2 is" in team.fault((there[0], there[1] + 1.0), True, False, now_s + silent_s)
-    middle = (died[0] + gone[0]) / 2, (died[1] + gone[1]) / 2 + 20.0
-    assert not team.fault(middle, True, False, now_s + silent_s)
+    together([one], lambda: one.others is not None, 40)
+    assert one.control._queue._others
+    assert one.control.team.release_lost() == ["/robot_2"]
+    one.second()
+    assert not one.control._queue._others
+
+
+STATUS = Mission(MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"))).status
+
+
+@pytest.mark.parametrize(
+    ("own", "after_s", "wrong"),
+    [
+        ((12.5, 30.0), 5.0, True),  # it may have stopped where it was heard last
+        ((15.0, 30.0), 5.0, True),
+        ((20.0, 30.0), 5.0, True),  # or still drive
+        ((40.0, 30.0), 5.0, False),
+        ((15.0, 30.0), 1.2, False),  # it has driven on
+        ((39.5, 30.0), 40.0, True),  # it is lost, and may have driven on to its stop
+        ((10.0, 31.0), 40.0, True),  # or not
+        ((25.0, 30.0), 40.0, False),
+    ],
+)
+def test_a_silent_robot_is_anywhere_between_its_last_place_and_where_it_may_be(own, after_s, wrong):
+    team, start = Team(APART_M), replace(STATUS, phase=Phase.TRAVELLING, target=Stop("there", 40.0, 30.0))
+    for place, time_s in [((9.0, 30.0), 0.0), ((10.0, 30.0), 1.0), ((10.1, 30.0), 1.1)]:
+        team.robot("/other").hear(replace(start, place=place), time_s, time_s, True)
+    team.fault((own[0], own[1] - 20.0), False, False, 1.1)  # it was farther away when this one set off
+    team.pass_time(after_s)
+    assert bool(team.fault(own, True, False, 1.1 + after_s)) == wrong
 
 
 @pytest.mark.parametrize(("off_s", "named"), [(0.0, False), (2.0, False), (40.0, True), (-3600.0, True)])
@@ -390,3 +408,12 @@ def test_a_clock_that_differs_is_named(off_s, named):
     together([one, two], lambda: one.time_s > BEGIN_S + 10)
     said = "" if one.others is None else one.others.message
     assert (f"the clock of /robot_2 differs by {off_s:+.0f} s" in said) == named
+
+
+@pytest.mark.parametrize(("under_way", "level"), [(False, Level.WARN), (True, Level.ERROR)])
+def test_a_robot_about_another_datum_is_no_small_matter(under_way, level):
+    one = Robot("/robot_1", (2.5, 30.0))
+    one.control.other("/robot_2", STATUS, datum=(53.001, 0.0))
+    health = one.control.team.health(under_way)
+    assert (health.level, "/robot_2 is not heard" in health.message) == (level, True)
+    assert not list(one.control.team.standing())

@@ -13,12 +13,13 @@ from click.testing import CliRunner
 from mcap.writer import IndexType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.cli.bag import command
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.info import bag_info
+from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.bag.verify import verify_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
@@ -154,7 +155,14 @@ def test_the_verbs_agree_on_bags_of_every_version_storage_and_compression(tmp_pa
     ("said", "problem"),
     [
         ("{}", "metadata.yaml cannot be read: metadata.yaml is not that of a bag"),
-        ("rosbag2_bagfile_information: {version: 9}", "metadata.yaml cannot be read: 'relative_file_paths'"),
+        (
+            "rosbag2_bagfile_information: {version: 9}",
+            "metadata.yaml cannot be read: metadata.yaml lists no files",
+        ),
+        (
+            "rosbag2_bagfile_information: {relative_file_paths: []}",
+            "metadata.yaml cannot be read: metadata.yaml lists no files",
+        ),
         ("a: [", "metadata.yaml cannot be read: "),
     ],
 )
@@ -163,6 +171,8 @@ def test_metadata_that_say_nothing_make_no_bag_whole(tmp_path, said, problem):
     (bag / "metadata.yaml").write_text(said)
     (found,) = all_agree(bag, tmp_path)
     assert found.startswith(problem)
+    with pytest.raises(InputError), BagReader(bag):
+        pass
 
 
 def test_a_bag_that_is_shorter_than_its_metadata_say_is_not_whole(tmp_path):
@@ -183,6 +193,10 @@ def test_a_bag_of_ros_1_needs_no_metadata_and_is_compared_with_its_index(tmp_pat
             writer.write(to, START_NS + number, b"\1\0\0\0x")
     assert all_agree(tmp_path / "run.bag", tmp_path) == ()
     data = (tmp_path / "run.bag").read_bytes()
+    (tmp_path / "run_1.bag.active").touch()
+    assert all_agree(tmp_path, tmp_path) == ("run_1.bag.active was not closed",)
+    with pytest.raises(InputError, match="was not closed"):
+        BagReader(tmp_path)
     at = data.rindex(struct.pack("<II", 0, 3))
     (tmp_path / "run.bag").write_bytes(data[:at] + struct.pack("<II", 0, 4) + data[at + 8 :])
     assert all_agree(tmp_path / "run.bag", tmp_path) == ("/a has 3 messages, and the index of run.bag says 4",)
@@ -206,3 +220,58 @@ def test_a_file_that_was_closed_without_a_summary_is_whole(tmp_path):
     path.write_bytes(path.read_bytes()[:-60])
     shutil.rmtree(tmp_path / "recovered")
     assert all_agree(path, tmp_path)[0].startswith("fast.mcap was not closed")
+
+
+@pytest.mark.parametrize("listed", [True, False])
+def test_messages_that_were_packed_alone_are_unpacked(tmp_path, listed):
+    """Without ``metadata.yaml``, as of a recorder that was killed, no word says that they are packed."""
+    path = tmp_path / "run"
+    writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with writer:
+        writer.write(
+            writer.add_connection("/a", "std_msgs/msg/String", typestore=STORE), START_NS, text_message("x")
+        )
+    if not listed:
+        (path / "metadata.yaml").unlink()
+    recover_bag(path, tmp_path / "new")
+    for bag in (tmp_path / "new", path / "run.mcap"):
+        with BagReader(bag) as reader:
+            assert reader.read_texts("a") == ["x"]
+
+
+def test_a_database_that_was_cut_is_not_whole(tmp_path):
+    bag = rosbag2(tmp_path / "run", "sqlite3", 9)
+    file = bag / "run_1.db3"
+    data = file.read_bytes()
+    file.write_bytes(data[:-5])
+    assert f"run_1.db3 was cut: it has {len(data) - 5} of {len(data)} bytes" in all_agree(bag, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [("a.mcap", "soilmoist bag recover"), ("a.db3", "sqlite3"), ("a.db3.zstd", "unzstd"),
+     ("a.bag", "rosbag reindex"), ("a.bag.active", "rosbag reindex")],
+)  # fmt: skip
+def test_the_remedy_is_one_for_this_kind_of_file(tmp_path, name, remedy):
+    path = tmp_path / name
+    path.write_bytes(b"#ROSBAG V2.0\n")
+    for read in (bag_info, verify_bag, BagReader)[: 2 if name.endswith("zstd") else 3]:
+        try:
+            error = f"-> {read(path).remedy}"
+        except InputError as failure:
+            error = str(failure)
+        assert remedy in error.rpartition("->")[2]
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_files_that_people_have_unpacked_and_those_of_an_apple_are_no_fault(tmp_path, storage):
+    bag = rosbag2(tmp_path / "run", storage, 9, "FILE")
+    for file in list(bag.glob("*.zstd")):
+        file.with_suffix("").write_bytes(zstandard.decompress(file.read_bytes(), max_output_size=1 << 20))
+        file.with_name(f"._{file.stem}").write_bytes(b"\0\5\x16\7")
+        if file.name.startswith("run_1"):
+            file.unlink()
+    assert bag_info(bag).problems == ()
+    with BagReader(bag) as reader:
+        assert len(list(reader.messages())) == 12
