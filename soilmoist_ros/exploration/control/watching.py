@@ -84,9 +84,10 @@ class Watching:
         self._watch.moved(around)
 
     def expect(self, state: MissionState, now_s: float) -> None:
-        """Say what the robot does: in a mission it stands unless it has a goal."""
+        """Say what the robot does: in a mission, and a while after it, it stands unless it has a goal."""
         does = Expected.DRIVING if state.goal is not None else Expected.STANDING
-        self._watch.places.expect(does if state.under_way else Expected.ANYTHING, now_s)
+        known = state.under_way or now_s < self._watched_until_s
+        self._watch.places.expect(does if known else Expected.ANYTHING, now_s)
 
     def stamped(self, records: Sequence[CountRecord], clock_s: float) -> list[CountRecord]:
         """The records whose stamps are possible; the others are reported.

@@ -26,7 +26,7 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.mapping.field_map import FieldMap
-from soilmoist_ros.sensing.position.place_doubt import Doubt, none_since
+from soilmoist_ros.sensing.position.place_doubt import Doubt
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.clients import ActionNavigator, PoseNavigator
 from soilmoist_ros.simulation.rehearsal.faults import Fault
@@ -100,7 +100,7 @@ class PlannerProcess:
     """
 
     def __init__(self, world: World, store: Store, judge: Judge, doubted: Callable[[Doubt], None]) -> None:
-        self.doubted, self._has_place = doubted, False
+        self.doubted = doubted
         case = world.case
         self._world, self._judge = world, judge
         access = AccessRules(robot_radius_m=ROBOT_RADIUS_M, outside=Outside.NEVER, by_name=world.by_name)
@@ -176,10 +176,7 @@ class PlannerProcess:
         self.control.hand_on()
         self.control.tick()
         self.control.check()
-        places = self.control.watch.places
-        first = [none_since(places.fix.time_s)] if places.fix is not None and not self._has_place else []
-        self._has_place = places.fix is not None
-        for doubt in (*first, *places.news()):
+        for doubt in self.control.doubts():
             self._world.doubts.take(doubt)
             self.doubted(doubt)
         self.control.show()
