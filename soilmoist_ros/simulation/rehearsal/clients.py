@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from math import nan
 
 from soilmoist_ros.exploration.mission.actions import ANYBODYS
@@ -42,6 +42,7 @@ class ActionNavigator:
     """
 
     on_the_way = caution = ""
+    corners: Sequence[Place] = ()  # of the last route
     stop_unheard = False  # rehearsals end with the world
 
     def __init__(
@@ -80,6 +81,7 @@ class ActionNavigator:
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
+        self.corners = [(float(x), float(y)) for x, y in way.corners]
         nodes = tuple(map(WayPoint, way.nodes)) or (WayPoint(stop),)
         ahead = nodes if self._by_name else way_points(way.corners, stop)
         there = self._track.standing_at(stop, self._there_m)
@@ -151,6 +153,7 @@ class PoseNavigator:
     """
 
     on_the_way = caution = ""
+    corners: Sequence[Place] = ()  # of the last route
     stop_unheard = False  # rehearsals end with the world
     feedback_age_s = nan
 
@@ -174,6 +177,7 @@ class PoseNavigator:
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
+        self.corners = [(float(x), float(y)) for x, y in way.corners]
         self._going = True
         self._do(self._client.go(goal_id, way_points(way.corners, stop)))
 

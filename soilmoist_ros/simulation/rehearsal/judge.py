@@ -196,6 +196,7 @@ class Judge:
         led: bool = False,
         people: bool = False,
         right: Sequence[Place] = (),
+        way: Sequence[Place] = (),
     ) -> None:
         """The robot has driven in the last second.
 
@@ -207,9 +208,10 @@ class Judge:
         :param led: whether something else than the mission has moved it: then it must be stopped, or be noticed
         :param people: whether people drive it, who may drive anywhere
         :param right: the way that it was asked for; empty if it was not asked for one [m]
+        :param way: all of the route of which that is a part [m]
         """
         place = passed[-1] if passed else before
-        self._look_at_led(now_s, place, status, right if led and not people else ())
+        self._look_at_led(now_s, place, status, *((right, way) if led and not people else ((), ())))
         if passed and not led:
             self._look_at_way(now_s, shapely.LineString([before, *passed]))
         if led or (passed and self._led_m):
@@ -256,8 +258,11 @@ class Judge:
         deep_m = max((float(a.exterior.distance(point)) for a in self._no_go if a.contains(point)), default=0.0)
         return deep_m, float(self._field.distance(point))
 
-    def _look_at_led(self, now_s: float, place: Place, status: MissionStatus, right: Sequence[Place]) -> None:
-        off_m = float(shapely.LineString(right).distance(shapely.Point(place))) if len(right) > 1 else 0.0
+    def _look_at_led(
+        self, now_s: float, place: Place, status: MissionStatus, right: Sequence[Place], way: Sequence[Place]
+    ) -> None:
+        lines = [shapely.LineString(each) for each in (right, way) if len(each) > 1] if len(right) > 1 else []
+        off_m = min((float(line.distance(shapely.Point(place))) for line in lines), default=0.0)
         off = status.phase in MOVING and not _alarmed(status) and off_m > self._limits.off_m
         self._lasts(Kind.OFF_ROUTE, now_s, off, f"{off_m:.1f} m off")
         self._places.append(place)

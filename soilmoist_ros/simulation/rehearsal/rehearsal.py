@@ -238,13 +238,15 @@ class _Rehearsal:
         """Let a second pass; whether the mission has ended."""
         world, before, passed = self.world, self.world.robot.place, list[Place]()
         said, right = None if self.planner is None else self.planner.status, world.robot.right
+        way = () if self.planner is None else self.planner.link.corners
         for places, fixes in world.second():
             passed += places
             for place, stamp_s in fixes:
                 if self.planner is not None:
                     self.planner.control.fix(place, world.case.stated_sd_m, stamp_s)
         if said is not None:
-            self.judge.drove(world.time_s, before, passed, said, world.obeys, world.led, world.with_people, right)
+            led = world.led, world.with_people
+            self.judge.drove(world.time_s, before, passed, said, world.obeys, *led, right, way)
         begun, replies = world.events()
         for span in begun:
             self._begin(span)
