@@ -57,9 +57,9 @@ def make_case(seed: int, number: int, fault: Fault | None = None) -> Case:
         rng, first, int(rng.integers(3)) if first is not None and fault is None else 0, 0.7 * budget_s
     )
     if navigator == "goal_pose":  # its standstill is guessed from positions: one that repeats looks like it
-        kinds = {span.fault for span in faults.spans}
+        drawn = {span.fault for span in faults.spans}
         # a robot that never arrives, and cannot be stopped, does not show whether it or its place moves
-        wrong = {Fault.FIX_FROZEN, *((Fault.FIX_DRIFT,) if Fault.OTHER_MAP in kinds else ())}
+        wrong = {Fault.FIX_FROZEN, *((Fault.FIX_DRIFT,) if Fault.OTHER_MAP in drawn else ())}
         faults = Faults([span for span in faults.spans if span.fault not in wrong])
     return Case(
         ground=ground,
