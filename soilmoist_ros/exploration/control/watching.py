@@ -17,6 +17,8 @@ from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.navigation.navigator import Navigator
+from soilmoist_ros.exploration.navigation.way_points import way_points
+from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.sensing.position.place_judge import Expected
 from soilmoist_ros.sensing.records import CountRecord
@@ -44,6 +46,7 @@ class Watching:
         self._watch = watch
         self._access: FieldAccess | None = None
         self._route: BaseGeometry | None = None
+        self._corners: list[Stop] = []
         self._watched_until_s = -math.inf
         self._way_home: tuple[tuple[float, float], float] | None = None  # from where, and how long [s]
 
@@ -55,6 +58,10 @@ class Watching:
         """A goal is sent with its route."""
         import shapely
 
+        self._corners = []
+        if len(way.corners):
+            end = Stop("end", float(way.corners[-1, 0]), float(way.corners[-1, 1]))
+            self._corners = [point.stop for point in way_points(way.corners, end)]
         self._route = shapely.multilinestrings(list(shapely.linestrings(way.lines))) if len(way.lines) else None
 
     def stopped(self, now_s: float) -> None:
@@ -128,13 +135,14 @@ class Watching:
         state, now_s = mission.state, mission.state.now_s or 0.0
         place = state.position
         if state.goal is None:
-            self._route = None
+            self._route, self._corners = None, []
         if state.under_way:
             self._watched_until_s = now_s + WATCHED_S
         watched = now_s < self._watched_until_s or Cause.MOVING in self._watch.on
         return Doing(
             under_way=state.under_way,
             driving=state.goal is not None,
+            near_corner=place is not None and any(mission.rules.is_at(place, each) for each in self._corners),
             still=(state.goal is None or state.goal.over) and watched,
             going_home=state.ended is not None or state.phase is Phase.RETURNING,
             waiting_for=navigator.waiting_for,

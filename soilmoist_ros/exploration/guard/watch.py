@@ -28,6 +28,8 @@ MIN_JUMPS: Final = 3
 """Number of implausible fixes in a row from which the place counts as lost; also of fixes that are too fast."""
 MIN_JUMP_S: Final = 2.0
 """Minimum time over which implausible fixes come until the place counts as lost [s]."""
+APART_S: Final = 6.0
+"""Fixes farther apart than this do not show whether places in between have changed [s]."""
 RECORDS_APART: Final = 6.0
 """An alarm about single records ends after this multiple of the usual time, as they come every 10 s or so."""
 
@@ -101,6 +103,7 @@ class Doing:
 
     :param under_way: whether a mission has started and not ended
     :param driving: whether a goal has been sent and has not ended
+    :param near_corner: whether it seems to be within the arrival radius of its goal, or of a bend of its route
     :param still: whether the robot should stand: it is the planner's, and its navigation works on no goal
     :param going_home: whether the robot is on its way home for good
     :param waiting_for: what is missing of the navigation; empty if nothing is
@@ -112,6 +115,7 @@ class Doing:
 
     under_way: bool = False
     driving: bool = False
+    near_corner: bool = False
     still: bool = False
     going_home: bool = False
     waiting_for: str = ""
@@ -204,8 +208,9 @@ class Watch:
         self._allowed_outside_m = self._allowed_no_go_m = 0.0  # where the mission has begun
         self._seen = dict.fromkeys((Cause.IN_NO_GO, Cause.OUTSIDE, Cause.OFF_ROUTE, Cause.FAR_OFF_ROUTE), 0)
         self._still_since_s = math.inf
-        self._frozen: tuple[tuple[float, float], float] | None = None  # a place, and since when it is the last
-        self._driving_since_s = math.inf
+        self._frozen: tuple[float, float] | None = None  # the last place that was new
+        self._stuck_s, self._stuck_since_s = 0.0, math.inf  # driven without a change of the place, and since when
+        self._judged_s = math.inf
         self._record_stamp_s = self._map_stamp_s = -math.inf
         self._trust = CountTrust(self.limits.counts_bad_s)
         self._logger_fault = ""
@@ -245,8 +250,9 @@ class Watch:
             return None
         self._hear("fix", fix.now_s)
         self.motion.take(fix.measured_s, fix.xy, places.sd_m(fix.sd_m))
-        if self._frozen is None or math.dist(self._frozen[0], fix.xy) > REPEATED_M:
-            self._frozen = fix.xy, fix.now_s
+        if self._frozen is None or math.dist(self._frozen, fix.xy) > REPEATED_M:
+            self._frozen = fix.xy
+            self._stuck_s, self._stuck_since_s = 0.0, math.inf
         fast = places.speed_mps > self.limits.place.max_speed_mps
         self._fast = self._fast + 1 if fast else 0
         self.report(
@@ -464,17 +470,19 @@ class Watch:
         self.report(Cause.RESERVE, self._reserve_fault(now_s, doing))
 
     def _frozen_fault(self, now_s: float, doing: Doing) -> str:
-        if not doing.driving:
-            self._driving_since_s = math.inf
+        heard, limit_s = self._heard.get("fix"), self.limits.fix_frozen_s
+        if heard is None or not limit_s:
             return ""
-        self._driving_since_s = min(self._driving_since_s, now_s)
-        limit_s = self.limits.fix_frozen_s
-        heard = self._heard.get("fix")
-        if self._frozen is None or heard is None or not limit_s:
+        before_s, self._judged_s = self._judged_s, heard.now_s
+        passed_s = heard.now_s - before_s
+        if not doing.driving and self._stuck_s > limit_s:
+            self._stuck_s, self._stuck_since_s = 0.0, math.inf  # it is stopped, and has a new trial
+        elif doing.driving and not doing.near_corner and 0 < passed_s <= APART_S:
+            # where it arrives it stands, and some receivers hold the place of a robot that stands
+            self._stuck_s, self._stuck_since_s = self._stuck_s + passed_s, min(self._stuck_since_s, before_s)
+        if self._stuck_s <= limit_s:
             return ""
-        frozen_s = heard.now_s - max(self._frozen[1], self._driving_since_s)
-        if frozen_s <= limit_s:
-            return ""
+        frozen_s = heard.now_s - self._stuck_since_s
         self.places.distrust(frozen_s)
         return f"the place has not changed at all for {frozen_s:.0f} s"
 

@@ -206,6 +206,7 @@ class PlaceJudge:
         self._far = PlaceFix(0.0, 0.0, 0.0)  # the place of the open doubt that is farthest away
         self._doubted_s = math.inf
         self._repeated: tuple[float, float] | None = None  # a place that the receiver repeats in the open doubt
+        self._held_s = math.inf  # since when the receiver has repeated its place while the robot drives
         self._before = _NOWHERE  # the last trusted place before the open doubt
         self._news: list[Doubt] = []
         self._offset_s = 0.0
@@ -217,6 +218,8 @@ class PlaceJudge:
         if expected is self._expected:
             return
         self._expected, self._expected_since_s = expected, now_s
+        if expected is Expected.DRIVING:
+            self._held_s = min(self._held_s, now_s)
         self._stand = None
         if expected is not Expected.STANDING:
             self._stood = None
@@ -341,6 +344,8 @@ class PlaceJudge:
             self._track.append(fix)
         while self._time_s(self._track[0], fix) > WINDOW_S:
             self._track.popleft()
+        if self.fix is None or math.dist(self.fix.xy, fix.xy) > REPEATED_M:
+            self._held_s = fix.time_s if self._expected is Expected.DRIVING else math.inf
         self.fix = fix
         self.rejected, self.rejected_since_s = 0, math.inf
         self._candidates.clear()
@@ -489,7 +494,10 @@ class PlaceJudge:
         )
         self._sudden = self._relocated = False
         trusted = self._stand.steady if self._stand is not None else self.fix
-        self.doubt = Doubt((trusted or fix).time_s + self._offset_s)
+        since_s = (trusted or fix).time_s
+        if self._expected is Expected.DRIVING:
+            since_s = min(since_s, self._held_s)
+        self.doubt = Doubt(since_s + self._offset_s)
         self._news.append(self.doubt)
 
     def _end_doubt(self, outcome: Outcome, fix: PlaceFix | None = None) -> None:

@@ -138,6 +138,7 @@ class World:
         self._rng_of_links = np.random.default_rng([case.seed, 1])
         self._clock_step_s = 0.0
         self._fixed_s = -math.inf
+        self._fixed_at: Place = (math.nan, math.nan)  # where the robot truly was then
 
     @property
     def now_s(self) -> float:
@@ -262,7 +263,7 @@ class World:
             place = (place[0] + (20.0 + 180.0 * span.size) * (self.time_s - span.at_s), place[1])
         elif self.faults.on(Fault.FIX_FROZEN, self.time_s) and self.fixed is not None:
             place = self.fixed
-        self.fixed, self._fixed_s = place, self.time_s
+        self.fixed, self._fixed_s, self._fixed_at = place, self.time_s, self.robot.place
         return place, self.now_s
 
     def _record(self) -> CountRecord | None:
@@ -278,7 +279,7 @@ class World:
             counts = 0
         place = self.fixed if self.time_s - self._fixed_s <= CADENCE_S / 2 else (math.nan, math.nan)
         x_m, y_m = np.array(place, np.float32).tolist()  # as messages have it
-        self.truth[round(self.now_s, 3), counts] = x, y
+        self.truth[round(self.now_s, 3), counts] = self._fixed_at  # it may have driven since
         record = CountRecord(self.now_s, x_m, y_m, 0.0, counts, CADENCE_S, CADENCE_S)
         return placed if (placed := self.doubts.placed(record)).quarantine else record  # as the driver does
 
