@@ -139,9 +139,8 @@ class Motion:
         """
         means, sd_m = self._means, max(sd_m, MIN_SD_M) if math.isfinite(sd_m) else UNKNOWN_SD_M
         if means and at_s < means[-1].at_s - KEPT_S:
-            means.clear()
+            self.forget()
             self._squares.clear()
-            self._anchor = math.inf, []
         if not means or at_s // MEAN_S > means[-1].at_s // MEAN_S:
             self._measure_scatter()
             means.append(_Mean(at_s, *place, sd_m))
@@ -150,8 +149,13 @@ class Motion:
         while means[0].at_s < at_s - KEPT_S and len(means) > 3:
             means.popleft()
 
+    def forget(self) -> None:
+        """The places so far say nothing about what the robot does from now on."""
+        self._means.clear()
+        self._anchor = math.inf, []
+
     def standing(self, for_s: float, since_s: float = -math.inf) -> Standing:
-        """Whether the robot stands.
+        """Standstill of the robot by its last places.
 
         :param for_s: shortest time over which to judge [s]; noisy places need up to four times as long
         :param since_s: only places after this time count [s]

@@ -483,7 +483,9 @@ class Watch:
         if self._stuck_s <= limit_s:
             return ""
         frozen_s = heard.now_s - self._stuck_since_s
-        self.places.distrust(frozen_s)
+        if self.places.doubt is None:
+            self.motion.forget()  # what was repeated while the robot drove does not show that it stands
+            self.places.distrust(frozen_s)
         return f"the place has not changed at all for {frozen_s:.0f} s"
 
     def _motion_fault(self, now_s: float, doing: Doing) -> str:

@@ -115,8 +115,8 @@ class Deadlines(Moves):
         goal, todo, limit_s = self.state.goal, self.state.todo, self.rules.cancel_limit_s
         assert goal is not None
         assert todo is not None
-        stays = todo in (Todo.PAUSE, Todo.IDLE, Todo.FINISH)
-        if self.stands and stays:
+        stands = self.stands
+        if stands and todo in (Todo.PAUSE, Todo.IDLE, Todo.FINISH):
             self.state = replace(self.state, goal=None)
             cause = f"{self.state.cause} (the end of the goal was not reported in {limit_s:.0f} s){self.unseen}"
             self.carry_out(todo, cause)
@@ -127,7 +127,7 @@ class Deadlines(Moves):
         unknown = self.state.position_s is None or self.now_s - self.state.position_s > limit_s
         doubt = f"the robot is not known to stand ({'its place is not known' if unknown else 'it still moves'})"
         remedy = ""
-        if self.stands:  # the navigation may still send it on
+        if stands:  # the navigation may still send it on
             doubt = f"the navigation has not reported the end of the goal to {goal.stop.name}"
             remedy = "; cancel it there or start the navigation again, or pause or abort here"
         self.enter(Phase.CANCELLING, f"{self.state.cause}; {doubt}: asked {goal.requests} times to stop{remedy}")

@@ -127,7 +127,7 @@ class Moves:
         assert goal.cancelled_s is not None
         if self.rules.standstill_s == 0:
             return True
-        return self.seen_standing and state.position_s is not None and state.position_s >= goal.cancelled_s
+        return self.seen_standing and state.position_s is not None and state.position_s > goal.cancelled_s
 
     @property
     def seen_standing(self) -> bool:

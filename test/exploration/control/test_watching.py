@@ -262,12 +262,35 @@ def test_fixes_that_agree_on_another_place_wait_for_an_operator(farm, away_m):
     goes_on(farm)
 
 
+def test_fixes_that_repeat_in_one_short_goal_after_the_other_are_frozen(farm):
+    frozen, goals = farm.place, set()
+    farm.fix = lambda true: frozen
+    for number in range(40):
+        goals.add(farm.goal)
+        if "fix_frozen" in farm.alarms:
+            break
+        if number % 8 == 7:
+            farm.control.command(Verb.SKIP)
+        farm.second()
+    assert "fix_frozen" in farm.alarms
+    assert len(goals - {None}) > 1
+
+
+def test_a_receiver_may_hold_the_place_of_a_robot_that_has_arrived(farm):
+    farm.run(lambda: farm.way_m < 2)
+    farm.move = lambda: None  # the navigation has not said so yet
+    farm.pass_by(40)
+    assert "fix_frozen" not in farm.alarms
+
+
 def test_frozen_fixes_wait_for_an_operator(farm):
     frozen = farm.place
     farm.fix = lambda true: frozen
     farm.run(lambda: "fix_frozen" in farm.alarms, 30)
     assert farm.alarms["fix_frozen"] is Response.PAUSE
+    began_s = farm.steady_s
     farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
+    assert farm.steady_s - began_s >= 4, "what was repeated before does not show that the robot stands"
     assert farm.goal is None
     farm.fix = lambda true: true
     farm.run(lambda: not farm.alarms, 120)

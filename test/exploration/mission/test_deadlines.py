@@ -43,6 +43,7 @@ def test_after_a_cancel_without_a_result_nothing_is_sent_before_the_end_is_known
         assert driver.phase is Phase.CANCELLING
     assert "has not reported the end of the goal to east: asked 5 times to stop; cancel it there" in driver.reason
     assert driver.mission.status.needs_operator
+    driver.send(Moved, 3.0, 0.0, after=1.0)
     assert driver.send(GoalFailed, 1, "cancelled").kinds() == [RequestPlan, Publish]
 
 
