@@ -15,7 +15,7 @@ from soilmoist_ros.exploration.guard.watch import NEAR_ROUTE_M, Doing, Surroundi
 from soilmoist_ros.exploration.mission.events import ClockStepped, Event
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import MissionState
-from soilmoist_ros.exploration.mission.types import Phase
+from soilmoist_ros.exploration.mission.types import MissionRules, Phase
 from soilmoist_ros.exploration.navigation.navigator import Navigator
 from soilmoist_ros.exploration.navigation.way_points import way_points
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -47,6 +47,7 @@ class Watching:
         self._access: FieldAccess | None = None
         self._route: BaseGeometry | None = None
         self._corners: list[Stop] = []
+        self._set_off: tuple[float, float] | None = None
         self._watched_until_s = -math.inf
         self._way_home: tuple[tuple[float, float], float] | None = None  # from where, and how long [s]
 
@@ -58,10 +59,11 @@ class Watching:
         """A goal is sent with its route."""
         import shapely
 
-        self._corners = []
+        self._corners, self._set_off = [], None
         if len(way.corners):
-            end = Stop("end", float(way.corners[-1, 0]), float(way.corners[-1, 1]))
-            self._corners = [point.stop for point in way_points(way.corners, end)]
+            (x_m, y_m), (end_x_m, end_y_m) = way.corners[0].tolist(), way.corners[-1].tolist()
+            self._set_off = x_m, y_m
+            self._corners = [point.stop for point in way_points(way.corners, Stop("end", end_x_m, end_y_m))]
         self._route = shapely.multilinestrings(list(shapely.linestrings(way.lines))) if len(way.lines) else None
 
     def stopped(self, now_s: float) -> None:
@@ -142,7 +144,7 @@ class Watching:
         return Doing(
             under_way=state.under_way,
             driving=state.goal is not None,
-            near_corner=place is not None and any(mission.rules.is_at(place, each) for each in self._corners),
+            near_corner=self._is_near_corner(mission.rules, place),
             still=(state.goal is None or state.goal.over) and watched,
             going_home=state.ended is not None or state.phase is Phase.RETURNING,
             waiting_for=navigator.waiting_for,
@@ -151,6 +153,13 @@ class Watching:
             time_left_s=max(0.0, mission.current_rules.budget_s - state.time_used_s),
             way_home_s=0.0 if place is None or not state.under_way else self._way_home_s(mission, place),
         )
+
+    def _is_near_corner(self, rules: MissionRules, place: tuple[float, float] | None) -> bool:
+        """Whether the robot may stand at a bend or the end of its route; it has no reason to where it set off."""
+        if place is None or self._set_off is None:
+            return False
+        away_m = math.dist(place, self._set_off)
+        return away_m > rules.arrival_radius_m and any(rules.is_at(place, each) for each in self._corners)
 
     def _way_home_s(self, mission: Mission, place: tuple[float, float]) -> float:
         """Time of the way home along the real route [s]; 0 without a home, or at home."""

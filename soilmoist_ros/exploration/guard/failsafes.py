@@ -103,7 +103,8 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         "fix_frozen_s": Limit(
             12.0,
             "s",
-            "longest time without any change of the position while the robot is to drive; 0 for no limit",
+            "longest time without any change of the position while the robot is to drive, with goal_pose at least "
+            "30 s, as fixes show its arrivals; 0 for no limit",
         ),
         "records_old_s": Limit(60.0, "s", "longest time without a record in a mission"),
         "counts_bad_s": Limit(60.0, "s", "time in which more than half of the records must be good", 1.0),

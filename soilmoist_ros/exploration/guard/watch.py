@@ -28,6 +28,8 @@ MIN_JUMPS: Final = 3
 """Number of implausible fixes in a row from which the place counts as lost; also of fixes that are too fast."""
 MIN_JUMP_S: Final = 2.0
 """Minimum time over which implausible fixes come until the place counts as lost [s]."""
+POSES_FROZEN_S: Final = 30.0
+"""Shortest limit of frozen fixes where fixes show that the robot has arrived: noisy ones take up to 20 s [s]."""
 APART_S: Final = 6.0
 """Fixes farther apart than this do not show whether places in between have changed [s]."""
 RECORDS_APART: Final = 6.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
-from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
+from soilmoist_ros.exploration.guard.watch import POSES_FROZEN_S, Watch, WatchLimits
 from soilmoist_ros.exploration.mission.types import Response
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import Parameters
@@ -70,7 +70,7 @@ WATCH_PARAMETERS: Final = (
 def make_watch(parameters: Parameters) -> Watch:
     """The watch of a planner.
 
-    :param parameters: values of :data:`WATCH_PARAMETERS`, and ``speed_mps``
+    :param parameters: values of :data:`WATCH_PARAMETERS`, ``speed_mps`` and ``navigator``
     :raises InputError: if limits contradict each other
     """
     number, usual_mps = parameters.number, parameters.number("speed_mps")
@@ -89,6 +89,8 @@ def make_watch(parameters: Parameters) -> Watch:
         max_gap_s=number("fix_old_s"),
     )
     values: dict[str, Any] = {name: number(name) for name in LIMITS}
+    if values["fix_frozen_s"] and parameters.text("navigator") == "goal_pose":
+        values["fix_frozen_s"] = max(values["fix_frozen_s"], POSES_FROZEN_S)
     try:
         limits = WatchLimits(
             place=place,

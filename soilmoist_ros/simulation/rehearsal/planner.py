@@ -14,6 +14,7 @@ from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings, FieldAccess
 from soilmoist_ros.exploration.guard.fenced_graph import Outside
+from soilmoist_ros.exploration.guard.watch import POSES_FROZEN_S, Watch, WatchLimits
 from soilmoist_ros.exploration.mission.actions import Finish
 from soilmoist_ros.exploration.mission.journal import Journal, MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.types import MissionRules, MissionStatus
@@ -128,6 +129,7 @@ class PlannerProcess:
             arrival_radius_m=case.radius_m,
             blacklist_s=300.0,
         )
+        frozen_s = POSES_FROZEN_S if case.navigator == "goal_pose" else WatchLimits().fix_frozen_s
         self.control = MissionControl(
             case.ground.field,
             settings,
@@ -138,6 +140,7 @@ class PlannerProcess:
             self,
             MissionJournal(journal),
             executor=self._later,
+            watch=Watch(WatchLimits(fix_frozen_s=frozen_s)),
             clock=MissionClock(self.now_s, lambda: world.time_s, "this computer"),
         )
         mission = interrupted_mission(rules, snapshot, events, complete)
