@@ -69,7 +69,7 @@ class Driver:
                 done.set()
             now_s, place = self.world.now_s, self.world.place
             self.navigator.tick(now_s)
-            self.navigator.moved(place, now_s)
+            self.navigator.moved(place, now_s, 0.02)
         executor.shutdown(timeout_sec=2)
 
     def do(self, what):
@@ -490,7 +490,7 @@ def test_one_bad_fix_before_a_stop_does_not_send_the_robot_away(ros, world, posi
     ros.wait_for(lambda: math.dist(world.place, START) > 3.0)
     world.rate = 0.5  # else its places are too old when the last one comes
     posing.stop()
-    posing.navigator.moved((1984.8, 25.4), world.now_s)
+    posing.navigator.moved((1984.8, 25.4), world.now_s, 0.02)
     posing.navigator.cancel(1)
     ros.wait_for(lambda: len(posing.poses) == 2, message="the pose that stops the robot")
     assert math.dist(posing.poses[-1][:2], world.place) < 10.0
