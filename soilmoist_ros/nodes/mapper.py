@@ -194,23 +194,20 @@ class Mapper(Node):
         records: list[CountRecord] = []
         doubts: list[tuple[Doubt, str | None]] = []
         for robot, message in messages:
-            try:
-                if isinstance(message, String):
+            if isinstance(message, String):
+                try:
                     doubts.append((Doubt.from_text(message.data), robot))
-                    continue
-                found = counts_from_message(message)
-                require_plane(message, self._frame, self._survey.field.frame)
-                if self._several:
-                    self._records.sent_by(robot or "", found)
-                for record in found:
-                    if fault := self._fault(record):
-                        self._skip(Skip.STAMP, fault)
-                    else:
-                        records.append(record)
-            except OtherFrameError as error:
-                self._skip(Skip.OTHER_FRAME, error)
-            except ValueError as error:
-                self._skip(Skip.UNREADABLE, error)
+                except ValueError as error:
+                    self._skip(Skip.UNREADABLE, error)
+                continue
+            found = self._decoded(message)
+            if self._several:
+                self._records.sent_by(robot or "", found)
+            for record in found:
+                if fault := self._fault(record):
+                    self._skip(Skip.STAMP, fault)
+                else:
+                    records.append(record)
         for start in range(0, max(len(records), 1), _SLICE):
             with self._guard:
                 self._sources.received(records[start : start + _SLICE])
@@ -224,17 +221,20 @@ class Mapper(Node):
 
     def _sent_again(self) -> list[CountRecord]:
         """Records that mappers of other robots have sent because this one may lack them."""
-        records: list[CountRecord] = []
-        for message in self._exchange.take():
-            try:
-                found = counts_from_message(message)
-                require_plane(message, self._frame, self._survey.field.frame)
-                records += [record for record in found if not self._fault(record, stored=True)]
-            except OtherFrameError as error:
-                self._skip(Skip.OTHER_FRAME, error)
-            except ValueError as error:
-                self._skip(Skip.UNREADABLE, error)
-        return records
+        found = (record for message in self._exchange.take() for record in self._decoded(message))
+        return [record for record in found if not self._fault(record, stored=True)]
+
+    def _decoded(self, message: PointCloud2) -> Sequence[CountRecord]:
+        """Records of a message; none of one that cannot be used, which is reported."""
+        try:
+            found = counts_from_message(message)
+            require_plane(message, self._frame, self._survey.field.frame)
+            return found
+        except OtherFrameError as error:
+            self._skip(Skip.OTHER_FRAME, error)
+        except ValueError as error:
+            self._skip(Skip.UNREADABLE, error)
+        return ()
 
     def _fault(self, record: CountRecord, stored: bool = False) -> str:
         """Why the stamp of a record is impossible; what was stored before the start may be of any age."""
