@@ -54,7 +54,7 @@ def command(
         raise InputError("exists already", "choose another file, or give --overwrite to replace it", out)
     from datetime import UTC, datetime
 
-    from soilmoist_ros.exploration.guard.fence import Fence
+    from soilmoist_ros.exploration.guard.fence import unreachable
     from soilmoist_ros.exploration.travel.graph_builders import crop_rows, open_lattice
     from soilmoist_ros.exploration.travel.topological_map import make_topological_map
     from soilmoist_ros.simulation.fields.catalogue import known_field
@@ -72,7 +72,7 @@ def command(
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", "choose another file", out) from None
     say(built.summary)
-    if divided := Fence(known, margin).divided():
-        warn(f"warning: {divided}")
+    if doubt := unreachable(known, margin):
+        warn(f"warning: {doubt}")
     put(nodes=len(built.graph.names), out=str(out))
     wrote([out])

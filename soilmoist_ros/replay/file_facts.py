@@ -92,7 +92,7 @@ def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[Findin
     """
     import shapely
 
-    from soilmoist_ros.exploration.guard.fence import Fence
+    from soilmoist_ros.exploration.guard.fence import unreachable
 
     shape = shapely.Polygon(field.polygon)
     left_out = shapely.union_all([shapely.Polygon(ring) for ring in field.no_go])
@@ -109,12 +109,8 @@ def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[Findin
     yield Finding("map", f"{cells}{no_go}")
     for note in field.notes:
         yield Finding("border", note)
-    try:
-        divided = Fence(field, robot_radius_m).divided()
-    except InputError as error:  # a person may go there
-        divided = str(error)
-    if divided:
-        yield _doubt(divided)
+    if doubt := unreachable(field, robot_radius_m):
+        yield _doubt(doubt)
     covariates = read_covariates(field.covariates, field.frame, grid)
     if covariates is not None:
         covered = [f"{name} ({share:.0%} of the field)" for name, share in coverage(covariates, grid).items()]

@@ -28,7 +28,6 @@ SIMULATED_H: Final = 6.0
 MAX_HOURS: Final = 12.0
 MAX_BYTES: Final = 4 << 30
 HEADLAND_M: Final = 5.0
-ROBOT_RADIUS_M: Final = 0.75
 _RANGE_SHARE: Final = 0.25
 """Range parameter of the simulated patterns as a share of the field's extent."""
 
@@ -55,7 +54,7 @@ def check_field(given: Mapping[str, Any]) -> dict[str, Any]:
     :returns: ``file``; ``area_m2`` without the no-go areas; ``note``: parts that a robot cannot reach, in words
     :raises InputError: if it is no field
     """
-    from soilmoist_ros.exploration.guard.fence import Fence
+    from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M, unreachable
     from soilmoist_ros.mapping.field import load_field
 
     text = field_text(given)
@@ -67,11 +66,7 @@ def check_field(given: Mapping[str, Any]) -> dict[str, Any]:
 
     left_out = shapely.union_all([shapely.Polygon(ring) for ring in field.no_go])
     area = shapely.Polygon(field.polygon).difference(left_out).area
-    try:
-        note = Fence(field, ROBOT_RADIUS_M).divided()
-    except InputError as error:  # a person may go there
-        note = str(error)
-    return {"file": text, "area_m2": round(area), "note": note}
+    return {"file": text, "area_m2": round(area), "note": unreachable(field, ROBOT_RADIUS_M)}
 
 
 def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -165,6 +160,7 @@ def _travel_map(field_file: Path, stops: Mapping[str, Any]) -> tuple[str, str]:
     """Text and summary of the travel map of a field file."""
     from datetime import UTC, datetime
 
+    from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M
     from soilmoist_ros.exploration.travel.graph_builders import crop_rows, open_lattice
     from soilmoist_ros.exploration.travel.topological_map import make_topological_map
     from soilmoist_ros.mapping.field import load_field

@@ -55,8 +55,6 @@ class AccessRules:
 
 
 NO_MARGIN = AccessRules()
-ROBOT_RADIUS_M = 0.75
-"""Half the width of Thorvald [m]."""
 PAST_M = 0.5
 """Distance that a way past a standing robot keeps in addition, so that noise of the fixes stops nobody [m]."""
 _STAYS_M = 0.05

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+ROBOT_RADIUS_M = 0.75
+"""Half the width of Thorvald [m]."""
 _ROUNDING_M = 1e-3
 _STEP_M = 0.5
 """Step along a route at which its distance from the allowed area is measured [m]."""
@@ -264,3 +266,16 @@ class Fence:
 
         places = shapely.points(shapely.get_coordinates(shapely.segmentize(part, _STEP_M)))
         return float(np.max(shapely.distance(self.area.shape, places), initial=0.0))
+
+
+def unreachable(field: Field, margin_m: float) -> str:
+    """Parts of a field that a robot cannot reach from each other, or all of it, in words; empty if it reaches all.
+
+    A fault for a robot alone: a person may go there.
+
+    :param margin_m: distance to keep from the border and the no-go areas [m]
+    """
+    try:
+        return Fence(field, margin_m).divided()
+    except InputError as error:
+        return str(error)

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from soilmoist_ros.exploration.control.mission_setup import ROBOT_RADIUS_M, AccessRules, ExplorerSettings
+from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
 from soilmoist_ros.exploration.control.team import Team
+from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M
 from soilmoist_ros.exploration.guard.fenced_graph import Outside
 from soilmoist_ros.exploration.mission.types import (
     MAX_UNTIL_SD,
