@@ -17,7 +17,6 @@ from typing import Any, Final
 from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
 from rclpy.action import ActionClient
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.task import Future
@@ -33,7 +32,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.suggestions import did_you_mean
-from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.nodes.runtime.qos import LATCHED, NO_EVENTS
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
 
 LOOK_EVERY_S = 1.0
@@ -227,11 +226,9 @@ class ActionNavigator(ABC):
         """Subscribe to the lists of an action, again if the last ones of its servers are to come once more."""
         if action in self._subscriptions:
             self._node.destroy_subscription(self._subscriptions[action])
-        # The executor may crash when a subscription with callbacks for its events is destroyed.
-        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
         take = partial(self._on_list, self._lists[action])
         self._subscriptions[action] = self._node.create_subscription(
-            GoalStatusArray, _list_of(action), take, LATCHED, event_callbacks=quiet
+            GoalStatusArray, _list_of(action), take, LATCHED, event_callbacks=NO_EVENTS
         )
 
     def _on_list(self, status: ActionStatus, message: GoalStatusArray) -> None:

@@ -8,12 +8,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from msg_adapters.offered_qos import offered_qos, requested_qos
 from soilmoist_ros.foundation.plain_values import foreign_text
+from soilmoist_ros.nodes.runtime.qos import NO_EVENTS
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.recording.mcap.metadata import request_for
 
@@ -67,10 +67,8 @@ class RouteFeedback:
             self._node.get_logger().warning(f"{self._topic} has the unknown type {found[0].topic_type}: ignored")
             return
         profile = requested_qos(request_for([offered_qos(info.qos_profile) for info in found]))
-        # The executor may crash when a subscription with callbacks for its events is destroyed.
-        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
         self._subscription = self._node.create_subscription(
-            message_class, self._topic, self._on_topic, profile, event_callbacks=quiet
+            message_class, self._topic, self._on_topic, profile, event_callbacks=NO_EVENTS
         )
 
     def _message_class(self, name: str) -> Any:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 RECORDS: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.RELIABLE)
@@ -46,3 +47,7 @@ TF_STATIC: Final = QoSProfile(
 
 CLOCK: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Simulated time: only the latest matters."""
+
+NO_EVENTS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""For subscriptions whose publishers may offer less: no warning, and none of the callbacks with which the executor
+may crash when the subscription is destroyed."""

@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any, Final
 
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -21,7 +20,7 @@ from soilmoist_ros.exploration.guard.emergency import EmergencyTopic
 from soilmoist_ros.exploration.mission.types import TRIGGERS, Verb
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.parameter import Value
-from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
+from soilmoist_ros.nodes.runtime.qos import LATCHED, NO_EVENTS, SENSOR
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
 
 LOOK_S: Final = 0.5
@@ -54,9 +53,10 @@ class PlannerCommands:
         self._topic = EmergencyTopic()
         self._source = node.resolve_topic_name("emergency_stop")
         # The first hears a latched press of earlier, the second every publisher; what one misses is no fault.
-        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
         for profile in (LATCHED, SENSOR):
-            node.create_subscription(Bool, "emergency_stop", self._on_emergency, profile, event_callbacks=quiet)
+            node.create_subscription(
+                Bool, "emergency_stop", self._on_emergency, profile, event_callbacks=NO_EVENTS
+            )
         node.create_timer(LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_trigger(self, verb: Verb, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
