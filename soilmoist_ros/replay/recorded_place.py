@@ -70,12 +70,12 @@ class RecordedPlaces:
                 for text in reader.read_texts(f"{above}/{DOUBTS}"):
                     with suppress(ValueError):
                         doubt = Doubt.from_text(text)
-                        if self.recorded != self.field.frame and math.isfinite(doubt.x_m):
-                            [(x_m, y_m)] = self._to_field([(doubt.x_m, doubt.y_m)])
-                            doubt = replace(doubt, x_m=x_m, y_m=y_m)
-                        if self.recorded != self.field.frame and math.isfinite(doubt.before_x_m):
-                            [(x_m, y_m)] = self._to_field([(doubt.before_x_m, doubt.before_y_m)])
-                            doubt = replace(doubt, before_x_m=x_m, before_y_m=y_m)
+                        for x, y in (("x_m", "y_m"), ("before_x_m", "before_y_m")):
+                            place = getattr(doubt, x), getattr(doubt, y)
+                            if self.recorded != self.field.frame and math.isfinite(place[0]):
+                                [(x_m, y_m)] = self._to_field([place])
+                                moved: dict[str, Any] = {x: x_m, y: y_m}
+                                doubt = replace(doubt, **moved)
                         doubts.take(doubt)
                 break
         return doubts

@@ -13,7 +13,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from soilmoist_ros.exploration.mission.types import MOVING, Response
+from soilmoist_ros.exploration.mission.types import MOVING, OTHER_ROBOT, Response
 
 
 class Cause(StrEnum):
@@ -43,7 +43,7 @@ class Cause(StrEnum):
     COUNTS_FRAME = "counts_frame"
     COUNTS_STAMP = "counts_stamp"
     COUNTS_BAD = "counts_bad"
-    OTHER_ROBOT = "other_robot"
+    OTHER_ROBOT = OTHER_ROBOT
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Final
 
+from soilmoist_ros.exploration.mission.events import STILL_M
+
 MEAN_S: Final = 0.5
 """Time over which places are averaged [s]."""
 KEPT_S: Final = 66.0
@@ -25,8 +27,6 @@ WANDER_S: Final = 60.0
 """Time constant of the wandering part of the error [s]: that of multipath and of the atmosphere is minutes."""
 UNKNOWN_SD_M: Final = 1.0
 """Standard deviation of a place that states none [m]."""
-STILL_M: Final = 0.1
-"""Shortest distance that counts as motion [m]."""
 STILL_SDS: Final = 3.0
 """A motion shows beyond this many standard deviations of the noise."""
 SLOW_MPS: Final = 0.05
@@ -162,16 +162,11 @@ class Motion:
         """
         shift, whole_s = None, 0.0
         for factor in SPANS:
-            span_s = min(factor * for_s, MAX_SPAN_S)
-            longer = self.shift(span_s, since_s, whole=True)
-            if longer is None:
+            whole_s = min(factor * for_s, MAX_SPAN_S)
+            shift = self.shift(whole_s, since_s, whole=True)
+            if shift is None or shift.seen_mps <= SLOW_MPS:
                 break
-            shift, whole_s = longer, span_s
-            if shift.seen_mps <= SLOW_MPS:
-                break
-        else:
-            longer = shift
-        if shift is None or longer is None:
+        if shift is None:
             return Standing(0.0)
         parts = (self.shift(whole_s / part, since_s) for part in (2, 4))
         if any(each is not None and each.length_m > each.limit_m for each in (shift, *parts)):

@@ -18,7 +18,7 @@ from soilmoist_ros.sensing.records import CountRecord
 RESTART = "a restart of the planner"
 """Who pauses a mission that a planner finds under way when it starts."""
 STILL_M = 0.1
-"""Without an estimate of the noise, a robot that stays within this distance stands [m]."""
+"""Shortest distance that counts as motion [m]: without an estimate of the noise, a robot within it stands."""
 
 
 @dataclass(frozen=True, slots=True)

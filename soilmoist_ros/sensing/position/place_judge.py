@@ -255,8 +255,7 @@ class PlaceJudge:
         """The receiver has repeated its newest place for this time, in which the robot has driven [s]."""
         if self.fix is None or self.doubt is not None:
             return
-        self._begin_doubt(self.fix)
-        self.doubt = self._news[-1] = Doubt(self.fix.time_s - for_s + self._offset_s)
+        self._begin_doubt(self.fix, self.fix.time_s - for_s)
         self._repeated, self._before = self.fix.xy, _NOWHERE
 
     def news(self) -> list[Doubt]:
@@ -487,16 +486,18 @@ class PlaceJudge:
         """Whether a robot that stands at ``xy`` since the first place may be measured at another."""
         return math.dist(xy, fix.xy) <= self._allowed_m(first, fix)
 
-    def _begin_doubt(self, fix: PlaceFix) -> None:
+    def _begin_doubt(self, fix: PlaceFix, since_s: float | None = None) -> None:
+        """Doubt the place since a time [s]; since the last trusted place if that is left out."""
         self._stood, self._far, self._doubted_s = self._stand, fix, fix.now_s
         self._before = (
             (self._stand.xy if self._stand is not None else self.fix.xy) if self.fix is not None else _NOWHERE
         )
         self._sudden = self._relocated = False
-        trusted = self._stand.steady if self._stand is not None else self.fix
-        since_s = (trusted or fix).time_s
-        if self._expected is Expected.DRIVING:
-            since_s = min(since_s, self._held_s)
+        if since_s is None:
+            trusted = self._stand.steady if self._stand is not None else self.fix
+            since_s = (trusted or fix).time_s
+            if self._expected is Expected.DRIVING:
+                since_s = min(since_s, self._held_s)
         self.doubt = Doubt(since_s + self._offset_s)
         self._news.append(self.doubt)
 
@@ -520,13 +521,16 @@ class _Stand:
     """Where a robot stands: the mean of its first places there."""
 
     def __init__(self, fix: PlaceFix) -> None:
+        self._begin(fix)
+
+    def _begin(self, fix: PlaceFix) -> None:
         self.first = self.steady = fix
         self.xy, self.sd_m, self._fixes = fix.xy, fix.sd_m, 1
 
     def add(self, fix: PlaceFix, allowed_m: float) -> None:
         """Add a trusted place; one of much smaller stated error replaces the mean."""
         if 0 < 2 * fix.sd_m < self.sd_m:
-            self.__init__(fix)  # type: ignore[misc]
+            self._begin(fix)
         elif fix.now_s - self.first.now_s <= ANCHOR_S:
             self._fixes += 1
             x_m, y_m = self.xy

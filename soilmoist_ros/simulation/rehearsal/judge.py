@@ -61,7 +61,6 @@ class Kind(StrEnum):
     NOT_REACHED = "counted at a stop that was not reached"
     OVERRIDDEN = "goal of somebody else overridden"
     MISPLACED = "record mapped at a wrong place"
-    DOUBTED = "good record left out of the map"
     CRASH = "exception"
 
 
