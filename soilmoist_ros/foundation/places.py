@@ -49,7 +49,7 @@ def coordinates_text(latitude_deg: float, longitude_deg: float, digits: int = 2)
 
 
 def other_datum(datum: LatLon, plane: LocalFrame) -> str:
-    """How another datum differs from that of a plane, and what to do; empty if both are the same.
+    """Difference between a datum and that of a plane, with a remedy; empty if both are the same.
 
     :param datum: latitude and longitude of the other one [deg]
     """

@@ -194,7 +194,7 @@ class _Span:
 
 
 class RecordExchange:
-    """What a map holds, and what the maps of other robots lack of it.
+    """Records that a map holds, and those of them that the maps of other robots lack.
 
     :param records: records of the map; only the good ones are listed and sent
     """

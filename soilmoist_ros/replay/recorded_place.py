@@ -59,7 +59,7 @@ class RecordedPlaces:
         return [replace(record, x_m=x, y_m=y) for record, (x, y) in zip(records, xy, strict=True)]
 
     def doubts(self, reader: BagReader, counts: str) -> Doubts:
-        """What the planner of a robot doubted about its place; as empty as the bag is of it.
+        """Doubts of the planner of a robot about its place; empty if the bag has none.
 
         :param counts: full name of a topic with records of the robot
         """

@@ -412,7 +412,7 @@ class MissionControl:
 
     @property
     def _no_place(self) -> str:
-        """Why there is no position, in words; empty if none has come."""
+        """Reason for a missing position, in words; empty if no epoch of a receiver has come."""
         why = self.heard.why_none()
         if why is None:
             return f"{self.heard.placed} came, none plausible so far"
@@ -778,7 +778,7 @@ class MissionControl:
     def _any_fits(
         self, access: FieldAccess, request: RequestPlan, place: tuple[float, float], names: set[str]
     ) -> bool:
-        """Whether there is time for one of these stops, and it is not ruled out."""
+        """True if a named stop fits into the budget and is not ruled out."""
         rules, names = self._mission.current_rules, names - set(request.blacklisted)
         return any(
             stop.name in names
@@ -788,7 +788,7 @@ class MissionControl:
         )
 
     def _is_shut_in(self, now_s: float) -> bool:
-        """Whether other robots still stand in the way to all stops that are left."""
+        """True while other robots stand in the way to all stops that are left."""
         access, place, request = self._access, self._feed.place, self._shut_in
         if request is None or access is None or place is None or not self.under_way:
             self._shut_in = None

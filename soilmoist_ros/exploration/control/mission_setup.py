@@ -174,7 +174,7 @@ class FieldAccess:
 
     @property
     def on_graph(self) -> bool:
-        """Whether the robot travels along a graph."""
+        """True if the robot travels along a graph."""
         return self._fenced is not None
 
     def serves(self, place: tuple[float, float]) -> bool:
@@ -191,7 +191,7 @@ class FieldAccess:
     def around(
         self, place: tuple[float, float], others: Sequence[tuple[float, float]], apart_m: float
     ) -> FieldAccess:
-        """The same for a robot at a place, with ways that keep apart from places where other robots stand.
+        """Access of a robot at a place, by ways that keep apart from places where other robots stand.
 
         Ways keep :data:`PAST_M` more, and from a robot that stands close by no less than now.
 

@@ -130,7 +130,7 @@ def places(pending_measurements: Sequence[PendingMeasurement]) -> Array:
 
 @dataclass
 class OtherRobot:
-    """What is known of another robot.
+    """Another robot of the team, by the statuses of its mission.
 
     :param goes_first: whether it drives first where two robots meet
     :param status: the last status of its mission; ``None`` before the first
@@ -169,7 +169,7 @@ class OtherRobot:
 
     @property
     def wants_to_drive(self) -> bool:
-        """Whether it drives, or will without anybody's help."""
+        """True if the other robot drives, or will drive without anybody's help."""
         return self.status is not None and (self.status.phase in _WANTS_TO_DRIVE or self.status.yields)
 
 
@@ -196,7 +196,7 @@ class Team:
         return self.robots.setdefault(name, OtherRobot())
 
     def is_lost(self, robot: OtherRobot) -> bool:
-        """Whether a robot was heard, and is not heard any more."""
+        """True if a robot was heard before, and has been silent for ``lost_s``."""
         return robot.status is not None and robot.silent_s > self.lost_s
 
     def pass_time(self, seconds: float) -> list[str]:
@@ -284,7 +284,7 @@ class Team:
         return found
 
     def health(self, under_way: bool) -> Health | None:
-        """What is wrong with the others; ``None`` without a fault."""
+        """Faults of the other robots; ``None`` without a fault."""
         faults = []
         unheard = [name for name, robot in self.robots.items() if robot.status is None and not robot.stranger]
         if unheard:

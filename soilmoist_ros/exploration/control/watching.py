@@ -155,7 +155,7 @@ class Watching:
         )
 
     def _is_near_corner(self, rules: MissionRules, place: tuple[float, float] | None) -> bool:
-        """Whether the robot may stand at a bend or the end of its route; it has no reason to where it set off."""
+        """True if the robot may stand at a bend or the end of its route; where it set off it has no reason to."""
         if place is None or self._set_off is None:
             return False
         away_m = math.dist(place, self._set_off)

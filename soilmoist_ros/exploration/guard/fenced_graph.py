@@ -331,7 +331,7 @@ def _distance_m(place: Array, start: Array, end: Array) -> Array:
 
 
 def _home_outside(graph: TravelGraph, fence: Fence, home: str) -> str:
-    """How far a home lies outside the field, in words; empty if it lies in it.
+    """Distance of a home from the field, in words; empty if it lies in the field.
 
     :raises InputError: if it lies in a no-go area, or too far away
     """

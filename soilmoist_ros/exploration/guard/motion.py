@@ -183,7 +183,7 @@ class Motion:
         return max(filter(None, found), key=lambda shift: shift.certain_m, default=NO_SHIFT)
 
     def shift(self, for_s: float, since_s: float = -math.inf, whole: bool = False) -> Shift | None:
-        """How far the robot has moved in the last time; ``None`` if there are too few places.
+        """Shift of the robot in the last time; ``None`` if there are too few places.
 
         :param for_s: for how long [s]
         :param since_s: only places after this time count [s]

@@ -491,7 +491,7 @@ class Watch:
         return f"the place has not changed at all for {frozen_s:.0f} s"
 
     def _motion_fault(self, now_s: float, doing: Doing) -> str:
-        """How far the robot has moved since it should stand; it begins anew when it stands again."""
+        """Motion of the robot since it should stand, in words; it begins anew when the robot stands again."""
         if not doing.still or doing.other_client:
             self._still_since_s = math.inf
             return ""

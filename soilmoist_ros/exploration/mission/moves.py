@@ -131,7 +131,7 @@ class Moves:
 
     @property
     def seen_standing(self) -> bool:
-        """Whether the last place showed that the robot stood."""
+        """True if the last place showed that the robot stood."""
         at_s, since_s = self.state.position_s, self.state.still_since_s
         return at_s is not None and since_s is not None and at_s - since_s >= self.rules.standstill_s
 
@@ -145,7 +145,7 @@ class Moves:
 
     @property
     def unseen(self) -> str:
-        """How slow a motion may be that the noise hides, to add to a text; empty if none is."""
+        """Speed below which the noise hides a motion, to add to a text; empty if it hides none."""
         mps = self.state.unseen_mps
         return f" (a motion below {mps:.1g} m/s would not show in the noise of the fixes)" if mps else ""
 

@@ -228,7 +228,7 @@ class MissionRules:
         return max(travel_s, straight_s) + self.return_margin_s
 
     def is_at(self, place: tuple[float, float], stop: Stop, noise_m: float = 0.0) -> bool:
-        """Whether a robot at a place is at a stop; see :meth:`reach_m`."""
+        """True if a robot at a place is at a stop; see :meth:`reach_m`."""
         return math.dist(place, (stop.x_m, stop.y_m)) <= self.reach_m(stop, noise_m)
 
     def reach_m(self, stop: Stop, noise_m: float = 0.0) -> float:

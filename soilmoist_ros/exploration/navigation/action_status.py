@@ -24,7 +24,7 @@ _MARK, _PROCESS = 8, 12
 
 
 class ActionStatus:
-    """What the servers of an action list.
+    """Goals that the servers of an action list, by client.
 
     :param client: name of the client, which stays the same when it is started again
     """
@@ -35,7 +35,7 @@ class ActionStatus:
         self._sent = 0
         self._goals: dict[bytes, int] = {}
         self.known = False
-        """Whether a list of a server that is there has come."""
+        """True if a list of a server that is there has come."""
         self.servers: frozenset[bytes] = frozenset()
         """Names of the publishers of lists; a server that is started again has another one."""
 

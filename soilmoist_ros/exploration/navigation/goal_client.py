@@ -86,7 +86,7 @@ Request = SendGoal | CancelSent | Ended
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """What the servers of the action list.
+    """Goals of this and other clients that the servers of the action list.
 
     :param servers: their names, which change when they are started again; empty if unknown
     :param active: goals of this client that are listed as active
@@ -280,7 +280,7 @@ class GoalClient:
 
     @property
     def cancels_before(self) -> bool:
-        """Whether goals of before this process are being cancelled."""
+        """True while goals of an earlier process of this client are being cancelled."""
         return any(not goal.ahead and goal.goal_id != ANYBODYS for goal in self._goals.values())
 
     # What follows --------------------------------------------------------------------------------------------

@@ -93,7 +93,7 @@ class PoseClient:
 
     @property
     def other_client(self) -> bool:
-        """Whether the robot may be on the way to somebody else's pose: until it stands."""
+        """True while the robot may be on the way to somebody else's pose: until it stands."""
         return self._other_s is not None
 
     def heard_other(self, yields: bool = True) -> tuple[Request, ...]:

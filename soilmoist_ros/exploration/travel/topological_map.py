@@ -97,7 +97,7 @@ class TopologicalMap:
         return f"{len(refused)} of {len(edges)} edges have an action that is not known ({actions}): {names}"
 
     def doubts(self, known_actions: Sequence[str]) -> list[str]:
-        """What of the map may keep a robot from driving, in words.
+        """Properties of the map that may keep a robot from driving, in words.
 
         :param known_actions: as for :meth:`unknown_actions`; without any, actions are not looked at
         """

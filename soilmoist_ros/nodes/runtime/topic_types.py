@@ -37,7 +37,7 @@ def interface_class(name: str) -> Any:
 
 
 def other_type(node: Node, topic: str, expected: str) -> str:
-    """Why a subscription hears nothing, without a word: another type, or another name; empty if one sends it.
+    """Reason for which a subscription hears nothing, another type or name; empty if a publisher sends the type.
 
     :param topic: name of the topic, as in the subscription
     :param expected: type as in ``sensor_msgs/msg/NavSatFix``

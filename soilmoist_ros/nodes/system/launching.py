@@ -89,7 +89,7 @@ class LastWords:
     def on_exit(
         self, name: str, then: Callable[[int], list[Any]] | None = None
     ) -> Callable[[Any, Any], list[Any]]:
-        """What follows the end of a node, as launch takes it.
+        """Actions after the end of a node, as launch takes them.
 
         :param name: name of the node, with its namespace; only a console may be missing
         :param then: what follows other exit codes than :data:`BAD_INPUT`

@@ -91,7 +91,7 @@ def open_storages(path: Path) -> tuple[list[Storage], contextlib.ExitStack]:
 
 
 def remedy_of(path: Path) -> str:
-    """What to do about a damaged bag, by the kind of its files."""
+    """Remedy for a damaged bag, by the kind of its files."""
     kinds = {path.suffix} if path.is_file() else {file.suffix for file in path.glob("*")}
     return next((remedy for kind, remedy in _REMEDIES.items() if kind in kinds), _RECOVER)
 

@@ -25,7 +25,7 @@ _OF_PLACE: Final = frozenset((Kind.PLACE_JUMP.value, Kind.PLACE_DOUBT.value))
 
 
 class Outcome(StrEnum):
-    """How a doubt ended."""
+    """End of a doubt."""
 
     OPEN = "open"
     """It has not ended."""
@@ -59,7 +59,7 @@ class Doubt:
     before_y_m: float = math.nan
 
     def covers(self, record: CountRecord) -> bool:
-        """Whether a part of a record was counted in this time."""
+        """True if a part of a record was counted in the doubted time."""
         begin_s = record.stamp_s - record.exposure_s
         return record.stamp_s >= self.since_s - CLOCKS_S and begin_s <= self.until_s + CLOCKS_S
 

@@ -54,7 +54,7 @@ _NOWHERE: Final = (math.nan, math.nan)
 
 
 class Expected(Enum):
-    """What the robot is known to do."""
+    """Activity of the robot, as far as it is known."""
 
     ANYTHING = "anything"
     """Nobody knows."""
@@ -214,7 +214,7 @@ class PlaceJudge:
     # What is known -------------------------------------------------------------------------------------------
 
     def expect(self, expected: Expected, now_s: float) -> None:
-        """What the robot is known to do from now on."""
+        """Set the activity of the robot from now on."""
         if expected is self._expected:
             return
         self._expected, self._expected_since_s = expected, now_s
