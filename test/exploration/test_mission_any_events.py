@@ -361,7 +361,7 @@ class AnyEvents(RuleBasedStateMachine):
         if state.phase is Phase.IDLE:
             return
         late_s = self.now_s + self.rules.cancel_limit_s
-        seen = [Moved(self.now_s + wait_s, *state.position) for wait_s in (1.0, 6.0)]
+        seen = [Moved(late_s + wait_s, *state.position) for wait_s in (1.0, 6.0)]
         for events in ([Tick(late_s)], [GoalFailed(self.now_s, state.goals, "cancelled")]):
             after = state
             for event in [*events, *([] if self.rules.standstill_s == 0 else [*seen, Tick(late_s + 100.0)])]:
