@@ -109,6 +109,7 @@ setup(
             "crnpy>=0.7",
             "gstools>=1.5",
             "mcap-ros2-support>=0.5",
+            "import-linter>=2.17",
             "mypy>=1.10",
             "playwright>=1.40",  # the operator's page in a real browser
             "pylibkriging>=0.8",

@@ -39,16 +39,10 @@ from msg_adapters.point_cloud import (
     require_frame,
 )
 from msg_adapters.stamps import to_seconds, to_time
-from soilmoist_ros.foundation.geodesy import LatLon, LocalFrame
-from soilmoist_ros.foundation.places import other_datum
-from soilmoist_ros.recording.bag.point_cloud import (
-    REASON,
-    REASONS,
-    STAMP_OFFSET,
-    count_records,
-)
-from soilmoist_ros.recording.bag.point_cloud import points as read_points
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.foundation import LatLon, LocalFrame, other_datum
+from soilmoist_ros.recording import REASON, REASONS, STAMP_OFFSET, count_records
+from soilmoist_ros.recording import points as read_points
+from soilmoist_ros.sensing import CountRecord
 
 # Viewers read x, y and z only as 32-bit floats: 0.5 mm at 5 km from the datum. Exposures and factors enter the
 # statistics, so they keep 64 bits.

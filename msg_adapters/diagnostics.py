@@ -9,8 +9,7 @@ from collections.abc import Iterable
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from msg_adapters.stamps import to_time
-from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.foundation.plain_values import foreign_text
+from soilmoist_ros.foundation import Health, Level, foreign_text
 
 
 def diagnostics_to_message(

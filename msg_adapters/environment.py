@@ -10,8 +10,7 @@ from sensor_msgs.msg import FluidPressure, NavSatFix, NavSatStatus, RelativeHumi
 from std_msgs.msg import Header
 
 from msg_adapters.stamps import to_time
-from soilmoist_ros.sensing.gnss import CovarianceKind, Fix
-from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.sensing import CovarianceKind, Fix, LoggerRecord
 
 _PA_PER_HPA = 100.0
 

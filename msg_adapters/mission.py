@@ -12,11 +12,16 @@ from datetime import UTC, datetime
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters.diagnostics import health_from_status, health_to_status
-from soilmoist_ros.exploration.mission.types import OTHER_ROBOT, MissionEnd, MissionStatus, Phase
-from soilmoist_ros.exploration.planning.forecast import forecast_from_text, forecast_to_text
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.foundation.plain_values import foreign_text, read_json
+from soilmoist_ros.exploration import (
+    OTHER_ROBOT,
+    MissionEnd,
+    MissionStatus,
+    Phase,
+    Stop,
+    forecast_from_text,
+    forecast_to_text,
+)
+from soilmoist_ros.foundation import Health, Level, foreign_text, read_json
 
 
 def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = None) -> DiagnosticStatus:

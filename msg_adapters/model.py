@@ -14,14 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
-from soilmoist_ros.foundation.plain_values import read_json
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.variogram.amplitude import Amplitude
-from soilmoist_ros.mapping.variogram.fit import VariogramFit
-from soilmoist_ros.mapping.variogram.local_fit import LocalFit
-from soilmoist_ros.mapping.variogram.local_rate import LocalRate
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.foundation import read_json
+from soilmoist_ros.mapping import (
+    Amplitude,
+    Change,
+    Changing,
+    Drift,
+    LocalFit,
+    LocalRate,
+    Samples,
+    TimedSamples,
+    Variogram,
+    VariogramFit,
+)
 
 _ARRAYS: Final = ("lag_m", "gamma", "weight", "edges_m")
 _SAMPLES: Final = ("x", "y", "raw_counts", "effective_exposure_s", "spread_xx", "spread_xy", "spread_yy", "time_s")

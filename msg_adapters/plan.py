@@ -15,8 +15,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters.point_cloud import FRAME
 from msg_adapters.stamps import to_time
-from soilmoist_ros.exploration.mission.types import Polygons
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration import Polygons, Stop
 
 _NEXT: Final = ColorRGBA(r=1.0, g=0.5, b=0.0, a=1.0)
 _LATER: Final = ColorRGBA(r=0.1, g=0.4, b=0.9, a=0.8)

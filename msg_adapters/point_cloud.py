@@ -12,7 +12,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from msg_adapters.stamps import to_time
-from soilmoist_ros.recording.bag.point_cloud import points
+from soilmoist_ros.recording import points
 
 FRAME: Final = "map"
 """East-north-up metres about the field's datum."""

@@ -10,7 +10,7 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.point_cloud import FRAME, points_from_message, points_to_message
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping import Samples
 
 # Viewers read x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
 _POINT: Final = np.dtype(

@@ -19,10 +19,7 @@ from std_msgs.msg import Header
 
 from msg_adapters.point_cloud import FRAME, points_from_message, points_to_message
 from msg_adapters.stamps import to_time
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.change import FieldChange
-from soilmoist_ros.mapping.map_cells import BANDS, CELL, map_cells, placed_cells
-from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.mapping import BANDS, CELL, FieldChange, FieldGrid, SoilMap, map_cells, placed_cells
 
 _ADDED: Final = BANDS[4:]
 CHANGE: Final = {

@@ -14,8 +14,8 @@ from geometry_msgs.msg import Point, Pose, PoseWithCovariance, PoseWithCovarianc
 from std_msgs.msg import Header
 
 from msg_adapters.stamps import to_seconds, to_time
-from soilmoist_ros.exploration.guard.transforms import Transform, yaw_rotation
-from soilmoist_ros.sensing.gnss import Covariance
+from soilmoist_ros.exploration import Transform, yaw_rotation
+from soilmoist_ros.sensing import Covariance
 
 _UNKNOWN_M2: Final = 1e6
 """Variance of a coordinate that is unknown [m^2]."""

@@ -23,34 +23,30 @@ for _variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.foundation.lazy import load_on_use
-from soilmoist_ros.foundation.version import __version__
+from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-    from soilmoist_ros.mapping.variogram.fit import fit_variogram
-    from soilmoist_ros.mapping.variogram.model import Variogram
-    from soilmoist_ros.replay.bag_map import replay_bag
-    from soilmoist_ros.replay.log_map import MapSettings, map_logs
-    from soilmoist_ros.replay.replay_settings import ReplaySettings
-    from soilmoist_ros.reporting.opened_run import open_run
-    from soilmoist_ros.sensing.formats.logger_reader import read_log
-    from soilmoist_ros.simulation.mission.settings import MissionSettings
-    from soilmoist_ros.simulation.mission.simulator import simulate_mission
+    from soilmoist_ros.foundation import __version__ as __version__
+    from soilmoist_ros.mapping import PoissonKriging as PoissonKriging
+    from soilmoist_ros.mapping import Variogram as Variogram
+    from soilmoist_ros.mapping import fit_variogram as fit_variogram
+    from soilmoist_ros.replay import MapSettings as MapSettings
+    from soilmoist_ros.replay import ReplaySettings as ReplaySettings
+    from soilmoist_ros.replay import map_logs as map_logs
+    from soilmoist_ros.replay import replay_bag as replay_bag
+    from soilmoist_ros.reporting import open_run as open_run
+    from soilmoist_ros.sensing import read_log as read_log
+    from soilmoist_ros.simulation import MissionSettings as MissionSettings
+    from soilmoist_ros.simulation import simulate_mission as simulate_mission
 
-__all__ = [
-    "MapSettings",
-    "MissionSettings",
-    "PoissonKriging",
-    "ReplaySettings",
-    "Variogram",
-    "__version__",
-    "fit_variogram",
-    "map_logs",
-    "open_run",
-    "read_log",
-    "replay_bag",
-    "simulate_mission",
-]
-
-__getattr__ = load_on_use(__name__, __file__)
+__getattr__, __dir__, __all__ = open_door(
+    __name__,
+    {
+        "foundation": "__version__",
+        "mapping": "PoissonKriging Variogram fit_variogram",
+        "replay": "MapSettings ReplaySettings map_logs replay_bag",
+        "reporting": "open_run",
+        "sensing": "read_log",
+        "simulation": "MissionSettings simulate_mission",
+    },
+)

@@ -12,7 +12,7 @@ from nav_msgs.msg import MapMetaData, OccupancyGrid
 from std_msgs.msg import Header
 
 from msg_adapters.stamps import to_time
-from soilmoist_ros.exploration.guard.keepout import KeepoutMask
+from soilmoist_ros.exploration import KeepoutMask
 
 KEEPOUT_TYPE: Final = 0
 """Number of the keep-out filter among the filters of Nav2."""

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from geometry_msgs.msg import Point32
 from soilmoist_msgs.srv import Command
 
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
-from soilmoist_ros.foundation.plain_values import foreign_text
+from soilmoist_ros.exploration import OperatorRequest, Reply, ReplyCode
+from soilmoist_ros.foundation import foreign_text
 
 
 def request_to_message(request: OperatorRequest) -> Command.Request:

@@ -13,8 +13,7 @@ from std_msgs.msg import Header
 
 from msg_adapters.point_cloud import FRAME
 from msg_adapters.stamps import to_time
-from soilmoist_ros.mapping.field_map import MapState
-from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.mapping import MapState, SoilMap
 
 
 def map_summary_to_message(state: MapState, soil_map: SoilMap | None, frame_id: str = FRAME) -> MapSummary:

@@ -17,9 +17,8 @@ from msg_adapters.mission import status_level
 from msg_adapters.point_cloud import FRAME
 from msg_adapters.soilmoist.command import choice_from_message, choice_to_message
 from msg_adapters.stamps import to_time
-from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.plain_values import foreign_text
+from soilmoist_ros.exploration import Alarm, MissionEnd, MissionStatus, Phase, Response, Stop
+from soilmoist_ros.foundation import foreign_text
 
 Code = TypeVar("Code", bound=Enum)
 

@@ -10,8 +10,8 @@ from std_msgs.msg import Header
 
 from msg_adapters.point_cloud import FRAME
 from msg_adapters.stamps import to_time
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.recording.bag.visit import visit_of
+from soilmoist_ros.exploration import Visit
+from soilmoist_ros.recording import visit_of
 
 
 def visit_to_message(visit: Visit, robot: str = "", frame_id: str = FRAME) -> VisitMessage:

@@ -14,7 +14,7 @@ import click
 from soilmoist_ros.cli.answers.answer import answering, put, say, tables, warn
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.names import FILE
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 
 @click.group("bag")
@@ -27,10 +27,7 @@ def command() -> None:
 @answering
 def bag_info_command(bag: Path) -> None:
     """Show the content of a BAG. Exit code 1 if the bag is not whole."""
-    from soilmoist_ros.recording.bag.info import bag_info
-    from soilmoist_ros.recording.bag.tables import info_table, print_plain
-    from soilmoist_ros.recording.run_folder import bag_of
-    from soilmoist_ros.recording.stored_counts import quarantine_reasons
+    from soilmoist_ros.recording import bag_info, bag_of, info_table, print_plain, quarantine_reasons
 
     info = bag_info(bag_of(bag))
     reasons = quarantine_reasons(info)
@@ -45,9 +42,7 @@ def bag_info_command(bag: Path) -> None:
 @answering
 def bag_verify_command(bags: tuple[Path, ...]) -> None:
     """Verify BAGS: checksums, every message, and what the metadata say. Exit code 1 if one is not whole."""
-    from soilmoist_ros.recording.bag.tables import print_plain, verified_table
-    from soilmoist_ros.recording.bag.verify import verify_bag
-    from soilmoist_ros.recording.run_folder import bag_of
+    from soilmoist_ros.recording import bag_of, print_plain, verified_table, verify_bag
 
     wrong, results = False, []
     for bag in bags:
@@ -66,9 +61,7 @@ def bag_verify_command(bags: tuple[Path, ...]) -> None:
 @answering
 def bag_recover_command(bag: Path, out: Path) -> None:
     """Rebuild a readable bag from an interrupted BAG. The original is not changed."""
-    from soilmoist_ros.recording.bag.recovery import recover_bag
-    from soilmoist_ros.recording.bag.tables import print_plain, recovery_table
-    from soilmoist_ros.recording.run_folder import bag_of, copy_configuration
+    from soilmoist_ros.recording import bag_of, copy_configuration, print_plain, recover_bag, recovery_table
 
     recovered = recover_bag(bag_of(bag), out)
     copy_configuration(bag_of(bag), out)
@@ -103,10 +96,8 @@ def play(bag: Path, topics: str | None, time_factor: float, start_s: float) -> N
     """
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
-    from soilmoist_ros.nodes.runtime.key_press import on_space
-    from soilmoist_ros.nodes.wiring.bag_player import player_of
-    from soilmoist_ros.recording.bag.playback import INPUTS
-    from soilmoist_ros.recording.run_folder import bag_of
+    from soilmoist_ros.nodes import on_space, player_of
+    from soilmoist_ros.recording import INPUTS, bag_of
 
     with (
         player_of(

@@ -15,13 +15,10 @@ import click
 from soilmoist_ros.cli.answers.answer import answering, put, say, warn, wrote
 from soilmoist_ros.cli.options.names import InputFile, Name
 from soilmoist_ros.cli.options.times import Moment
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.suggestions import listing
+from soilmoist_ros.foundation import InputError, Mistake, listing
 
 if TYPE_CHECKING:
-    from soilmoist_ros.sensing.moisture.core_mean import CoreMean, Surroundings, Weighting
-    from soilmoist_ros.sensing.moisture.site import Calibration, Site, Soil
-    from soilmoist_ros.sensing.survey.logs import CalibrationCounts
+    from soilmoist_ros.sensing import Calibration, CalibrationCounts, CoreMean, Site, Soil, Surroundings, Weighting
 
 DAY_S = 86_400.0
 TIME = Moment()
@@ -91,11 +88,19 @@ def command(
     bulk_density_gcm3 [g/cm3]. Optional are distance_m from the probe, depth_cm (or top_cm and bottom_cm), profile
     (cores of one place), date and weight. Columns in other units have other names, such as vwc_percent.
     """
-    from soilmoist_ros.sensing.moisture.calibration import estimate_n0, write_calibration
-    from soilmoist_ros.sensing.moisture.core_mean import mean_of_cores
-    from soilmoist_ros.sensing.moisture.cores import read_soil_cores
-    from soilmoist_ros.sensing.moisture.site import Calibration, Soil, load_site, moisture_curve
-    from soilmoist_ros.sensing.survey.correction import factors_text, unusual_factors, unusual_pressure
+    from soilmoist_ros.sensing import (
+        Calibration,
+        Soil,
+        estimate_n0,
+        factors_text,
+        load_site,
+        mean_of_cores,
+        moisture_curve,
+        read_soil_cores,
+        unusual_factors,
+        unusual_pressure,
+        write_calibration,
+    )
 
     known = load_site(site)
     table = read_soil_cores(cores, known.soil.bulk_density_gcm3 if known.soil else None, dates)
@@ -178,7 +183,7 @@ def _about(mean: CoreMean) -> str:
 
 def _require_days_of_counts(days: Sequence[str], counted: CalibrationCounts, cores: Path) -> None:
     """Refuse counts of other days than the cores; of a date whose month is not clear, both days are compared."""
-    from soilmoist_ros.sensing.moisture.cores import possible_days
+    from soilmoist_ros.sensing import possible_days
 
     if not counted.records:
         return
@@ -201,7 +206,7 @@ def _require_days_of_counts(days: Sequence[str], counted: CalibrationCounts, cor
 
 def _doubts(n0_cps: float, before: Calibration | None, density: float | None, soil: Soil) -> Iterator[str]:
     """Doubts about the result of a calibration."""
-    from soilmoist_ros.sensing.moisture.calibration import unusual_n0
+    from soilmoist_ros.sensing import unusual_n0
 
     if doubt := unusual_n0(n0_cps):
         yield f"{doubt}: check counts, exposure and their units"
@@ -223,8 +228,7 @@ def _of_records(counted: CalibrationCounts) -> str:
 
 def _surroundings(site: Site, soil: Soil, counted: CalibrationCounts) -> Surroundings:
     """Conditions of the weights; without a measured pressure that of the altitude, else the reference value."""
-    from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa
-    from soilmoist_ros.sensing.moisture.core_mean import Surroundings
+    from soilmoist_ros.sensing import Surroundings, standard_pressure_hpa
 
     reference_hpa, place = (
         site.corrections_parameters.reference_pressure_hpa,
@@ -250,9 +254,8 @@ def _counted(
     exposure_s: float | None,
     window: tuple[datetime | None, datetime | None],
 ) -> CalibrationCounts:
-    from soilmoist_ros.replay.log_map import read_logs, reading_of, skipped_text
-    from soilmoist_ros.sensing.survey.log_doubts import log_doubts
-    from soilmoist_ros.sensing.survey.logs import CalibrationCounts, calibration_counts
+    from soilmoist_ros.replay import read_logs, reading_of, skipped_text
+    from soilmoist_ros.sensing import CalibrationCounts, calibration_counts, log_doubts
 
     if (counts is None) != (exposure_s is None) or bool(logs) == (counts is not None):
         raise click.UsageError("give the counts of the calibration with --log, or with --counts and --exposure")

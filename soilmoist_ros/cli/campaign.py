@@ -18,12 +18,10 @@ from soilmoist_ros.cli.answers.answer import answering, current, echo, put, say,
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.names import Name
 from soilmoist_ros.cli.options.output_options import confirmed, figures_option, output_options, prepare_output
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.workers import THREADS
+from soilmoist_ros.foundation import THREADS, InputError
 
 if TYPE_CHECKING:
-    from soilmoist_ros.simulation.campaign.campaign import Campaign, CampaignProgress
-    from soilmoist_ros.simulation.campaign.progress import Progress
+    from soilmoist_ros.simulation import Campaign, CampaignProgress, Progress
 
 LINE_S = 60.0
 """Time between two lines of progress where there is no terminal [s]."""
@@ -52,13 +50,15 @@ def command(
     Writes results.parquet, results.csv and report.html.
     """
     os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy is loaded: more threads round differently
-    from soilmoist_ros.reporting.campaign.data import CampaignData
-    from soilmoist_ros.reporting.campaign.figures import campaign_figures
-    from soilmoist_ros.reporting.campaign.report import write_campaign_report
-    from soilmoist_ros.reporting.figures.style import write_figures
-    from soilmoist_ros.simulation.campaign.campaign import RUNS, CampaignInterrupted, load_campaign, run_campaign
-    from soilmoist_ros.simulation.campaign.mission_store import MissionStore
-    from soilmoist_ros.simulation.mission.simulator import simulate_mission
+    from soilmoist_ros.reporting import CampaignData, campaign_figures, write_campaign_report, write_figures
+    from soilmoist_ros.simulation import (
+        RUNS,
+        CampaignInterrupted,
+        MissionStore,
+        load_campaign,
+        run_campaign,
+        simulate_mission,
+    )
 
     plan = load_campaign(campaign)
     if runs is not None:
@@ -96,7 +96,7 @@ def _differences(out: Path) -> list[dict[str, object]]:
         return []
     import pandas as pd
 
-    from soilmoist_ros.simulation.campaign.paired import PairedDifference
+    from soilmoist_ros.simulation import PairedDifference
 
     names = ["field", *PairedDifference.__dataclass_fields__]
     rows = pd.read_parquet(path)[names].to_dict("records")
@@ -127,11 +127,11 @@ def _prepare(plan: Campaign, out: Path, overwrite: bool) -> None:
 
     :raises InputError: if it cannot be written, or has results that must not be replaced
     """
-    from soilmoist_ros.simulation.campaign.campaign import RUNS, missions
+    from soilmoist_ros.simulation import RUNS, missions
 
     stored = {path.stem for path in (out / RUNS).glob("*.npz")}
     if not (out / RUNS).is_dir():
-        from soilmoist_ros.reporting.output_folder import earlier_outputs, remove_earlier
+        from soilmoist_ros.reporting import earlier_outputs, remove_earlier
 
         prepare_output(out, overwrite)
         remove_earlier(out, earlier_outputs(out), ())

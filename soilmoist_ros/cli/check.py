@@ -17,12 +17,12 @@ import click
 from soilmoist_ros.cli.answers.answer import answering, current, put, say, warn, wrote
 from soilmoist_ros.cli.options.names import FILE, InputFile, Name
 from soilmoist_ros.cli.options.position_options import position_options
-from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation import InputError, Mistake
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping.field import Field
-    from soilmoist_ros.replay.file_facts import Finding
-    from soilmoist_ros.sensing.moisture.site import Site
+    from soilmoist_ros.mapping import Field
+    from soilmoist_ros.replay import Finding
+    from soilmoist_ros.sensing import Site
 
 Value = TypeVar("Value")
 
@@ -123,25 +123,25 @@ def _print(name: str, findings: Iterable[Finding]) -> None:
 
 
 def _logger(name: str) -> tuple[None, Iterable[Finding]]:
-    from soilmoist_ros.replay.file_facts import logger_findings
-    from soilmoist_ros.sensing.formats.logger_format import load_logger_format
+    from soilmoist_ros.replay import logger_findings
+    from soilmoist_ros.sensing import load_logger_format
 
     return None, logger_findings(load_logger_format(name))
 
 
 def _site(name: str) -> tuple[Site, Iterable[Finding]]:
-    from soilmoist_ros.replay.file_facts import site_findings
-    from soilmoist_ros.sensing.moisture.site import load_site
+    from soilmoist_ros.replay import site_findings
+    from soilmoist_ros.sensing import load_site
 
     site = load_site(name)
     return site, site_findings(site)
 
 
 def _field(name: str, robot_radius_m: float) -> tuple[Field, Iterable[Finding]]:
-    from soilmoist_ros.foundation.configuration import read_yaml, resource
-    from soilmoist_ros.mapping.field import load_field
-    from soilmoist_ros.replay.file_facts import field_findings, truth_findings
-    from soilmoist_ros.simulation.fields.truth_file import load_surrogate
+    from soilmoist_ros.foundation import read_yaml, resource
+    from soilmoist_ros.mapping import load_field
+    from soilmoist_ros.replay import field_findings, truth_findings
+    from soilmoist_ros.simulation import load_surrogate
 
     path = resource("fields", name)
     field = load_field(path)
@@ -151,7 +151,7 @@ def _field(name: str, robot_radius_m: float) -> tuple[Field, Iterable[Finding]]:
 
 
 def _graph(field: Field, path: Path, robot_radius_m: float, home: str) -> tuple[None, Iterable[Finding]]:
-    from soilmoist_ros.replay.file_facts import graph_findings
+    from soilmoist_ros.replay import graph_findings
 
     try:
         return None, list(graph_findings(field, path, robot_radius_m, home))
@@ -172,19 +172,21 @@ def _compare(
     """Check logs, and compare files that are given together."""
     import numpy as np
 
-    from soilmoist_ros.foundation.configuration import resource
-    from soilmoist_ros.mapping.placement import PositionSource
-    from soilmoist_ros.replay.file_facts import contradictions, log_findings, position_findings
-    from soilmoist_ros.replay.log_map import (
+    from soilmoist_ros.foundation import resource
+    from soilmoist_ros.mapping import PositionSource
+    from soilmoist_ros.replay import (
+        contradictions,
+        log_findings,
         log_positions,
         log_times,
+        position_findings,
         position_source,
         read_logs,
         read_track,
         reading_of,
         skipped_text,
     )
-    from soilmoist_ros.sensing.moisture.site import Site
+    from soilmoist_ros.sensing import Site
 
     places, source = np.empty((0, 2)), PositionSource("'location' in the site file")
     if logs:
@@ -231,9 +233,8 @@ def logger(file: Path, time: tuple[str, ...], counts: tuple[str, ...], out: Path
     Each guess has its reason, and what you have to answer is marked QUESTION. Then look at the first records as
     they are understood: soilmoist check --log FILE --logger DRAFT.
     """
-    from soilmoist_ros.foundation.errors import InputError
-    from soilmoist_ros.sensing.formats.draft import draft_format
-    from soilmoist_ros.sensing.formats.logger_format import load_logger_format
+    from soilmoist_ros.foundation import InputError
+    from soilmoist_ros.sensing import draft_format, load_logger_format
 
     text = draft_format(file, time, counts)
     put(draft=text)

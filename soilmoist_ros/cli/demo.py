@@ -23,11 +23,10 @@ from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_o
 from soilmoist_ros.cli.options.names import Name
 from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output, reported_failure
 from soilmoist_ros.cli.replay import print_replay
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import install, is_installed
+from soilmoist_ros.foundation import InputError, install, is_installed
 
 if TYPE_CHECKING:
-    from soilmoist_ros.simulation.mission.settings import MissionSettings
+    from soilmoist_ros.simulation import MissionSettings
 
 DEMO = (
     "field",
@@ -123,14 +122,12 @@ def command(
         raise InputError("foxglove-sdk is not installed, and --foxglove needs it", install("console"))
     mission = chosen_settings(choices)
     _prepare(out, overwrite)
-    from soilmoist_ros.console.invitation import PORT, free_port
-    from soilmoist_ros.mapping.covariates.reading import read_covariates
-    from soilmoist_ros.mapping.covariates.source import CovariateSource
-    from soilmoist_ros.nodes.system.demo import DemoSettings, run_demo
+    from soilmoist_ros.console import PORT, free_port
+    from soilmoist_ros.mapping import CovariateSource, read_covariates
+    from soilmoist_ros.nodes import DemoSettings, run_demo
     from soilmoist_ros.replay import replay_bag
-    from soilmoist_ros.reporting import write_outputs
-    from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
-    from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+    from soilmoist_ros.reporting import mission_earlier, write_outputs
+    from soilmoist_ros.simulation import surrogate_field
 
     mission_earlier(mission, earlier)  # before the nodes start
     sources = tuple(map(CovariateSource.parse, covariates))
@@ -143,7 +140,7 @@ def command(
     viewer_port = free_port(foxglove) if port and foxglove is not None else 0
     picture = None
     if background and port:
-        from soilmoist_ros.simulation.fields.aerial_picture import write_aerial_picture
+        from soilmoist_ros.simulation import write_aerial_picture
 
         shown = surrogate_field(mission.field_name)
         picture = write_aerial_picture(shown, out / "configuration" / "aerial.tif", mission.seed)
@@ -187,9 +184,8 @@ def command(
 
 def _foxglove(port: int, mission: MissionSettings, out: Path) -> list[str]:
     """Write the layouts of the viewers; what to open in Foxglove."""
-    from soilmoist_ros.reporting.live.layouts import write_layouts
-    from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-    from soilmoist_ros.simulation.simulated_robot import robot_namespaces
+    from soilmoist_ros.reporting import write_layouts
+    from soilmoist_ros.simulation import robot_namespaces, surrogate_field
 
     field, names = surrogate_field(mission.field_name).field, [one.name for one in mission.properties]
     lines = [f"foxglove   Open connection, Foxglove WebSocket: ws://127.0.0.1:{port}"]
@@ -214,7 +210,7 @@ def _prepare(out: Path, overwrite: bool) -> None:
         raise InputError("has the recording of a demo", "choose another folder, or give --overwrite", out)
     prepare_output(out, overwrite)
     if recorded:
-        from soilmoist_ros.reporting.output_folder import earlier_outputs, remove_earlier
+        from soilmoist_ros.reporting import earlier_outputs, remove_earlier
 
         for name in ("bag", "configuration", "log", VIEWERS):
             shutil.rmtree(out / name, ignore_errors=True)

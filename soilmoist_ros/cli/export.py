@@ -11,7 +11,7 @@ import click
 from soilmoist_ros.cli.answers.answer import answering, warn, wrote
 from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.cli.options.output_options import confirmed, overwrite_option
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 
 @click.command("export")
@@ -50,8 +50,7 @@ def command(
     """
     if not names:
         raise InputError("no export is given", "name formats with --to; soilmoist list exports shows them")
-    from soilmoist_ros.reporting.exports.registry import export_run
-    from soilmoist_ros.reporting.exports.source import ExportSettings
+    from soilmoist_ros.reporting import ExportSettings, export_run
 
     settings = ExportSettings(zones, min_zone_ha, step, root_depth_mm)
 

@@ -12,7 +12,7 @@ from click.core import ParameterSource
 from soilmoist_ros.cli.answers.answer import answering, put, say, warn, wrote
 from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.cli.options.output_options import overwrite_option
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 
 @click.command("graph")
@@ -54,10 +54,8 @@ def command(
         raise InputError("exists already", "choose another file, or give --overwrite to replace it", out)
     from datetime import UTC, datetime
 
-    from soilmoist_ros.exploration.guard.fence import unreachable
-    from soilmoist_ros.exploration.travel.graph_builders import crop_rows, open_lattice
-    from soilmoist_ros.exploration.travel.topological_map import make_topological_map
-    from soilmoist_ros.simulation.fields.catalogue import known_field
+    from soilmoist_ros.exploration import crop_rows, make_topological_map, open_lattice, unreachable
+    from soilmoist_ros.simulation import known_field
 
     known = known_field(field)
     if rows is None:

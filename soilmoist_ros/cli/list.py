@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from soilmoist_ros.cli.answers.answer import answering, put, say, tables
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Item:
 
 
 def _shipped(kind: str) -> Iterator[tuple[str, Path]]:
-    from soilmoist_ros.foundation.configuration import resource, resource_names
+    from soilmoist_ros.foundation import resource, resource_names
 
     for name in resource_names(kind):
         yield name, resource(kind, name)
@@ -41,8 +41,8 @@ def _shipped(kind: str) -> Iterator[tuple[str, Path]]:
 def _fields() -> Iterator[Item]:
     import numpy as np
 
-    from soilmoist_ros.mapping.field import load_field
-    from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
+    from soilmoist_ros.mapping import load_field
+    from soilmoist_ros.simulation import surrogate_field, surrogate_field_names
 
     files = dict(_shipped("fields"))
     surrogates = surrogate_field_names()
@@ -65,8 +65,8 @@ def _fields() -> Iterator[Item]:
 
 
 def _strategies() -> Iterator[Item]:
-    from soilmoist_ros.exploration.strategies.registry import STRATEGIES
-    from soilmoist_ros.simulation.mission.settings import PRESETS
+    from soilmoist_ros.exploration import STRATEGIES
+    from soilmoist_ros.simulation import PRESETS
 
     for name in STRATEGIES.names():
         kind = STRATEGIES.get(name)
@@ -76,7 +76,7 @@ def _strategies() -> Iterator[Item]:
 
 
 def _dwell_rules() -> Iterator[Item]:
-    from soilmoist_ros.exploration.planning.dwell import DWELL_RULES
+    from soilmoist_ros.exploration import DWELL_RULES
 
     for name in DWELL_RULES.names():
         kind = DWELL_RULES.get(name)
@@ -84,7 +84,7 @@ def _dwell_rules() -> Iterator[Item]:
 
 
 def _models() -> Iterator[Item]:
-    from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
+    from soilmoist_ros.mapping import VARIOGRAM_MODELS
 
     for name in VARIOGRAM_MODELS.names():
         model = VARIOGRAM_MODELS.get(name)
@@ -93,7 +93,7 @@ def _models() -> Iterator[Item]:
 
 
 def _loggers() -> Iterator[Item]:
-    from soilmoist_ros.sensing.formats.logger_format import load_logger_format, logger_names, logger_path
+    from soilmoist_ros.sensing import load_logger_format, logger_names, logger_path
 
     for name in logger_names():
         logger = load_logger_format(name)
@@ -103,7 +103,7 @@ def _loggers() -> Iterator[Item]:
 
 
 def _sites() -> Iterator[Item]:
-    from soilmoist_ros.sensing.moisture.site import load_site
+    from soilmoist_ros.sensing import load_site
 
     for name, path in _shipped("sites"):
         site = load_site(path)
@@ -113,7 +113,7 @@ def _sites() -> Iterator[Item]:
 
 
 def _exports() -> Iterator[Item]:
-    from soilmoist_ros.reporting.exports.registry import EXPORTS, export_kind
+    from soilmoist_ros.reporting import EXPORTS, export_kind
 
     for name in EXPORTS.names():
         kind = export_kind(name)
@@ -121,7 +121,7 @@ def _exports() -> Iterator[Item]:
 
 
 def _campaigns() -> Iterator[Item]:
-    from soilmoist_ros.simulation.campaign.campaign_file import load_campaign, missions
+    from soilmoist_ros.simulation import load_campaign, missions
 
     for name, path in _shipped("campaigns"):
         campaign = load_campaign(name)
@@ -129,7 +129,7 @@ def _campaigns() -> Iterator[Item]:
 
 
 def _scenarios() -> Iterator[Item]:
-    from soilmoist_ros.simulation.robot.scenario import load_scenario
+    from soilmoist_ros.simulation import load_scenario
 
     for name, path in _shipped("scenarios"):
         yield Item(name, load_scenario(name).title, {}, path)
@@ -187,7 +187,7 @@ def command(kind: str | None) -> None:
 def _print(kind: str, items: list[Item]) -> None:
     from rich.table import Table
 
-    from soilmoist_ros.recording.bag.tables import plain_text, print_plain
+    from soilmoist_ros.recording import plain_text, print_plain
 
     keys = list(dict.fromkeys(key for item in items for key in item.traits))
     table = Table("name", "what it is", *(key.replace("_", " ") for key in keys), box=None, pad_edge=False)

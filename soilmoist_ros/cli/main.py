@@ -15,8 +15,7 @@ import click
 
 from soilmoist_ros.cli.answers.answer import EXIT_CODES
 from soilmoist_ros.cli.options.examples import epilog
-from soilmoist_ros.foundation.suggestions import did_you_mean
-from soilmoist_ros.foundation.version import __version__
+from soilmoist_ros.foundation import __version__, did_you_mean
 
 COMMANDS = {
     "map": "Map soil moisture from neutron LOGS.",

@@ -20,10 +20,10 @@ from soilmoist_ros.cli.options.names import InputFile, Name
 from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
 from soilmoist_ros.cli.options.position_options import position_options
 from soilmoist_ros.cli.options.times import Moment
-from soilmoist_ros.simulation.mission.settings import PRESETS
+from soilmoist_ros.simulation import PRESETS
 
 if TYPE_CHECKING:
-    from soilmoist_ros.reporting.run import MapRun
+    from soilmoist_ros.reporting import MapRun
 
 
 @click.command("map")
@@ -104,13 +104,11 @@ def command(
     if start_s >= end_s:
         raise click.UsageError("--from must be before --to")
     prepare_output(out, overwrite)
-    from soilmoist_ros.foundation.workers import shared_work
-    from soilmoist_ros.mapping.covariates.source import CovariateSource
-    from soilmoist_ros.replay.log_map import MapSettings, map_logs
-    from soilmoist_ros.reporting import write_outputs
-    from soilmoist_ros.reporting.figures.run_figures import run_figures
-    from soilmoist_ros.reporting.figures.style import write_figures
-    from soilmoist_ros.sensing.position.heard import utc_text
+    from soilmoist_ros.foundation import shared_work
+    from soilmoist_ros.mapping import CovariateSource
+    from soilmoist_ros.replay import MapSettings, map_logs
+    from soilmoist_ros.reporting import run_figures, write_figures, write_outputs
+    from soilmoist_ros.sensing import utc_text
 
     settings = MapSettings(
         site=site,
@@ -140,9 +138,8 @@ def command(
 def _print_summary(run: MapRun) -> None:
     import numpy as np
 
-    from soilmoist_ros.foundation.places import place_text
-    from soilmoist_ros.reporting.moisture_series import at_one_place
-    from soilmoist_ros.reporting.page.statistics import mean_moisture
+    from soilmoist_ros.foundation import place_text
+    from soilmoist_ros.reporting import at_one_place, mean_moisture
 
     soil_map = run.soil_map
     lost = sum(row.count for row in run.losses if row.consequence == "lost")
@@ -178,10 +175,10 @@ def _print_summary(run: MapRun) -> None:
 
 def _print_place(run: MapRun) -> None:
     """Mean and course of the moisture at one place."""
-    from soilmoist_ros.reporting.moisture_series import mean_moisture, moisture_series
+    from soilmoist_ros.reporting import moisture_of_all, moisture_series
 
     curve = run.soil_map.curve
-    mean, series = mean_moisture(run.track, curve), moisture_series(run.track, curve)
+    mean, series = moisture_of_all(run.track, curve), moisture_series(run.track, curve)
     say(f"rate       mean {mean.rate:.4f} +- {mean.rate_sd:.4f} counts/s")
     if curve is None:
         say("moisture   not computed: the site file has no soil properties or calibration")

@@ -76,9 +76,7 @@ def command(
     """
     prepare_output(out, overwrite)
     from soilmoist_ros.replay import ReplaySettings, replay_bag
-    from soilmoist_ros.reporting import write_outputs
-    from soilmoist_ros.reporting.figures.run_figures import run_figures
-    from soilmoist_ros.reporting.figures.style import write_figures
+    from soilmoist_ros.reporting import run_figures, write_figures, write_outputs
 
     keep_nugget = None if nugget is None else nugget == "keep"
     named: dict[str | int, str] = dict(_truth(text) for text in truths)
@@ -112,7 +110,7 @@ def _truth(text: str) -> tuple[str | int, str]:
 
 def print_replay(replay: Replay) -> None:
     """Print the results of a run in a few lines."""
-    from soilmoist_ros.reporting.page.statistics import truth_score
+    from soilmoist_ros.reporting import truth_score
 
     mission = replay.run.mission
     if mission is not None and mission.series:

@@ -42,11 +42,15 @@ def command(
     survey is made from the counts of all. Writes report.html, season.nc, season.csv and summary.json to --out.
     """
     prepare_output(out, overwrite)
-    from soilmoist_ros.foundation.configuration import resource
-    from soilmoist_ros.reporting.figures.season_figures import season_figures
-    from soilmoist_ros.reporting.figures.style import write_figures
-    from soilmoist_ros.reporting.season.season import SeasonSettings, make_season
-    from soilmoist_ros.reporting.season.season_files import estimate_text, write_season
+    from soilmoist_ros.foundation import resource
+    from soilmoist_ros.reporting import (
+        SeasonSettings,
+        estimate_text,
+        make_season,
+        season_figures,
+        write_figures,
+        write_season,
+    )
 
     settings = SeasonSettings(
         field=resource("fields", field) if field else None,

@@ -21,10 +21,9 @@ from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_o
 from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
 
 if TYPE_CHECKING:
-    from soilmoist_ros.console.watched_mission import WatchedMission
-    from soilmoist_ros.reporting.run import MapRun
-    from soilmoist_ros.simulation.mission.result import MissionResult
-    from soilmoist_ros.simulation.mission.settings import MissionSettings
+    from soilmoist_ros.console import WatchedMission
+    from soilmoist_ros.reporting import MapRun
+    from soilmoist_ros.simulation import MissionResult, MissionSettings
 
 TIME_FACTOR = 60.0
 """Simulated seconds per real second of a mission that is watched."""
@@ -60,12 +59,9 @@ def command(
         raise click.UsageError("--time-factor requires --live")
     settings = chosen_settings(choices)
     prepare_output(out, overwrite)
-    from soilmoist_ros.mapping.covariates.source import CovariateSource
-    from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier
-    from soilmoist_ros.reporting.figures.run_figures import run_figures
-    from soilmoist_ros.reporting.figures.style import write_figures
-    from soilmoist_ros.reporting.mission_report import mission_run, write_mission
-    from soilmoist_ros.simulation.mission.simulator import simulate_mission
+    from soilmoist_ros.mapping import CovariateSource
+    from soilmoist_ros.reporting import mission_earlier, mission_run, run_figures, write_figures, write_mission
+    from soilmoist_ros.simulation import simulate_mission
 
     sources = list(map(CovariateSource.parse, covariates))
     with ExitStack() as stack:
@@ -96,9 +92,8 @@ def command(
 @contextmanager
 def _live(settings: MissionSettings, time_factor: float, out: Path) -> Iterator[WatchedMission]:
     """The page of the mission; the first Ctrl-C ends the mission, and the second one the command."""
-    from soilmoist_ros.console.watched_mission import WatchedMission
-    from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-    from soilmoist_ros.simulation.simulated_robot import robot_namespaces
+    from soilmoist_ros.console import WatchedMission
+    from soilmoist_ros.simulation import robot_namespaces, surrogate_field
 
     field = surrogate_field(settings.field_name).field
     robots = robot_namespaces(settings.robots)
@@ -121,9 +116,8 @@ def _live(settings: MissionSettings, time_factor: float, out: Path) -> Iterator[
 
 
 def _print_summary(settings: MissionSettings, result: MissionResult, run: MapRun | None) -> None:
-    from soilmoist_ros.exploration.travel.travel import polyline_length_m
-    from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
-    from soilmoist_ros.simulation.mission.forecasts import forecast_text
+    from soilmoist_ros.exploration import polyline_length_m
+    from soilmoist_ros.simulation import forecast_text, mission_efficiency
 
     last = result.series[-1]
     say(f"mission    {last.time_s / 3600:.2f} h, {last.distance_m:.0f} m, {last.samples} samples: {result.ended}")

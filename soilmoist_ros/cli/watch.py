@@ -14,7 +14,7 @@ import click
 from soilmoist_ros.cli.answers.answer import echo, reporting_errors
 from soilmoist_ros.cli.answers.live import json_lines, live_view
 from soilmoist_ros.cli.options.names import FILE, Name
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 _POLL_S = 0.2
 
@@ -37,14 +37,14 @@ def command(
 
     It listens on the ROS domain of the shell, and changes nothing.
     """
-    from soilmoist_ros.foundation.configuration import resource
-    from soilmoist_ros.mapping.field import load_field
-    from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
+    from soilmoist_ros.foundation import resource
+    from soilmoist_ros.mapping import load_field
+    from soilmoist_ros.reporting import LiveMap, LiveMission
 
     place = load_field(resource("fields", field))
     names = [name.strip("/") for name in robots] or [""]
     if layouts is not None:
-        from soilmoist_ros.reporting.live.layouts import write_layouts
+        from soilmoist_ros.reporting import write_layouts
 
         for name in names:
             folder = layouts / name if len(names) > 1 else layouts
@@ -54,7 +54,7 @@ def command(
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
     live = LiveMission(f" {place.name} ", [LiveMap(name) for name in ("", *properties)], names)
-    from soilmoist_ros.nodes.system.monitor import monitored
+    from soilmoist_ros.nodes import monitored
 
     try:
         domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))

@@ -2,18 +2,51 @@
 # SPDX-License-Identifier: Apache-2.0
 """The operator's console: a web page that shows a survey while it runs, and steers the robots. Without ROS."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.foundation.lazy import load_on_use
+from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.console.access import Access
-    from soilmoist_ros.console.board import Board
-    from soilmoist_ros.console.maps.map_layers import MapLayers
-    from soilmoist_ros.console.server import ConsoleServer, Steering
+    from soilmoist_ros.console.access import Access as Access
+    from soilmoist_ros.console.board import Board as Board
+    from soilmoist_ros.console.foxglove_server import BACKLOG as BACKLOG
+    from soilmoist_ros.console.foxglove_server import FoxgloveServer as FoxgloveServer
+    from soilmoist_ros.console.invitations import LOOPBACK as LOOPBACK
+    from soilmoist_ros.console.invitations import PORT as PORT
+    from soilmoist_ros.console.invitations import free_port as free_port
+    from soilmoist_ros.console.invitations import invitation as invitation
+    from soilmoist_ros.console.invitations import reachable as reachable
+    from soilmoist_ros.console.maps.map_layers import MapLayers as MapLayers
+    from soilmoist_ros.console.plan.survey_files import SurveyFiles as SurveyFiles
+    from soilmoist_ros.console.plan.walk import Walk as Walk
+    from soilmoist_ros.console.robot_history import RobotHistory as RobotHistory
+    from soilmoist_ros.console.robot_history import VisitHistory as VisitHistory
+    from soilmoist_ros.console.server import ConsoleServer as ConsoleServer
+    from soilmoist_ros.console.server import Steering as Steering
+    from soilmoist_ros.console.views import battery_view as battery_view
+    from soilmoist_ros.console.views import choices_view as choices_view
+    from soilmoist_ros.console.views import field_view as field_view
+    from soilmoist_ros.console.views import health_view as health_view
+    from soilmoist_ros.console.views import mission_view as mission_view
+    from soilmoist_ros.console.views import node_views as node_views
+    from soilmoist_ros.console.views import place_views as place_views
+    from soilmoist_ros.console.views import sample_views as sample_views
+    from soilmoist_ros.console.views import visit_view as visit_view
+    from soilmoist_ros.console.watched_mission import WatchedMission as WatchedMission
 
-__all__ = ["Access", "Board", "ConsoleServer", "MapLayers", "Steering"]
-
-__getattr__ = load_on_use(__name__, __file__)
+__getattr__, __dir__, __all__ = open_door(
+    __name__,
+    {
+        "access": "Access",
+        "board": "Board",
+        "foxglove_server": "BACKLOG FoxgloveServer",
+        "invitations": "LOOPBACK PORT free_port invitation reachable",
+        "maps.map_layers": "MapLayers",
+        "plan.survey_files": "SurveyFiles",
+        "plan.walk": "Walk",
+        "robot_history": "RobotHistory VisitHistory",
+        "server": "ConsoleServer Steering",
+        "views": "battery_view choices_view field_view health_view mission_view node_views place_views sample_views visit_view",
+        "watched_mission": "WatchedMission",
+    },
+)

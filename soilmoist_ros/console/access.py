@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 from urllib.parse import SplitResult, urlsplit
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 COOKIE: Final = "soilmoist_console"
 _PROXY: Final = ("Forwarded", "X-Forwarded-For", "X-Forwarded-Host", "X-Real-Ip", "Via")

@@ -7,9 +7,8 @@ from __future__ import annotations
 from collections import deque
 from typing import Any, Final
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import optional_module
-from soilmoist_ros.recording.mcap.definitions import Definition
+from soilmoist_ros.foundation import InputError, optional_module
+from soilmoist_ros.recording import Definition
 
 BACKLOG: Final = 32
 """Messages that wait for a slow viewer at most; the oldest are dropped. This bounds the memory: a map of 70,000

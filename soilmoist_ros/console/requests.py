@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, Final
 
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plain_values import finite_number, foreign_text
+from soilmoist_ros.exploration import OperatorRequest
+from soilmoist_ros.foundation import InputError, finite_number, foreign_text
 
 MAX_TEXT: Final = 200
 MAX_ITEMS: Final = 500

@@ -9,7 +9,7 @@ from typing import Any
 
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.views import PLACE_DIGITS
-from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
+from soilmoist_ros.exploration import MissionStatus, Phase
 
 STEP_M = 0.5
 """Moves shorter than this are no way, but noise of the receiver [m]."""

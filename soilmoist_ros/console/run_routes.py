@@ -11,8 +11,8 @@ from typing import Any, Final
 
 from soilmoist_ros.console.jobs import Jobs
 from soilmoist_ros.console.runs import REPORT, file_of, list_runs, run_of
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.reporting.exports.registry import EXPORTS
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.reporting import EXPORTS
 
 _CLI: Final = ("-m", "soilmoist_ros.cli.main")
 _SANDBOX: Final = "sandbox allow-scripts allow-downloads; default-src 'unsafe-inline' 'unsafe-eval' data: blob:"

@@ -8,10 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
-from soilmoist_ros.foundation.configuration import read_limited
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plain_values import finite_number, read_json
-from soilmoist_ros.recording.run_folder import SUMMARY
+from soilmoist_ros.foundation import InputError, finite_number, read_json, read_limited
+from soilmoist_ros.recording import SUMMARY
 
 REPORT: Final = "report.html"
 MAX_RUNS: Final = 200

@@ -30,10 +30,9 @@ from soilmoist_ros.console.plan.survey_files import SurveyFiles
 from soilmoist_ros.console.plan.walk import Walk
 from soilmoist_ros.console.requests import request_from_json, who_of
 from soilmoist_ros.console.run_routes import RunRoutes
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import optional_module
-from soilmoist_ros.reporting.files.strict_json import jsonable
+from soilmoist_ros.exploration import OperatorRequest, Reply
+from soilmoist_ros.foundation import InputError, optional_module
+from soilmoist_ros.reporting import jsonable
 
 if TYPE_CHECKING:
     from aiohttp import web

@@ -12,14 +12,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.mission.types import READY, MissionEnd, MissionStatus, Phase
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.strategies.registry import STRATEGIES
-from soilmoist_ros.foundation.health import Health
-from soilmoist_ros.foundation.plain_values import read_json
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.simulation.mission.settings import PRESETS
+from soilmoist_ros.exploration import READY, STRATEGIES, MissionEnd, MissionStatus, Phase, Visit
+from soilmoist_ros.foundation import Health, read_json
+from soilmoist_ros.mapping import Field, Samples
+from soilmoist_ros.simulation import PRESETS
 
 Array = NDArray[np.float64]
 

@@ -12,17 +12,15 @@ from typing import Final
 
 from soilmoist_ros.console.access import Access
 from soilmoist_ros.console.board import Board
-from soilmoist_ros.console.invitation import PORT
+from soilmoist_ros.console.invitations import PORT
 from soilmoist_ros.console.maps.map_layers import MapLayers
 from soilmoist_ros.console.plan.survey_files import SurveyFiles
 from soilmoist_ros.console.robot_history import RobotHistory
 from soilmoist_ros.console.server import ConsoleServer
 from soilmoist_ros.console.views import PLACE_DIGITS, field_view, mission_view, sample_views, visit_view
-from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.map_cells import map_cells
-from soilmoist_ros.simulation.mission.moment import Moment
+from soilmoist_ros.exploration import Phase
+from soilmoist_ros.mapping import Field, FieldGrid, map_cells
+from soilmoist_ros.simulation import Moment
 
 MAP_S: Final = 1.0
 """Shortest time between two maps [s]; a map that takes long to make comes less often."""

@@ -4,13 +4,10 @@
 
 from __future__ import annotations
 
-import ast
 import sys
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.util import LazyLoader, find_spec, module_from_spec
-from pathlib import Path
 from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
@@ -27,30 +24,22 @@ EXTRAS = {
 """Extra of this package that installs a module."""
 
 
-def load_on_use(package: str, file: str) -> Callable[[str], Any]:
-    """A module's ``__getattr__`` that imports what the file imports under ``if TYPE_CHECKING``.
-
-    Type checkers and readers see plain imports; Python runs an import when its name is first used.
+def open_door(
+    package: str, homes: Mapping[str, str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """``__getattr__``, ``__dir__`` and ``__all__`` of a package whose names are imported on first use (PEP 562).
 
     :param package: ``__name__`` of the package
-    :param file: ``__file__`` of its ``__init__``
+    :param homes: names, separated by spaces, by the module inside the package that has them
     """
-
-    @cache
-    def homes() -> dict[str, str]:
-        blocks = [
-            node for node in ast.parse(Path(file).read_text(encoding="utf-8")).body if isinstance(node, ast.If)
-        ]
-        imports = [node for block in blocks for node in block.body if isinstance(node, ast.ImportFrom)]
-        return {alias.name: node.module or "" for node in imports for alias in node.names}
+    home_of = {name: f"{package}.{module}" for module, names in homes.items() for name in names.split()}
 
     def load(name: str) -> Any:
-        # Python looks up names such as __path__, which no file defines; skip reading the file for them.
-        if name.startswith("__") or name not in homes():
+        if name not in home_of:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(homes()[name]), name)
+        return getattr(import_module(home_of[name]), name)
 
-    return load
+    return load, lambda: sorted(home_of), sorted(home_of)
 
 
 def load_when_used(name: str) -> None:

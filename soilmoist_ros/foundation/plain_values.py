@@ -10,6 +10,8 @@ import re
 from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 from typing import Any
 
+DAY_S = 86_400.0
+"""A day [s]."""
 _FOLDERS = re.compile(r"(?<![^\s(\"'=])(?:[A-Za-z]:[\\/]|/)(?:[^\\/\s]+[\\/])*")
 """Folders at the begin of an absolute path."""
 

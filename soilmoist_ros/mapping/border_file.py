@@ -22,11 +22,15 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.configuration import read_limited
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import optional_module
-from soilmoist_ros.foundation.plain_values import printable, read_json
-from soilmoist_ros.foundation.suggestions import did_you_mean, listing
+from soilmoist_ros.foundation import (
+    InputError,
+    did_you_mean,
+    listing,
+    optional_module,
+    printable,
+    read_json,
+    read_limited,
+)
 from soilmoist_ros.mapping.covariates.polygons import readable_vector
 
 if TYPE_CHECKING:

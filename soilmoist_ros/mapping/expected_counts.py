@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, Kind
 
 Array = NDArray[np.float64]
 Where = TypeVar("Where")

@@ -17,11 +17,15 @@ from numpy.typing import NDArray
 from pydantic import Field as Setting
 from pydantic import field_validator, model_validator
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
-from soilmoist_ros.foundation.places import distance_text
-from soilmoist_ros.foundation.plain_values import foreign_text
-from soilmoist_ros.foundation.sections import Section, load_model
+from soilmoist_ros.foundation import (
+    InputError,
+    LocalFrame,
+    Section,
+    distance_and_bearing,
+    distance_text,
+    foreign_text,
+    load_model,
+)
 from soilmoist_ros.mapping.covariates.source import CovariateSection, CovariateSource
 from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 

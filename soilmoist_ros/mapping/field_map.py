@@ -40,8 +40,7 @@ from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil
 from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel, VariogramFit, estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, MoistureCurve
 
 if TYPE_CHECKING:
     from shapely.geometry import MultiPolygon, Polygon

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import floats
+from soilmoist_ros.foundation import floats
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
+from soilmoist_ros.sensing import MoistureCurve, soil_limits
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.geodesy import LatLon, distance_and_bearing
-from soilmoist_ros.foundation.places import coordinates_text, direction, distance_text, town_text
+from soilmoist_ros.foundation import (
+    InputError,
+    LatLon,
+    Mistake,
+    coordinates_text,
+    direction,
+    distance_and_bearing,
+    distance_text,
+    town_text,
+)
 from soilmoist_ros.mapping.field import Field
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.foundation.places import direction, distance_text
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.foundation import direction, distance_text
+from soilmoist_ros.sensing import CountRecord
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

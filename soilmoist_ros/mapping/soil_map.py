@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.lazy import optional_module
+from soilmoist_ros.foundation import optional_module
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.drift import NO_CHANGE, Change, Changing
 from soilmoist_ros.mapping.knowledge.pooling import pooled
@@ -27,8 +27,7 @@ from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.moisture.soil_limits import SoilLimits, soil_limits
+from soilmoist_ros.sensing import MoistureCurve, SoilLimits, soil_limits
 
 if TYPE_CHECKING:
     import pandas

@@ -19,36 +19,41 @@ from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import String
 
-from msg_adapters.battery import battery_from_message
-from msg_adapters.diagnostics import diagnostics_from_message, health_from_status
-from msg_adapters.mission import mission_from_message
-from msg_adapters.plan import path_to_places
-from msg_adapters.samples import samples_from_message
-from msg_adapters.soil_map import change_from_message, soil_map_from_message
-from soilmoist_ros.console.access import Access
-from soilmoist_ros.console.board import Board
-from soilmoist_ros.console.invitation import LOOPBACK, invitation, reachable
-from soilmoist_ros.console.maps.map_layers import MapLayers
-from soilmoist_ros.console.plan.survey_files import SurveyFiles
-from soilmoist_ros.console.plan.walk import Walk
-from soilmoist_ros.console.robot_history import RobotHistory, VisitHistory
-from soilmoist_ros.console.server import ConsoleServer
-from soilmoist_ros.console.views import (
+from msg_adapters import (
+    battery_from_message,
+    change_from_message,
+    diagnostics_from_message,
+    health_from_status,
+    mission_from_message,
+    path_to_places,
+    samples_from_message,
+    soil_map_from_message,
+)
+from soilmoist_ros.console import (
+    LOOPBACK,
+    Access,
+    Board,
+    ConsoleServer,
+    MapLayers,
+    RobotHistory,
+    SurveyFiles,
+    VisitHistory,
+    Walk,
     battery_view,
     choices_view,
     field_view,
     health_view,
+    invitation,
     mission_view,
     node_views,
     place_views,
+    reachable,
     sample_views,
     visit_view,
 )
-from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.exploration import parse_topological_map
+from soilmoist_ros.foundation import Health, InputError, Level, resource
+from soilmoist_ros.mapping import load_field
 from soilmoist_ros.nodes.parameters.console import PARAMETERS
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR, VISITS
@@ -56,7 +61,7 @@ from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.nodes.wiring.console_foxglove import FoxgloveView
 from soilmoist_ros.nodes.wiring.console_steering import ConsoleSteering
-from soilmoist_ros.sensing.gnss import fix_from_message
+from soilmoist_ros.sensing import fix_from_message
 
 __all__ = ["PARAMETERS", "Console", "main"]
 
@@ -203,7 +208,7 @@ class Console(Node):
             self._ignore(f"{robot} plan", error)
 
     def _on_visit(self, robot: str, message: Any) -> None:
-        from msg_adapters.soilmoist.visits import visit_from_message
+        from msg_adapters import visit_from_message
 
         try:
             self._visits.add(visit_view(visit_from_message(message), robot))

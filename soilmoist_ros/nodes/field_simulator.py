@@ -16,22 +16,27 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from msg_adapters.diagnostics import diagnostics_to_message
-from msg_adapters.stamps import to_time
-from soilmoist_ros.foundation.health import Level
+from msg_adapters import diagnostics_to_message, to_time
+from soilmoist_ros.foundation import Level
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.field_simulator import PARAMETERS, mission_settings
 from soilmoist_ros.nodes.runtime.qos import CLOCK, DEFAULT, LATCHED
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.wiring.robot_interface import RobotInterface
-from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file, write_truth_file
-from soilmoist_ros.simulation.robot.line_server import write_ports_file
-from soilmoist_ros.simulation.robot.scenario import load_scenario
-from soilmoist_ros.simulation.robot.simulated_time import SimulatedTime, read_start_time
-from soilmoist_ros.simulation.robot.waiting_clock import MAX_STEP_S as MAX_PLANNED_STEP_S
-from soilmoist_ros.simulation.robot.waiting_clock import WaitingClock
-from soilmoist_ros.simulation.simulated_robot import Output, robot_namespaces
-from soilmoist_ros.simulation.system import VirtualSystem
+from soilmoist_ros.simulation import MAX_STEP_S as MAX_PLANNED_STEP_S
+from soilmoist_ros.simulation import (
+    Output,
+    SimulatedTime,
+    VirtualSystem,
+    WaitingClock,
+    load_scenario,
+    read_start_time,
+    robot_namespaces,
+    write_field_file,
+    write_ports_file,
+    write_site_file,
+    write_truth_file,
+)
 
 TICK_S = 0.02
 REPORT_S = 1.0

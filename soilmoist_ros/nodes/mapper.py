@@ -20,20 +20,19 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from msg_adapters.counts import counts_from_message, require_plane
-from msg_adapters.diagnostics import diagnostics_to_message
-from msg_adapters.model import Model, model_to_message
-from msg_adapters.point_cloud import OtherFrameError
-from msg_adapters.samples import samples_to_message
-from msg_adapters.soil_map import soil_map_to_message, uncertainty_to_message
-from soilmoist_ros.foundation.batches import Batches
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.mapping.field_map import MapState, drifting
-from soilmoist_ros.mapping.map_health import map_health
-from soilmoist_ros.mapping.map_worker import MapWorker
-from soilmoist_ros.mapping.record_check import Skip
-from soilmoist_ros.mapping.soil_map import SoilMap
+from msg_adapters import (
+    Model,
+    OtherFrameError,
+    counts_from_message,
+    diagnostics_to_message,
+    model_to_message,
+    require_plane,
+    samples_to_message,
+    soil_map_to_message,
+    uncertainty_to_message,
+)
+from soilmoist_ros.foundation import Batches, Health, InputError, Level
+from soilmoist_ros.mapping import MapState, MapWorker, Skip, SoilMap, drifting, map_health
 from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespaces
 from soilmoist_ros.nodes.parameters.mapper import PARAMETERS
 from soilmoist_ros.nodes.parameters.parameter import Value
@@ -44,13 +43,9 @@ from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.nodes.wiring.mapper_change import ChangeOutput
 from soilmoist_ros.nodes.wiring.mapper_exchange import MapperExchange
-from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
-from soilmoist_ros.recording.earlier_records import read_earlier
-from soilmoist_ros.recording.map_records import START, TEAM_S, MapRecords
-from soilmoist_ros.recording.map_sources import MapSources
-from soilmoist_ros.reporting.field_survey import open_survey
-from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.recording import START, TEAM_S, MapRecords, MapSources, quarantined_topic, read_earlier
+from soilmoist_ros.reporting import open_survey
+from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt
 
 __all__ = ["PARAMETERS", "Mapper", "main"]
 
@@ -144,7 +139,7 @@ class Mapper(Node):
             self.create_subscription(kind, f"{robot}mission_state", partial(self._on_mission, robot), qos.LATCHED)
 
     def _on_mission(self, robot: str, message: Any) -> None:
-        from msg_adapters.soilmoist.mission_state import survey_from_message
+        from msg_adapters import survey_from_message
 
         chosen = survey_from_message(message)
         if chosen != self._choices.get(robot, {}):
@@ -262,7 +257,7 @@ class Mapper(Node):
             kind = interface_class("soilmoist_msgs/msg/MapSummary")
         except ImportError:
             return lambda _state, _soil_map: None
-        from msg_adapters.soilmoist.map_summary import map_summary_to_message
+        from msg_adapters import map_summary_to_message
 
         summaries = self.create_publisher(kind, "map_summary", qos.LATCHED)
         return lambda state, soil_map: summaries.publish(map_summary_to_message(state, soil_map, self._frame))

@@ -13,15 +13,19 @@ from typing import Final
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from soilmoist_ros.exploration.control.mission_clock import MissionClock, boot_id
-from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
-from soilmoist_ros.exploration.mission.actions import FORGOTTEN
-from soilmoist_ros.exploration.mission.journal import MissionJournal
-from soilmoist_ros.exploration.mission.types import MissionRules, Verb
-from soilmoist_ros.exploration.navigation.framed import FramedNavigator
-from soilmoist_ros.exploration.planning.property_names import property_weights
-from soilmoist_ros.exploration.travel.topological_map import read_topological_map
+from soilmoist_ros.exploration import (
+    FORGOTTEN,
+    ExplorerSettings,
+    FramedNavigator,
+    MissionClock,
+    MissionControl,
+    MissionJournal,
+    MissionRules,
+    Verb,
+    boot_id,
+    property_weights,
+    read_topological_map,
+)
 from soilmoist_ros.nodes.navigation.choice import make_navigator
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.guard import make_watch
@@ -32,7 +36,7 @@ from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_inputs import PlannerInputs
 from soilmoist_ros.nodes.wiring.planner_keepout import PlannerKeepout
 from soilmoist_ros.nodes.wiring.planner_outputs import PlannerOutputs
-from soilmoist_ros.recording.stored_mission import StoredMission
+from soilmoist_ros.recording import StoredMission
 
 __all__ = ["PARAMETERS", "Planner", "main"]
 

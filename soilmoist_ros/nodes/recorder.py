@@ -17,10 +17,9 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
-from msg_adapters.diagnostics import diagnostics_to_message
-from msg_adapters.offered_qos import offered_qos, requested_qos
-from soilmoist_ros.exploration.planning.property_names import property_weights
-from soilmoist_ros.foundation.errors import InputError
+from msg_adapters import diagnostics_to_message, offered_qos, requested_qos
+from soilmoist_ros.exploration import property_weights
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.parameters.collector import ParameterCollector
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.recorder import PARAMETERS
@@ -29,21 +28,29 @@ from soilmoist_ros.nodes.runtime.qos import DEFAULT
 from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
 from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
-from soilmoist_ros.recording.bag.recorder import BagRecorder, check_name, free_bytes, next_bag
-from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
-from soilmoist_ros.recording.bag.retention import (
+from soilmoist_ros.recording import (
     CLOSED_S,
+    BagRecorder,
+    ClockWatch,
     Excess,
     Limits,
+    Qos,
+    Request,
+    RunConfiguration,
+    SequenceGaps,
+    Topic,
+    TopicChoice,
+    check_name,
     delete_bags,
     excess_text,
+    find_definition,
     find_excess,
+    free_bytes,
+    is_synchronised,
+    next_bag,
+    recorder_health,
+    request_for,
 )
-from soilmoist_ros.recording.bag.topic_choice import TopicChoice
-from soilmoist_ros.recording.clock_watch import ClockWatch, is_synchronised
-from soilmoist_ros.recording.mcap.definitions import find_definition
-from soilmoist_ros.recording.mcap.metadata import Qos, Request, Topic, request_for
-from soilmoist_ros.recording.run_configuration import RunConfiguration
 
 __all__ = ["PARAMETERS", "Recorder", "main"]
 

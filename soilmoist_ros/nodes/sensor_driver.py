@@ -15,10 +15,9 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import Float64, String
 
-from msg_adapters.diagnostics import diagnostics_to_message
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field import load_field
+from msg_adapters import diagnostics_to_message
+from soilmoist_ros.foundation import InputError, resource
+from soilmoist_ros.mapping import load_field
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.sensor_driver import PARAMETERS, SETTINGS
 from soilmoist_ros.nodes.runtime import qos
@@ -26,12 +25,18 @@ from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.runtime.soon import Soon
 from soilmoist_ros.nodes.runtime.topic_types import other_type
 from soilmoist_ros.nodes.wiring.driver_outputs import DriverOutputs
-from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
-from soilmoist_ros.sensing.gnss import FIX_TYPE, fix_from_message
-from soilmoist_ros.sensing.moisture.site import Site, load_site
-from soilmoist_ros.sensing.position.lever_arms import LeverArms
-from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt
-from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings
+from soilmoist_ros.sensing import (
+    DOUBTS,
+    FIX_TYPE,
+    Doubt,
+    Driver,
+    DriverSettings,
+    LatestIntensity,
+    LeverArms,
+    Site,
+    fix_from_message,
+    load_site,
+)
 
 _RELEASE_S = 0.1
 _DIAGNOSTICS_S = 1.0

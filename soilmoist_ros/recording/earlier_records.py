@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.journal import ENTRIES, load_journal
 from soilmoist_ros.recording.record_table import RECORDS, read_records
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 
 def read_earlier(path: Path, name: str = "") -> list[CountRecord]:
@@ -21,7 +21,7 @@ def read_earlier(path: Path, name: str = "") -> list[CountRecord]:
     :raises InputError: if the path is none of these
     """
     if (path / ENTRIES).is_file():
-        from soilmoist_ros.exploration.mission.journal import interrupted_records
+        from soilmoist_ros.exploration import interrupted_records
 
         found = load_journal(path, whole=True)
         return interrupted_records(found.snapshot, (entry.payload for entry in found.entries), name)

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, NamedTuple, Self
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.journal_lines import Entry, Lines, decode, encode
 from soilmoist_ros.recording.whole_file import sync_folder, write_whole
 

@@ -19,11 +19,8 @@ from hashlib import blake2b
 from operator import attrgetter
 from typing import Any, Final
 
-from soilmoist_ros.mapping.expected_counts import without_verdict
-from soilmoist_ros.mapping.field_map import FieldMap, SkippedRecords
-from soilmoist_ros.mapping.record_check import Skip
-from soilmoist_ros.sensing.position.place_doubt import Doubt, Doubts, placed_of_any
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.mapping import FieldMap, Skip, SkippedRecords, without_verdict
+from soilmoist_ros.sensing import CountRecord, Doubt, Doubts, placed_of_any
 
 RECEIVED: Final = ""
 """Source of the records that were received as messages, now or by an earlier process."""

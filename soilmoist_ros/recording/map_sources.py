@@ -11,13 +11,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.foundation import InputError, read_json
 from soilmoist_ros.recording.journal import ENTRIES, LoadedJournal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, TEAM, MapRecords
 from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail, logs_below
 from soilmoist_ros.recording.whole_file import write_whole
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 SESSION: Final = "session.json"
 """File that marks the folder of a session: one map, from the first launch to the end of its mission."""
@@ -38,7 +37,7 @@ def open_session(root: Path, journal: Path | None, fresh: bool, bags: Path | Non
     :param bags: folder of the recorder's bags: those that are in it now do not belong to a new session
     :raises InputError: if the journal cannot be read, or the folder cannot be made
     """
-    from soilmoist_ros.exploration.mission.journal import is_under_way
+    from soilmoist_ros.exploration import is_under_way
 
     found = load_journal(journal, whole=True) if journal is not None else LoadedJournal(None, (), ())
     # By number: names are times of day, and the clock may have been set back.
@@ -151,7 +150,7 @@ class MapSources:
         """
         if self._folder is None or not self._catch_ups or age_s < self._catch_ups[0]:
             return []
-        from soilmoist_ros.exploration.mission.journal import noted_records  # slow to import
+        from soilmoist_ros.exploration import noted_records
         from soilmoist_ros.recording.stored_counts import stored_counts
 
         self._catch_ups.pop(0)

@@ -9,8 +9,8 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from soilmoist_ros.exploration.control.mission_clock import boot_id
-from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.exploration import boot_id
+from soilmoist_ros.foundation import read_json
 from soilmoist_ros.recording.journal import ENTRIES
 from soilmoist_ros.recording.whole_file import write_whole
 

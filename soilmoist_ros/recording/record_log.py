@@ -12,10 +12,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from soilmoist_ros.foundation.plain_values import nan_as_text
+from soilmoist_ros.foundation import nan_as_text
 from soilmoist_ros.recording.journal import ENTRIES, Journal
 from soilmoist_ros.recording.journal_lines import decode
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 DRIVER: Final = "sensor_driver"
 """Name of the driver's log in the folder of a session."""

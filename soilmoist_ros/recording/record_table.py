@@ -12,9 +12,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.plain_values import csv_text, text_of_csv
-from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, CountRecord
+from soilmoist_ros.foundation import InputError, Mistake, csv_text, text_of_csv
+from soilmoist_ros.sensing import FIRST_STAMP_S, LAST_STAMP_S, CountRecord
 
 RECORDS: Final = "records.csv"
 """Name of the table of records in an output folder, from which a later map can start."""

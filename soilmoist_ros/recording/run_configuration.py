@@ -10,7 +10,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Final
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.run_folder import BAG, CONFIGURATION, read_parameters, write_parameters
 from soilmoist_ros.recording.whole_file import write_whole
 
@@ -122,12 +122,12 @@ def _keep(folder: Path, node: str, parameter: str, value: object) -> object:
 
 def _file_of(parameter: str, value: str) -> Path | None:
     """The file that a parameter names, if it is on this computer."""
-    from soilmoist_ros.foundation.configuration import resource  # the recorder is up before it needs this
+    from soilmoist_ros.foundation import resource
 
     with suppress(InputError):
         return resource(_KINDS[parameter], value)
     if parameter == "logger_format":
-        from soilmoist_ros.sensing.formats.logger_format import logger_path  # slow, and only for plug-ins
+        from soilmoist_ros.sensing import logger_path
 
         with suppress(InputError):
             return logger_path(value)
@@ -141,7 +141,7 @@ def _copies(source: Path, parameter: str, stem: str) -> dict[str, bytes]:
     """
     from ruamel.yaml import YAML
 
-    from soilmoist_ros.foundation.configuration import read_yaml
+    from soilmoist_ros.foundation import read_yaml
 
     content = _content(source)
     if content is None:

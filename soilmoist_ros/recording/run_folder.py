@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.whole_file import write_whole
 
 BAG = "bag"
@@ -112,7 +112,7 @@ def read_parameters(configuration: Path | None, node: str) -> dict[str, Any]:
     path = (configuration or Path()) / f"{node}.yaml"
     if configuration is None or not path.is_file():
         return {}
-    from soilmoist_ros.foundation.configuration import read_yaml  # the recorder writes only
+    from soilmoist_ros.foundation import read_yaml
 
     content = read_yaml(path)
     try:

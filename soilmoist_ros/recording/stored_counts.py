@@ -21,7 +21,7 @@ from soilmoist_ros.recording.bag.storage import TOO_MUCH
 from soilmoist_ros.recording.bag.verify import mcap_files
 from soilmoist_ros.recording.mcap.chunks import Allowance, TooMuchError
 from soilmoist_ros.recording.mcap.scan import McapScan
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 

@@ -6,11 +6,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.stored import state_from_json
-from soilmoist_ros.exploration.mission.types import MissionRules
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.exploration import EVENT, Mission, MissionRules, interrupted_mission, state_from_json
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.journal import Journal, LoadedJournal, load_journal
 from soilmoist_ros.recording.process_mark import ProcessMark
 

@@ -11,14 +11,19 @@ from itertools import islice
 from pathlib import Path
 from statistics import median
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.foundation import InputError, Mistake
+from soilmoist_ros.recording import BagReader
 from soilmoist_ros.replay.topics import CLOUD, FIX, GPS_FIX, SENTENCE, TEXT
-from soilmoist_ros.sensing.formats.log_values import split_lines
-from soilmoist_ros.sensing.gnss import Fix, fix_from_message, stamp_of
-from soilmoist_ros.sensing.position.heard import clock_words
-from soilmoist_ros.sensing.position.nmea import parse_nmea
-from soilmoist_ros.sensing.problems import Kind, Problem
+from soilmoist_ros.sensing import (
+    Fix,
+    Kind,
+    Problem,
+    clock_words,
+    fix_from_message,
+    parse_nmea,
+    split_lines,
+    stamp_of,
+)
 
 MAX_DIFFERENCE_S = 5.0
 """Difference of stamps and times of receipt that is told [s]."""

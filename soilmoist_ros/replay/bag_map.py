@@ -9,11 +9,22 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
-from soilmoist_ros.foundation.errors import IllConditionedError, InputError
-from soilmoist_ros.recording.bag.reader import BagReader, bags_of
-from soilmoist_ros.recording.bag.storage import recorder_notes
-from soilmoist_ros.recording.map_records import MISSED, RECEIVED, TEAM, TEAM_S, MapRecords, record_key
-from soilmoist_ros.recording.run_folder import bag_of, configuration_of, message_files, read_parameters
+from soilmoist_ros.foundation import IllConditionedError, InputError
+from soilmoist_ros.recording import (
+    MISSED,
+    RECEIVED,
+    TEAM,
+    TEAM_S,
+    BagReader,
+    MapRecords,
+    bag_of,
+    bags_of,
+    configuration_of,
+    message_files,
+    read_parameters,
+    record_key,
+    recorder_notes,
+)
 from soilmoist_ros.replay.bag_lines import logger_topic
 from soilmoist_ros.replay.comparison import Comparison, read_published_map
 from soilmoist_ros.replay.file_facts import position_notes
@@ -34,15 +45,9 @@ from soilmoist_ros.replay.replay_settings import ReplaySettings, property_survey
 from soilmoist_ros.replay.statuses import last_mission, read_statuses
 from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
 from soilmoist_ros.replay.visits import mission_visits, read_visits
-from soilmoist_ros.reporting.field_survey import FieldSurvey
-from soilmoist_ros.reporting.map_run import input_file
-from soilmoist_ros.reporting.output_folder import require_crs
-from soilmoist_ros.reporting.run import LossRow, MapRun, Note, NoteCode
-from soilmoist_ros.sensing.corrections.reference import Reference
-from soilmoist_ros.sensing.position.lever_arms import LeverArms
-from soilmoist_ros.sensing.position.place_doubt import placed_of_any
-from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.reporting import FieldSurvey, LossRow, MapRun, Note, NoteCode, input_file, require_crs
+from soilmoist_ros.sensing import CountRecord, LeverArms, Reference, placed_of_any
+from soilmoist_ros.simulation import surrogate_field
 
 Progress = Callable[[str, float], None]
 

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field_map import FieldMap, MapState
-from soilmoist_ros.mapping.soil_map import SoilMap
-from soilmoist_ros.recording.bag.point_cloud import points
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping import FieldMap, MapState, SoilMap
+from soilmoist_ros.recording import points
 from soilmoist_ros.replay.topics import CLOUD, RunTopics
 
 _OF_RATE = ("rate", "rate_sd")

@@ -16,36 +16,45 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
-from soilmoist_ros.foundation.geodesy import LatLon, LocalFrame
-from soilmoist_ros.foundation.places import distance_text, place_text, town_distance_m, town_text
-from soilmoist_ros.foundation.suggestions import listing
-from soilmoist_ros.mapping.covariates.reading import coverage, read_covariates, unused_parts
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.placement import PositionSource, require_near
-from soilmoist_ros.reporting.page.numbers import area, duration
-from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
-from soilmoist_ros.sensing.checks.weather import unlikely_weather
-from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa
-from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
-from soilmoist_ros.sensing.corrections.settings import CorrectionSettings
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
-from soilmoist_ros.sensing.formats.logger_reader import LogFile
-from soilmoist_ros.sensing.moisture.calibration import n0_in_other_time, unusual_n0
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
-from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.problems import Kind, Problem, Severity
-from soilmoist_ros.sensing.records import LoggerRecord
-from soilmoist_ros.sensing.survey.correction import (
+from soilmoist_ros.foundation import (
+    InputError,
+    LatLon,
+    LocalFrame,
+    Mistake,
+    SoilmoistError,
+    distance_text,
+    listing,
+    place_text,
+    town_distance_m,
+    town_text,
+)
+from soilmoist_ros.mapping import Field, PositionSource, coverage, read_covariates, require_near, unused_parts
+from soilmoist_ros.reporting import EARLIEST_STAMP_S, area, duration
+from soilmoist_ros.sensing import (
+    CorrectionSettings,
+    Kind,
+    LogFile,
+    LoggerFormat,
+    LoggerRecord,
+    NeutronMonitor,
+    Problem,
+    Severity,
+    Site,
+    Track,
+    calibration_counts,
     factors_text,
     intensity_source,
+    log_doubts,
+    n0_in_other_time,
+    soil_limits,
+    standard_pressure_hpa,
+    unlikely_weather,
     unusual_factors,
+    unusual_n0,
     unusual_pressure,
+    why_unplaced,
 )
-from soilmoist_ros.sensing.survey.log_doubts import log_doubts
-from soilmoist_ros.sensing.survey.logs import calibration_counts, why_unplaced
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation import SurrogateField
 
 MIN_USUAL_M2, MAX_USUAL_M2 = 100.0, 1e8
 """Areas beyond which a field is unusual for a survey with a neutron sensor [m^2]."""
@@ -92,7 +101,7 @@ def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[Findin
     """
     import shapely
 
-    from soilmoist_ros.exploration.guard.fence import unreachable
+    from soilmoist_ros.exploration import unreachable
 
     shape = shapely.Polygon(field.polygon)
     left_out = shapely.union_all([shapely.Polygon(ring) for ring in field.no_go])
@@ -175,11 +184,15 @@ def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = 
     :param home: name of the node to return to; empty for none
     :raises InputError: if the map cannot be read, none of its nodes lies in the field, or the home is not allowed
     """
-    from soilmoist_ros.exploration.control.mission_setup import AccessRules, FieldAccess
-    from soilmoist_ros.exploration.guard.robot_frames import FrameSettings, RobotFrames
-    from soilmoist_ros.exploration.travel.topological_map import KNOWN_ACTIONS
-    from soilmoist_ros.exploration.travel.travel import RobotMotion
-    from soilmoist_ros.simulation.mission.mission_ground import mission_map
+    from soilmoist_ros.exploration import (
+        KNOWN_ACTIONS,
+        AccessRules,
+        FieldAccess,
+        FrameSettings,
+        RobotFrames,
+        RobotMotion,
+    )
+    from soilmoist_ros.simulation import mission_map
 
     found = mission_map(field, field.grid(), str(path))
     access = FieldAccess(field, RobotMotion(), found.graph, AccessRules(robot_radius_m=robot_radius_m), home=home)

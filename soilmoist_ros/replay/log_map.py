@@ -15,56 +15,77 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.places import distance_text
-from soilmoist_ros.foundation.suggestions import listing
-from soilmoist_ros.mapping import FieldGrid
-from soilmoist_ros.mapping.covariates.reading import read_covariates, require_covariates
-from soilmoist_ros.mapping.covariates.source import CovariateSource
-from soilmoist_ros.mapping.field import Field, load_field
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.knowledge.drift import Drift, DriftModel
-from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
-from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
-from soilmoist_ros.mapping.placement import PositionSource, require_near
-from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES
-from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
-from soilmoist_ros.recording.run_folder import is_bag, message_files
+from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, distance_text, listing, resource
+from soilmoist_ros.mapping import (
+    MAX_EXACT_SAMPLES,
+    Compute,
+    CovariateSource,
+    Drift,
+    DriftModel,
+    Field,
+    FieldGrid,
+    FieldMap,
+    FieldMapSettings,
+    FitMethod,
+    Knowledge,
+    LocalModel,
+    ModelName,
+    NoiseModel,
+    PositionSource,
+    load_field,
+    read_covariates,
+    require_covariates,
+    require_near,
+)
+from soilmoist_ros.recording import is_bag, message_files
 from soilmoist_ros.replay.file_facts import far_from_site, looks_swapped, position_notes
-from soilmoist_ros.reporting.earlier.earlier_runs import (
+from soilmoist_ros.reporting import (
+    REFERENCE,
+    CorrectionRow,
     EarlierRun,
+    InputFile,
+    LossRow,
+    MapRun,
+    Note,
+    NoteCode,
     Target,
+    find_runs,
+    input_file,
+    loss_rows_of,
+    make_run,
     read_earlier_runs,
+    require_crs,
     require_other,
     same_survey,
 )
-from soilmoist_ros.reporting.earlier.run_records import find_runs
-from soilmoist_ros.reporting.map_run import input_file, loss_rows_of, make_run
-from soilmoist_ros.reporting.output_folder import require_crs
-from soilmoist_ros.reporting.run import REFERENCE, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
-from soilmoist_ros.sensing.corrections.reference import Reference, fit_reference
-from soilmoist_ros.sensing.formats.log_file import log_files
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
-from soilmoist_ros.sensing.formats.logger_reader import (
+from soilmoist_ros.sensing import (
+    CheckedTrack,
+    Consequence,
+    CountRecord,
+    Fix,
+    Kind,
     LogFile,
+    LoggerFormat,
+    Problem,
+    Reference,
+    Site,
+    SurveyRecords,
+    Track,
+    UndecidedOrderError,
     detect_format,
+    distance_m,
+    fit_reference,
     format_of_lines,
+    load_logger_format,
+    load_site,
+    log_files,
     parse_log,
+    process_logs,
     read_log,
+    read_positions,
+    stationary_records,
+    utc_text,
 )
-from soilmoist_ros.sensing.formats.notation import UndecidedOrderError
-from soilmoist_ros.sensing.gnss import Fix
-from soilmoist_ros.sensing.moisture.site import Site, load_site
-from soilmoist_ros.sensing.position.checked_track import CheckedTrack, distance_m
-from soilmoist_ros.sensing.position.heard import utc_text
-from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.position.track_file import read_positions
-from soilmoist_ros.sensing.problems import Consequence, Kind, Problem
-from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.sensing.survey.logs import SurveyRecords, process_logs, stationary_records
 
 MAX_GAP_S = 60.0
 """Time between two fixes up to which a record counts as placed in the first check of the places [s]."""
@@ -421,7 +442,7 @@ def _format_of(path: Path, topic: str) -> LoggerFormat:
 
 def _lines_of_bag(path: Path, topic: str) -> Sequence[bytes]:
     # logs of a logger are read without the extra with recordings
-    from soilmoist_ros.recording.bag.reader import BagReader
+    from soilmoist_ros.recording import BagReader
     from soilmoist_ros.replay.bag_lines import logger_topic, text_lines
 
     with BagReader(path) as reader:
@@ -531,7 +552,7 @@ def read_track(
     used: list[Path] = []
     for path in [*paths, *filter(is_bag, dict.fromkeys(others))]:
         if is_bag(path):
-            from soilmoist_ros.recording.bag.reader import BagReader
+            from soilmoist_ros.recording import BagReader
             from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes, unread_positions
 
             with BagReader(path) as reader:

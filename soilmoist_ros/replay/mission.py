@@ -13,16 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.planning.forecast import forecast_from_text
-from soilmoist_ros.recording.run_folder import read_parameters
+from soilmoist_ros.exploration import Visit, forecast_from_text
+from soilmoist_ros.recording import read_parameters
 from soilmoist_ros.replay.properties import ReplayedProperty
 from soilmoist_ros.replay.statuses import Status
-from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.mission.forecasts import TimedForecast
-from soilmoist_ros.simulation.mission.map_errors import MapErrors
-from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult, SeriesRow
-from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
+from soilmoist_ros.sensing import CountRecord
+from soilmoist_ros.simulation import (
+    MapErrors,
+    MappedProperty,
+    MissionResult,
+    MissionSettings,
+    PropertySettings,
+    SeriesRow,
+    TimedForecast,
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,17 +9,14 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
-from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.foundation import InputError, Mistake, SoilmoistError
+from soilmoist_ros.recording import BagReader
 from soilmoist_ros.replay.mission import RobotMission, replay_mission
 from soilmoist_ros.replay.properties import ReplayedProperty
 from soilmoist_ros.replay.recorded_place import why_nothing
-from soilmoist_ros.reporting.failed_run import FailedRun, NoMapError, Trouble
-from soilmoist_ros.reporting.map_run import input_file, loss_rows_of
-from soilmoist_ros.reporting.page.numbers import duration
-from soilmoist_ros.reporting.run import LossRow
-from soilmoist_ros.sensing.problems import reason_text
-from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.reporting import FailedRun, LossRow, NoMapError, Trouble, duration, input_file, loss_rows_of
+from soilmoist_ros.sensing import reason_text
+from soilmoist_ros.simulation import MissionResult
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 MAX_TROUBLES = 12

@@ -13,17 +13,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.planning.property_names import property_weights
-from soilmoist_ros.foundation.errors import IllConditionedError, InputError
-from soilmoist_ros.foundation.plain_values import finite_number
-from soilmoist_ros.mapping.field_map import MapState
-from soilmoist_ros.recording.run_folder import read_parameters
+from soilmoist_ros.exploration import property_weights
+from soilmoist_ros.foundation import IllConditionedError, InputError, finite_number
+from soilmoist_ros.mapping import MapState
+from soilmoist_ros.recording import read_parameters
 from soilmoist_ros.replay.comparison import Comparison, PublishedMap, compare
 from soilmoist_ros.replay.topics import CLOUD, STATUS, TEXT, RunTopics
-from soilmoist_ros.reporting.field_survey import FieldSurvey
-from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.map_errors import MapErrors, map_errors
+from soilmoist_ros.reporting import FieldSurvey
+from soilmoist_ros.sensing import CountRecord
+from soilmoist_ros.simulation import MapErrors, SurrogateField, map_errors
 
 Array = NDArray[np.float64]
 

@@ -8,21 +8,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.recording import BagReader
 from soilmoist_ros.replay.bag_lines import fix_topic, logger_topic, read_fixes, text_lines, unread_positions
 from soilmoist_ros.replay.log_map import log_times, shifted_track
 from soilmoist_ros.replay.topics import FIX, TEXT, RunTopics
-from soilmoist_ros.sensing.formats.log_file import matching_formats
-from soilmoist_ros.sensing.formats.logger_format import load_logger_format
-from soilmoist_ros.sensing.formats.logger_reader import parse_log
-from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
-from soilmoist_ros.sensing.problems import Kind, Problem
-from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.sensing.survey.logs import process_logs
+from soilmoist_ros.sensing import (
+    FORMAT_NAME,
+    NO_ARMS,
+    CountRecord,
+    Kind,
+    LeverArms,
+    Problem,
+    Site,
+    load_logger_format,
+    matching_formats,
+    parse_log,
+    process_logs,
+)
 
 
 @dataclass(frozen=True)

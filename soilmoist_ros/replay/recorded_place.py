@@ -14,20 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.field import Field, load_field
-from soilmoist_ros.mapping.placement import PositionSource, require_near
-from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.run_folder import read_parameters
+from soilmoist_ros.exploration import Visit
+from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, resource
+from soilmoist_ros.mapping import Field, PositionSource, load_field, require_near
+from soilmoist_ros.recording import BagReader, read_parameters
 from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes, unread_positions
 from soilmoist_ros.replay.topics import TEXT
-from soilmoist_ros.reporting.field_survey import FieldSurvey
-from soilmoist_ros.sensing.position.heard import Heard
-from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Doubts
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.reporting import FieldSurvey
+from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt, Doubts, Heard
 
 
 @dataclass(frozen=True)

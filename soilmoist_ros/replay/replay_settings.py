@@ -10,15 +10,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.knowledge.drift import DriftModel
-from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
-from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
-from soilmoist_ros.recording.run_folder import read_parameters
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping import VARIOGRAM_MODELS, DriftModel, FitMethod, LocalModel, NoiseModel
+from soilmoist_ros.recording import read_parameters
 from soilmoist_ros.replay.properties import PropertyTopic
-from soilmoist_ros.reporting.field_survey import FieldSurvey, open_survey
-from soilmoist_ros.reporting.run import Note, NoteCode
-from soilmoist_ros.sensing.moisture.site import load_site
+from soilmoist_ros.reporting import FieldSurvey, Note, NoteCode, open_survey
+from soilmoist_ros.sensing import load_site
 
 Source = Literal["counts", "raw"]
 

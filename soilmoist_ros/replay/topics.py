@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.sensing.gnss import FIX_TYPE
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.recording import BagReader
+from soilmoist_ros.sensing import FIX_TYPE
 
 CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 TEXT: Final = "std_msgs/msg/String"

@@ -7,11 +7,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import accumulate
 
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.recording.bag.reader import VISIT
+from soilmoist_ros.exploration import Visit
+from soilmoist_ros.recording import VISIT
 from soilmoist_ros.replay.statuses import Status
 from soilmoist_ros.replay.topics import RunTopics
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 _CLOCK_S = 1e-3
 _WITHOUT_TIME = {"idle", "finished"}

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping.moisture_bands import common_rate_sd
+from soilmoist_ros.mapping import common_rate_sd
 from soilmoist_ros.reporting.run import MapRun
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+from soilmoist_ros.sensing import MoistureCurve
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from soilmoist_ros.foundation.version import __version__
-from soilmoist_ros.recording.record_table import RECORDS, write_records
-from soilmoist_ros.recording.run_folder import SUMMARY
+from soilmoist_ros.foundation import __version__
+from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
 from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json

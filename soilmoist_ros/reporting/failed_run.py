@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.reporting.geometry import distance_m
 from soilmoist_ros.reporting.run import InputFile, LossRow
 from soilmoist_ros.reporting.survey_times import SurveyTimes
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 if TYPE_CHECKING:
-    from soilmoist_ros.simulation.mission.result import MissionResult
+    from soilmoist_ros.simulation import MissionResult
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,25 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.covariates.reading import read_covariates
-from soilmoist_ros.mapping.covariates.source import CovariateSource
-from soilmoist_ros.mapping.field import Field, load_field
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, Snapshot
-from soilmoist_ros.mapping.knowledge.drift import Drift, DriftModel
-from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
-from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
+from soilmoist_ros.foundation import InputError, resource
+from soilmoist_ros.mapping import (
+    CovariateSource,
+    Drift,
+    DriftModel,
+    Field,
+    FieldMap,
+    FieldMapSettings,
+    FitMethod,
+    Knowledge,
+    LocalModel,
+    ModelName,
+    NoiseModel,
+    Snapshot,
+    load_field,
+    read_covariates,
+)
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, read_earlier_runs, require_other
-from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing import Site, load_site
 
 if TYPE_CHECKING:
     from soilmoist_ros.reporting.run import MapRun

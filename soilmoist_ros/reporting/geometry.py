@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap

@@ -13,15 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plain_values import shown_path
-from soilmoist_ros.foundation.version import __version__
-from soilmoist_ros.mapping import SoilMap
-from soilmoist_ros.mapping.expected_counts import UNEXPECTED
-from soilmoist_ros.mapping.field_map import Snapshot
-from soilmoist_ros.mapping.knowledge.covariates import Covariates
-from soilmoist_ros.mapping.record_check import Skip
+from soilmoist_ros.foundation import InputError, LocalFrame, __version__, shown_path
+from soilmoist_ros.mapping import UNEXPECTED, Covariates, Skip, Snapshot, SoilMap
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, with_corrections
 from soilmoist_ros.reporting.earlier.run_change import run_change
 from soilmoist_ros.reporting.run import (
@@ -33,15 +26,20 @@ from soilmoist_ros.reporting.run import (
     MapRun,
     Note,
 )
-from soilmoist_ros.sensing.corrections.factors import Corrections
-from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
-from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, IntensityCorrection
-from soilmoist_ros.sensing.formats.log_file import read_data
-from soilmoist_ros.sensing.moisture.footprint import Footprint, SensedSoil, sensed_soil
-from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.problems import reason_text
-from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.sensing.survey.correction import intensity_source
+from soilmoist_ros.sensing import (
+    Corrections,
+    CorrectionSettings,
+    CountRecord,
+    Footprint,
+    IntensityCorrection,
+    NeutronMonitor,
+    SensedSoil,
+    Site,
+    intensity_source,
+    read_data,
+    reason_text,
+    sensed_soil,
+)
 
 
 def make_run(

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soilmoist_ros.exploration.planning.property_names import property_name
-from soilmoist_ros.foundation.version import __version__
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.exploration import property_name
+from soilmoist_ros.foundation import __version__
+from soilmoist_ros.mapping import FieldMap, FieldMapSettings
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.earlier.mission_earlier import EARLIER, simulated_runs
 from soilmoist_ros.reporting.earlier.run_change import RunChange, run_change
@@ -24,7 +24,7 @@ from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.files.summary import settings_summary
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.run import LossRow, MapRun
-from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.simulation import MissionResult
 
 if TYPE_CHECKING:
     from pyproj import CRS

@@ -14,13 +14,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.lazy import optional_module
-from soilmoist_ros.foundation.plain_values import text_of_csv
-from soilmoist_ros.mapping.covariates.rasters import opened_raster
-from soilmoist_ros.recording.record_table import COLUMNS, read_records
-from soilmoist_ros.recording.run_folder import SUMMARY
+from soilmoist_ros.exploration import Visit, VisitEnd
+from soilmoist_ros.foundation import InputError, Mistake, optional_module, text_of_csv
+from soilmoist_ros.mapping import opened_raster
+from soilmoist_ros.recording import COLUMNS, SUMMARY, read_records
 from soilmoist_ros.reporting.earlier.results import REMEDY, read_features, read_summary
 
 if TYPE_CHECKING:

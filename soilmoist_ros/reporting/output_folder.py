@@ -15,12 +15,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.lazy import install, is_installed
-from soilmoist_ros.foundation.plain_values import read_json
-from soilmoist_ros.recording.run_folder import SUMMARY
-from soilmoist_ros.recording.whole_file import sync_file, sync_folder
+from soilmoist_ros.foundation import InputError, LocalFrame, install, is_installed, read_json
+from soilmoist_ros.recording import SUMMARY, sync_file, sync_folder
 
 PROJECT_NAME = "soilmoist.qgs"
 NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv", PROJECT_NAME)

@@ -7,9 +7,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, FieldChange
-from soilmoist_ros.recording.record_table import write_records
-from soilmoist_ros.recording.run_folder import SUMMARY
+from soilmoist_ros.mapping import FALSE_SHARE, FieldChange
+from soilmoist_ros.recording import SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import PropertyMap
@@ -18,7 +17,7 @@ from soilmoist_ros.reporting.files.geojson import write_samples
 from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.summary import write_summary
-from soilmoist_ros.reporting.moisture_series import at_one_place, write_moisture
+from soilmoist_ros.reporting.moisture_steps import at_one_place, write_moisture
 from soilmoist_ros.reporting.opened_run import OpenedRun
 from soilmoist_ros.reporting.output_folder import (
     MISSION_NAMES,

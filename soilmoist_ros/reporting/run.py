@@ -13,20 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plain_values import shown_text
+from soilmoist_ros.foundation import LocalFrame, shown_text
 from soilmoist_ros.reporting.geometry import distance_m, inside_boundary, track_xy
 from soilmoist_ros.reporting.survey_times import SurveyTimes
-from soilmoist_ros.sensing.moisture.footprint import SensedSoil
-from soilmoist_ros.sensing.problems import Consequence
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import Consequence, CountRecord, SensedSoil
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping import SoilMap
-    from soilmoist_ros.mapping.knowledge.covariates import Covariates
+    from soilmoist_ros.mapping import Covariates, SoilMap
     from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
     from soilmoist_ros.reporting.earlier.run_change import RunChange
-    from soilmoist_ros.simulation.mission.result import MissionResult
+    from soilmoist_ros.simulation import MissionResult
 
 
 @dataclass(frozen=True)

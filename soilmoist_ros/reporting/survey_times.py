@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 EARLIEST_STAMP_S = 946684800.0
 """Stamps before 2000-01-01 UTC come from a clock without a date, such as that of a simulated mission [s]."""

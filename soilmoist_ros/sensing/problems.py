@@ -8,7 +8,7 @@ import enum
 from dataclasses import dataclass
 from typing import Literal
 
-from soilmoist_ros.foundation.errors import Mistake
+from soilmoist_ros.foundation import Mistake
 
 Consequence = Literal["lost", "quarantined", "kept"]
 """``lost``: the record was dropped; ``quarantined``: it is listed, but not used; ``kept``: it is used."""

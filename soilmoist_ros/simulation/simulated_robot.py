@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.exploration import FreeTravel, GraphTravel
+from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import PLACES_PER_RECORD

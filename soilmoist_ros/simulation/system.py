@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.travel.travel import GraphTravel
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.exploration import GraphTravel
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map, start_stop
 from soilmoist_ros.simulation.mission.settings import MissionSettings

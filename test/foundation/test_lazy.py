@@ -17,11 +17,10 @@ ROOT = Path(__file__).resolve().parents[2]
 COMES_WITH = {"foxglove": "foxglove_sdk", "markupsafe": "jinja2"}
 
 INIT = """from typing import TYPE_CHECKING
-from soilmoist_ros.foundation.lazy import load_on_use
+from soilmoist_ros.foundation.lazy import open_door
 if TYPE_CHECKING:
-    from {name}.heavy import answer
-__all__ = ["answer"]
-__getattr__ = load_on_use(__name__, __file__)
+    from {name}.heavy import answer as answer
+__getattr__, __dir__, __all__ = open_door(__name__, {{"heavy": "answer"}})
 """
 
 
@@ -42,13 +41,14 @@ def test_a_name_is_imported_when_it_is_used(package):
     assert f"{package}.heavy" not in sys.modules
     assert module.answer == 42
     assert f"{package}.heavy" in sys.modules
+    assert dir(module) == module.__all__ == ["answer"]
 
 
 def test_other_names_do_not_exist(package):
-    with pytest.raises(AttributeError, match="'a_lazy_package' has no attribute 'question'"):
-        _ = __import__(package).question
-    with pytest.raises(ImportError, match="question"):
-        exec(f"from {package} import question")
+    with pytest.raises(AttributeError, match="'a_lazy_package' has no attribute 'other'"):
+        _ = __import__(package).other
+    with pytest.raises(ImportError, match="other"):
+        exec(f"from {package} import other")
 
 
 def test_a_submodule_is_loaded_when_something_of_it_is_used(package):

@@ -14,11 +14,6 @@ NAN = math.nan
 MAX_LINE = 115
 
 
-@pytest.mark.parametrize("name", sensing.__all__)
-def test_every_name_of_the_public_api_is_there(name) -> None:
-    assert getattr(sensing, name).__doc__
-
-
 def test_an_unknown_name_is_refused() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         _ = sensing.nothing

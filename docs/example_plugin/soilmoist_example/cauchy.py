@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from soilmoist_ros.mapping.variogram.correlation import CorrelationModel
+from soilmoist_ros.mapping import CorrelationModel
 
 
 def _correlation(q: np.ndarray) -> np.ndarray:

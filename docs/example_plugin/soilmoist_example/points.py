@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from soilmoist_ros.reporting.exports.registry import Export
-from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource
+from soilmoist_ros.reporting import Export, ExportSettings, RunSource
 
 
 def write_points(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:

@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
-from soilmoist_ros.foundation.lazy import not_installed
-from soilmoist_ros.foundation.plain_values import printable
+from soilmoist_ros.foundation import InputError, Mistake, SoilmoistError, not_installed, printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -90,8 +88,8 @@ def wrote(paths: Iterable[Path], out: Path | None = None) -> None:
             say(f"open       {(out / 'report.html').absolute().as_uri()}")
         answer.values["out"] = str(out)
         if answer.as_json:
-            from soilmoist_ros.recording.run_folder import SUMMARY
-            from soilmoist_ros.reporting.earlier.results import read_summary
+            from soilmoist_ros.recording import SUMMARY
+            from soilmoist_ros.reporting import read_summary
 
             if (out / SUMMARY).is_file():
                 answer.values["summary"] = read_summary(out)
@@ -187,7 +185,7 @@ def _run(command: Callable[[], None]) -> tuple[int, tuple[Mistake, ...]]:
 def _print_json(answer: Answer, path: str, code: int, mistakes: Iterable[Mistake]) -> None:
     if not answer.as_json:
         return
-    from soilmoist_ros.reporting.files.strict_json import dumps
+    from soilmoist_ros.reporting import dumps
 
     errors = [
         {

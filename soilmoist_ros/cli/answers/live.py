@@ -15,7 +15,7 @@ import click
 from soilmoist_ros.cli.answers.answer import current, say, tables
 
 if TYPE_CHECKING:
-    from soilmoist_ros.reporting.live.live_mission import LiveMission
+    from soilmoist_ros.reporting import LiveMission
 
 _SHOW_S = 0.5
 _LINE_S = 1.0
@@ -24,7 +24,7 @@ _LINE_S = 1.0
 @contextmanager
 def live_view() -> Iterator[Callable[[LiveMission], None]]:
     """Show a mission: a live picture on a terminal, otherwise a line per change of state; nothing with --quiet."""
-    from soilmoist_ros.reporting.live.terminal import render
+    from soilmoist_ros.reporting import render
 
     if current().quiet:
         yield lambda live: None
@@ -63,7 +63,7 @@ def live_view() -> Iterator[Callable[[LiveMission], None]]:
 @contextmanager
 def json_lines() -> Iterator[Callable[[LiveMission], None]]:
     """Print a mission for programs: a JSON object a line when it has changed, once a second at most."""
-    from soilmoist_ros.reporting.files.strict_json import dumps, jsonable
+    from soilmoist_ros.reporting import dumps, jsonable
 
     printed: dict[str, Any] = {}
     printed_s = -_LINE_S

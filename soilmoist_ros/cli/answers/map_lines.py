@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.cli.answers.answer import say, warn
 
 if TYPE_CHECKING:
-    from soilmoist_ros.reporting.run import MapRun
+    from soilmoist_ros.reporting import MapRun
 
 MAX_REASONS = 3
 """Number of reasons for lost records that are printed."""
@@ -22,9 +22,14 @@ def rate_error(mse: float, coverage95: float) -> str:
 
 def print_knowledge(run: MapRun) -> None:
     """Print what a reference sensor, earlier surveys and covariates contributed to a map, and what has changed."""
-    from soilmoist_ros.reporting.page.covariates import covariate_importance
-    from soilmoist_ros.reporting.page.earlier_section import change_amount, change_since, dated, relations
-    from soilmoist_ros.reporting.run import REFERENCE
+    from soilmoist_ros.reporting import (
+        REFERENCE,
+        change_amount,
+        change_since,
+        covariate_importance,
+        dated,
+        relations,
+    )
 
     for row in run.corrections:
         if row.name == REFERENCE:
@@ -59,7 +64,7 @@ def print_losses(run: MapRun) -> None:
 
 def print_notes(run: MapRun) -> None:
     """Print the notes on a map."""
-    from soilmoist_ros.reporting.page.notes import notes
+    from soilmoist_ros.reporting import notes
 
     for note in notes(run):
         warn(f"warning    {note}")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from soilmoist_ros.cli.answers.answer import current, echo
-from soilmoist_ros.foundation.plain_values import printable
+from soilmoist_ros.foundation import printable
 
 
 @contextmanager

@@ -25,7 +25,7 @@ class _Runs(InputFile):
         """
         super().require(value)
         if str(value) not in self.words:
-            from soilmoist_ros.reporting.earlier.run_records import find_runs
+            from soilmoist_ros.reporting import find_runs
 
             find_runs(value.expanduser())
 
@@ -42,11 +42,11 @@ class _Covariate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         """
         if value == "none":
             return
-        from soilmoist_ros.mapping.covariates.source import CovariateSource
+        from soilmoist_ros.mapping import CovariateSource
 
         source = CovariateSource.parse(value)
         source.require_file()
-        from soilmoist_ros.mapping.covariates.reading import require_covariates
+        from soilmoist_ros.mapping import require_covariates
 
         require_covariates([source])
 

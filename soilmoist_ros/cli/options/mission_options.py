@@ -13,11 +13,10 @@ import click
 from click.shell_completion import CompletionItem
 
 from soilmoist_ros.cli.options.names import NAMES, Name, completions
-from soilmoist_ros.simulation.mission.setting import Setting
-from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
+from soilmoist_ros.simulation import PRESETS, SETTINGS, Setting
 
 if TYPE_CHECKING:
-    from soilmoist_ros.simulation.mission.settings import MissionSettings
+    from soilmoist_ros.simulation import MissionSettings
 
 Command = Callable[..., None]
 
@@ -114,8 +113,7 @@ def chosen_settings(choices: dict[str, Any]) -> MissionSettings:
 
     :raises InputError: if the options cannot be used
     """
-    from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-    from soilmoist_ros.simulation.mission.settings import MissionSettings
+    from soilmoist_ros.simulation import MissionSettings, surrogate_field
 
     if (graph := choices.get("graph")) is not None and choices.get("travel") != "free":
         choices = {**choices, "travel": "graph", "graph": None if graph == "lattice" else graph}

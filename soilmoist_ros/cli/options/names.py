@@ -17,7 +17,7 @@ _SHIPPED = {"field": "fields", "site": "sites", "scenario": "scenarios"}
 
 def _shipped(kind: str) -> Callable[[], Iterable[str]]:
     def names() -> Iterable[str]:
-        from soilmoist_ros.foundation.configuration import resource_names
+        from soilmoist_ros.foundation import resource_names
 
         return resource_names(kind)
 
@@ -25,37 +25,37 @@ def _shipped(kind: str) -> Callable[[], Iterable[str]]:
 
 
 def _surrogates() -> Iterable[str]:
-    from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
+    from soilmoist_ros.simulation import surrogate_field_names
 
     return surrogate_field_names()
 
 
 def _strategies() -> Iterable[str]:
-    from soilmoist_ros.exploration.strategies.registry import STRATEGIES
+    from soilmoist_ros.exploration import STRATEGIES
 
     return STRATEGIES.names()
 
 
 def _dwells() -> Iterable[str]:
-    from soilmoist_ros.exploration.planning.dwell import DWELL_RULES
+    from soilmoist_ros.exploration import DWELL_RULES
 
     return [name + ":" * DWELL_RULES.get(name).needs_value for name in DWELL_RULES.names()]
 
 
 def _models() -> Iterable[str]:
-    from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
+    from soilmoist_ros.mapping import VARIOGRAM_MODELS
 
     return VARIOGRAM_MODELS.names()
 
 
 def _loggers() -> Iterable[str]:
-    from soilmoist_ros.sensing.formats.logger_format import logger_names
+    from soilmoist_ros.sensing import logger_names
 
     return logger_names()
 
 
 def _exports() -> Iterable[str]:
-    from soilmoist_ros.reporting.exports.registry import EXPORTS
+    from soilmoist_ros.reporting import EXPORTS
 
     return EXPORTS.names()
 
@@ -110,11 +110,11 @@ class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         if not self._early or not value or Path(value).is_file():
             return
         if self._kind in _SHIPPED:
-            from soilmoist_ros.foundation.configuration import resource
+            from soilmoist_ros.foundation import resource
 
             resource(_SHIPPED[self._kind], value)
         elif self._kind == "logger":
-            from soilmoist_ros.sensing.formats.logger_format import logger_path
+            from soilmoist_ros.sensing import logger_path
 
             logger_path(value)
 
@@ -141,7 +141,7 @@ class InputFile(click.Path):
         """
         if str(value) in self.words or value.exists():
             return
-        from soilmoist_ros.foundation.errors import InputError
+        from soilmoist_ros.foundation import InputError
 
         raise InputError("there is no such file", self._remedy, value)
 
@@ -154,8 +154,8 @@ class VariogramModel(Name):
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the name if a model has it; fail otherwise."""
-        from soilmoist_ros.foundation.errors import InputError
-        from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
+        from soilmoist_ros.foundation import InputError
+        from soilmoist_ros.mapping import VARIOGRAM_MODELS
 
         try:
             VARIOGRAM_MODELS.get(value)

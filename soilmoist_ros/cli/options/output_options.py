@@ -13,8 +13,7 @@ import click
 
 from soilmoist_ros.cli.answers.answer import wrote
 from soilmoist_ros.cli.options.names import FILE
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import install, is_installed
+from soilmoist_ros.foundation import InputError, install, is_installed
 
 Command = Callable[..., None]
 
@@ -62,7 +61,7 @@ def prepare_output(out: Path, overwrite: bool) -> None:
 
     :raises InputError: if it cannot be written, or has results that must not be replaced
     """
-    from soilmoist_ros.reporting.output_folder import require_free, require_writable, results_in
+    from soilmoist_ros.reporting import require_free, require_writable, results_in
 
     if not overwrite:
         require_writable(out)
@@ -90,12 +89,12 @@ def reported_failure(out: Path) -> Iterator[None]:
     :param out: output folder
     :raises NoMapError: why there is no map
     """
-    from soilmoist_ros.reporting.failed_run import NoMapError
+    from soilmoist_ros.reporting import NoMapError
 
     try:
         yield
     except NoMapError as error:
-        from soilmoist_ros.reporting.failed_outputs import write_failed
+        from soilmoist_ros.reporting import write_failed
 
         wrote(write_failed(out, error.failed), out)
         raise

@@ -23,9 +23,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.covariates.rasters import RasterBands, opened_raster
+from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.mapping import RasterBands, opened_raster
 
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader

@@ -11,8 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.reporting.colours import between, palette_png
-from soilmoist_ros.reporting.live.terminal import DRY_TO_WET
+from soilmoist_ros.reporting import DRY_TO_WET, between, palette_png
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 MAX_CORNERS: Final = 2000
 """Corners of an outline; one with more is simplified."""
@@ -31,8 +31,8 @@ def outline(given: Mapping[str, Any]) -> dict[str, Any]:
     """
     import numpy as np
 
-    from soilmoist_ros.foundation.geodesy import LocalFrame
-    from soilmoist_ros.mapping.border_file import BorderSource, read_border
+    from soilmoist_ros.foundation import LocalFrame
+    from soilmoist_ros.mapping import BorderSource, read_border
 
     name = str(given["name"])[:80]
     suffix = Path(name).suffix.lower()

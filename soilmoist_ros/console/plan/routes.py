@@ -13,7 +13,7 @@ from soilmoist_ros.console.jobs import Jobs
 from soilmoist_ros.console.plan.survey_files import SurveyFiles
 from soilmoist_ros.console.plan.walk import Walk
 from soilmoist_ros.console.requests import who_of
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 WORK: Final = ("-m", "soilmoist_ros.console.plan.work")
 LIMIT_S: Final = 180.0

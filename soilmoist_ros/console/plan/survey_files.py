@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from soilmoist_ros.console.runs import run_of
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.exploration import OperatorRequest
+from soilmoist_ros.foundation import InputError
 
 START: Final = "(start)"
 """Name of the field with which the nodes were started."""

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.views import PLACE_DIGITS
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 STEP_M: Final = 0.3
 """Moves shorter than this are noise of the receiver [m]."""

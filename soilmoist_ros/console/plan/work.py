@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from soilmoist_ros.console.plan.outline import outline
 from soilmoist_ros.console.plan.walk import walked
-from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation import InputError, Mistake
 
 MIN_FIELDS, MAX_FIELDS = 2, 3
 """Simulated fields of a forecast, which is the mean of their squared errors."""
@@ -54,8 +54,8 @@ def check_field(given: Mapping[str, Any]) -> dict[str, Any]:
     :returns: ``file``; ``area_m2`` without the no-go areas; ``note``: parts that a robot cannot reach, in words
     :raises InputError: if it is no field
     """
-    from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M, unreachable
-    from soilmoist_ros.mapping.field import load_field
+    from soilmoist_ros.exploration import ROBOT_RADIUS_M, unreachable
+    from soilmoist_ros.mapping import load_field
 
     text = field_text(given)
     with tempfile.TemporaryDirectory() as folder:
@@ -80,8 +80,7 @@ def forecast(given: Mapping[str, Any]) -> dict[str, Any]:
         ``stops``, ``distance_m``, ``ends_s``, ``variation``
     :raises InputError: if a setting cannot be used
     """
-    from soilmoist_ros.simulation.mission.settings import MissionSettings
-    from soilmoist_ros.simulation.mission.simulator import simulate_mission
+    from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
     rate, variation = float(given.get("rate_cps") or 4.0), float(given.get("variation") or 0.12)
     hours = float(given.get("hours") or 2.0)
@@ -160,10 +159,8 @@ def _travel_map(field_file: Path, stops: Mapping[str, Any]) -> tuple[str, str]:
     """Text and summary of the travel map of a field file."""
     from datetime import UTC, datetime
 
-    from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M
-    from soilmoist_ros.exploration.travel.graph_builders import crop_rows, open_lattice
-    from soilmoist_ros.exploration.travel.topological_map import make_topological_map
-    from soilmoist_ros.mapping.field import load_field
+    from soilmoist_ros.exploration import ROBOT_RADIUS_M, crop_rows, make_topological_map, open_lattice
+    from soilmoist_ros.mapping import load_field
 
     field, spacing_m = load_field(field_file), float(stops.get("spacing_m") or 10.0)
     if stops.get("kind") == "rows":

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from soilmoist_ros.exploration.control.mission_setup import AccessRules, FieldAccess
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping import Field
 
 _log = logging.getLogger(__name__)
 

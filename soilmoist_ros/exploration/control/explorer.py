@@ -24,10 +24,7 @@ from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Co
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
 from soilmoist_ros.exploration.travel.travel import TravelModel
-from soilmoist_ros.mapping.field_map import FieldMap
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.kriging.targets import coincident
-from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.mapping import FieldGrid, FieldMap, SoilMap, coincident
 
 Array = NDArray[np.float64]
 _ON_THE_WAY_TOO = Counting()

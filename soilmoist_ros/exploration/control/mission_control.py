@@ -78,19 +78,9 @@ from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.exploration.travel.way import Way
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.foundation.places import other_datum
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.knowledge.drift import Changing
-from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.variogram.fit import VariogramFit
-from soilmoist_ros.sensing.gnss import Fix
-from soilmoist_ros.sensing.position.heard import Heard
-from soilmoist_ros.sensing.position.place_doubt import Doubt, none_since
-from soilmoist_ros.sensing.position.place_judge import PlaceFix
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, other_datum
+from soilmoist_ros.mapping import Changing, Field, Samples, VariogramFit
+from soilmoist_ros.sensing import CountRecord, Doubt, Fix, Heard, PlaceFix, none_since
 
 PLACE_TIME = "place_s"
 """Value of the status: when the newest place has come [s]; -inf for none."""

@@ -25,9 +25,7 @@ from soilmoist_ros.exploration.mission.events import (
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
-from soilmoist_ros.sensing.position.place_ages import PlaceAges
-from soilmoist_ros.sensing.position.place_judge import PlaceFix
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, PlaceAges, PlaceFix
 
 FIX_SILENCE_S = 5.0
 """Without a fix for this time the positions of records serve, which are older [s]."""

@@ -25,14 +25,9 @@ from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.exploration.travel.way import Way
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.suggestions import did_you_mean
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
-from soilmoist_ros.mapping.variogram.fit import VariogramFit
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+from soilmoist_ros.foundation import InputError, did_you_mean
+from soilmoist_ros.mapping import NOTHING, Field, FieldGrid, FieldMap, FieldMapSettings, Knowledge, VariogramFit
+from soilmoist_ros.sensing import MoistureCurve
 
 
 @dataclass(frozen=True, kw_only=True)

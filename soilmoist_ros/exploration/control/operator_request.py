@@ -19,9 +19,8 @@ from soilmoist_ros.exploration.planning.dwell import FixedInterval, parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import GraphTravel
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.suggestions import did_you_mean, listing
-from soilmoist_ros.mapping.field import Field, require_no_go
+from soilmoist_ros.foundation import InputError, did_you_mean, listing
+from soilmoist_ros.mapping import Field, require_no_go
 
 Place = tuple[float, float]
 

@@ -15,11 +15,8 @@ from soilmoist_ros.exploration.mission.actions import RequestPlan
 from soilmoist_ros.exploration.mission.events import PlanFailed, Planned
 from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.properties import Property
-from soilmoist_ros.foundation.errors import SoilmoistError
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.mapping.knowledge.drift import Changing
-from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples
-from soilmoist_ros.mapping.variogram.fit import VariogramFit
+from soilmoist_ros.foundation import SoilmoistError
+from soilmoist_ros.mapping import NO_SAMPLES, Changing, FieldMap, FieldMapSettings, Samples, VariogramFit
 
 SAME_TIME_S = 1e-3
 """Times that differ by less are the same: they have been through messages [s]."""

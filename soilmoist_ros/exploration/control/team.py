@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS
-from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.mapping.field_map import FieldMap
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.foundation import Health, Level
+from soilmoist_ros.mapping import FieldMap, as_samples
 
 Array = NDArray[np.float64]
 

@@ -20,8 +20,7 @@ from soilmoist_ros.exploration.navigation.navigator import Navigator
 from soilmoist_ros.exploration.navigation.way_points import way_points
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
-from soilmoist_ros.sensing.position.place_judge import Expected
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, Expected
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -8,7 +8,7 @@ import math
 from collections import Counter, deque
 from typing import Final
 
-from soilmoist_ros.sensing.problems import Kind, reason_text
+from soilmoist_ros.sensing import Kind, reason_text
 
 MIN_RECORDS: Final = 3
 """Number of records from which they are judged; also of those that are looked at if a sensor sends fewer."""

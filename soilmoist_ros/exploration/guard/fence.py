@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.travel.drivable_area import TOLERANCE_M, DrivableArea
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.suggestions import listing
-from soilmoist_ros.mapping.field import MIN_AREA_M2, Field
+from soilmoist_ros.foundation import InputError, listing
+from soilmoist_ros.mapping import MIN_AREA_M2, Field
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -20,10 +20,8 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.places import distance_text
-from soilmoist_ros.foundation.suggestions import listing
-from soilmoist_ros.mapping.field import Misplaced, misplaced
+from soilmoist_ros.foundation import InputError, distance_text, listing
+from soilmoist_ros.mapping import Misplaced, misplaced
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

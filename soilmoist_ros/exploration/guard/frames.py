@@ -17,9 +17,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plane_move import PlaneMove, fit_move, move_between
+from soilmoist_ros.foundation import InputError, LocalFrame, PlaneMove, fit_move, move_between
 
 Place = tuple[float, float]
 

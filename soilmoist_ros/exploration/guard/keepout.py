@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.guard.fence import Fence
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plane_move import PlaneMove
+from soilmoist_ros.foundation import InputError, PlaneMove
 
 MAX_CELLS: Final = 4_000_000
 """Cells of a mask beyond which its resolution counts as a mistake."""

@@ -22,13 +22,9 @@ from soilmoist_ros.exploration.guard.frames import (
     parse_datum,
 )
 from soilmoist_ros.exploration.guard.transforms import FramePose, Transform, TransformTree
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.foundation.plane_move import PlaneMove, fit_move, move_between
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.sensing.gnss import UNKNOWN_COVARIANCE, Covariance, Fix, FixStatus
-from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
-from soilmoist_ros.sensing.position.track import Track
+from soilmoist_ros.foundation import Health, Level, LocalFrame, PlaneMove, fit_move, move_between
+from soilmoist_ros.mapping import Field
+from soilmoist_ros.sensing import NO_ARMS, UNKNOWN_COVARIANCE, Covariance, Fix, FixStatus, LeverArms, Track
 
 FIELD, MAP, ROBOT = "field", "map", "robot"
 """Sources of the navigation's datum that are no datum themselves."""

@@ -20,9 +20,9 @@ from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
 from soilmoist_ros.exploration.guard.motion import UNKNOWN_SD_M, Motion
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
-from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.mapping.record_check import StampLimits
-from soilmoist_ros.sensing.position.place_judge import REPEATED_M, PlaceFix, PlaceJudge, PlaceLimits, Verdict
+from soilmoist_ros.foundation import Health, Level
+from soilmoist_ros.mapping import StampLimits
+from soilmoist_ros.sensing import REPEATED_M, PlaceFix, PlaceJudge, PlaceLimits, Verdict
 
 MIN_JUMPS: Final = 3
 """Number of implausible fixes in a row from which the place counts as lost; also of fixes that are too fast."""

@@ -17,7 +17,7 @@ from soilmoist_ros.exploration.mission.state import MissionState, QueuedStop, To
 from soilmoist_ros.exploration.mission.types import READY, Changes, MissionEnd, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, is_polygon
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 
 class Commands(Moves):

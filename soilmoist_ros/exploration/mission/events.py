@@ -13,7 +13,7 @@ from soilmoist_ros.exploration.mission.types import Alarm, Changes, Polygon, Ver
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 RESTART = "a restart of the planner"
 """Who pauses a mission that a planner finds under way when it starts."""

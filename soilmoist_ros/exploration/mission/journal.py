@@ -15,7 +15,7 @@ from soilmoist_ros.exploration.mission.stored import event_from_dict, event_to_d
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 EVENT = "event"
 """Kind of the entries that hold events."""

@@ -63,7 +63,7 @@ from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionRu
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
 from soilmoist_ros.exploration.travel.stop import inside_any
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 
 class Mission:

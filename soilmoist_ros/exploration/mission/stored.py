@@ -16,8 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from soilmoist_ros.exploration.mission.events import Event
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plain_values import nan_as_text, read_json
+from soilmoist_ros.foundation import InputError, nan_as_text, read_json
 
 
 def state_to_dict(state: MissionState) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from soilmoist_ros.exploration.guard.robot_frames import RobotFrames
 from soilmoist_ros.exploration.navigation.navigator import Navigator
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
-from soilmoist_ros.foundation.plane_move import PlaneMove
+from soilmoist_ros.foundation import PlaneMove
 
 
 class FramedNavigator:

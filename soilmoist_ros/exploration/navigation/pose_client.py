@@ -39,7 +39,7 @@ class CancelAll:
     """Cancel all goals of the navigation's action."""
 
 
-Request = SendPose | CancelAll | Ended
+PoseRequest = SendPose | CancelAll | Ended
 """What a client asks for, and what it reports."""
 
 
@@ -96,7 +96,7 @@ class PoseClient:
         """True while the robot may be on the way to somebody else's pose: until it stands."""
         return self._other_s is not None
 
-    def heard_other(self, yields: bool = True) -> tuple[Request, ...]:
+    def heard_other(self, yields: bool = True) -> tuple[PoseRequest, ...]:
         """Somebody else has sent a pose.
 
         :param yields: whether that ends the goal of the planner: it has been replaced
@@ -108,7 +108,7 @@ class PoseClient:
         reason = "another client drives the robot: its pose has replaced that of the planner"
         return self._end(Outcome.SUPERSEDED, reason)
 
-    def go(self, goal_id: int, ahead: tuple[WayPoint, ...]) -> tuple[Request, ...]:
+    def go(self, goal_id: int, ahead: tuple[WayPoint, ...]) -> tuple[PoseRequest, ...]:
         """A new goal; its first pose replaces the one before at once.
 
         :param goal_id: id of the goal
@@ -124,7 +124,7 @@ class PoseClient:
         self._begun_s = self._track.now_s
         return *replaced, self._pose(ahead[0])
 
-    def cancel(self, goal_id: int) -> tuple[Request, ...]:
+    def cancel(self, goal_id: int) -> tuple[PoseRequest, ...]:
         """Stop the robot; it is repeated until the robot stands.
 
         What somebody else has sent is only cancelled: a pose would make a robot that people drive turn back.
@@ -144,7 +144,7 @@ class PoseClient:
         self._goal = goal
         return *replaced, *self._stop()
 
-    def moved(self, place: Place, now_s: float, sd_m: float = math.nan) -> tuple[Request, ...]:
+    def moved(self, place: Place, now_s: float, sd_m: float = math.nan) -> tuple[PoseRequest, ...]:
         """The robot is at a place [m], of this standard deviation [m], at a time [s]."""
         plausible = self._track.moved(place, now_s, sd_m)
         if self._other_s is not None and self._stands_since(self._other_s):
@@ -165,7 +165,7 @@ class PoseClient:
             return (self._pose(goal.ahead[0]),)
         return self._end(Outcome.SUCCEEDED, f"standing {away_m:.1f} m from {stop.name}") if standing else ()
 
-    def tick(self, cancels: bool, now_s: float) -> tuple[Request, ...]:
+    def tick(self, cancels: bool, now_s: float) -> tuple[PoseRequest, ...]:
         """Time has passed.
 
         :param cancels: whether the navigation has an action whose goals can be cancelled
@@ -197,7 +197,7 @@ class PoseClient:
             return None
         return track.place
 
-    def _stop(self) -> tuple[Request, ...]:
+    def _stop(self) -> tuple[PoseRequest, ...]:
         """Stop the robot if it may still be driving."""
         goal, now_s, here = self._goal, self._track.now_s, self._place_to_stop
         assert goal is not None

@@ -18,8 +18,7 @@ from typing import Annotated, Any, ClassVar, Protocol
 
 from pydantic import PlainSerializer, PlainValidator
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.registry import Registry
+from soilmoist_ros.foundation import InputError, Registry
 
 MAX_DWELL_S = 3600.0
 """Default of the longest dwell [s]; it limits the time that the robot waits for a dead or drowned sensor."""

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.geodesy import squared_distances
-from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.foundation import squared_distances
+from soilmoist_ros.mapping import FieldPrior, Variogram
 
 Array = NDArray[np.float64]
 
@@ -64,7 +63,7 @@ def least_variance(
     if not (time_s > 0 and (rate_cps > 0).all()):
         raise ValueError("time and rates must be > 0")
     structured = variogram.structured_sill
-    from soilmoist_ros.mapping.variogram.correlation import correlation_model
+    from soilmoist_ros.mapping import correlation_model
 
     scaled = variogram.scaled(cells_xy)
     prior = structured * correlation_model(variogram.model).correlation(squared_distances(scaled, scaled))

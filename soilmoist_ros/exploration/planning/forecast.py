@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.foundation import read_json
 
 SOON_S = 600.0
 """Time ahead for which a gain is stated [s]."""

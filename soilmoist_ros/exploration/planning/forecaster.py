@@ -25,10 +25,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.uniformity import CERTAIN, differences
-from soilmoist_ros.mapping.kriging.targets import sample_correlation
-from soilmoist_ros.mapping.variogram.correlation import correlation_model
-from soilmoist_ros.mapping.variogram.fit import VariogramFit
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping import Variogram, VariogramFit, correlation_model, sample_correlation
 
 Array = NDArray[np.float64]
 

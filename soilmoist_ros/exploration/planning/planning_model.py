@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.mapping import PoissonKriging, SoilMap
 
 if TYPE_CHECKING:
     from scipy.spatial import KDTree

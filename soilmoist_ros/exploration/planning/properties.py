@@ -19,11 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.geodesy import squared_distances
-from soilmoist_ros.mapping.field_map import FieldMap
-from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.foundation import squared_distances
+from soilmoist_ros.mapping import FieldMap, Variogram
+from soilmoist_ros.sensing import CountRecord, MoistureCurve
 
 Array = NDArray[np.float64]
 

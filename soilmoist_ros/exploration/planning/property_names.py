@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 _WORD: Final = "[A-Za-z_][A-Za-z0-9_]*"
 _NAMESPACE: Final = re.compile(rf"/?{_WORD}(/{_WORD})*/*")

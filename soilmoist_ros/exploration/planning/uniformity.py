@@ -10,9 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.samples.samples import Samples, as_samples
-from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
-from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood, spatial_blocks
+from soilmoist_ros.mapping import (
+    ModelName,
+    RestrictedLikelihood,
+    Samples,
+    as_samples,
+    correlation_model,
+    spatial_blocks,
+)
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,7 @@ from soilmoist_ros.exploration.strategies.route import nearest_neighbour, open_r
 from soilmoist_ros.exploration.strategies.rules import reachable, whole_records
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.variogram.correlation import correlation_model
-from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.mapping.variogram.reml import Prior
+from soilmoist_ros.mapping import PoissonKriging, Prior, Variogram, correlation_model
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -16,9 +16,7 @@ from soilmoist_ros.exploration.strategies.route import require_solver
 from soilmoist_ros.exploration.strategies.rules import PRESETS, Preset
 from soilmoist_ros.exploration.strategies.strategy import Strategy
 from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.registry import Registry
-from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.foundation import InputError, Registry, did_you_mean
 
 Dashes = str | tuple[float, tuple[float, ...]]
 

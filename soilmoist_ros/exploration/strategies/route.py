@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import install, is_installed
+from soilmoist_ros.foundation import InputError, install, is_installed
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.strategies.strategy import Situation
-from soilmoist_ros.foundation.geodesy import squared_distances
+from soilmoist_ros.foundation import squared_distances
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

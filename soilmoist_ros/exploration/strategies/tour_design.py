@@ -22,7 +22,7 @@ from soilmoist_ros.exploration.strategies.route import (
     shortened,
     timed_route,
 )
-from soilmoist_ros.foundation.geodesy import squared_distances
+from soilmoist_ros.foundation import squared_distances
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

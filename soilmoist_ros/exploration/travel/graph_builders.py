@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
 from soilmoist_ros.exploration.travel.stop import PLACE_DIGITS, Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.suggestions import listing
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.foundation import InputError, listing
+from soilmoist_ros.mapping import Field
 
 Array = NDArray[np.float64]
 

@@ -18,12 +18,20 @@ import numpy as np
 
 from soilmoist_ros.exploration.travel.stop import PLACE_DIGITS, Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.configuration import parse_yaml, read_limited, read_quickly
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing
-from soilmoist_ros.foundation.plain_values import finite_number, foreign_text, read_json
-from soilmoist_ros.foundation.plane_move import PlaneMove
-from soilmoist_ros.foundation.suggestions import listing
+from soilmoist_ros.foundation import (
+    InputError,
+    LocalFrame,
+    Mistake,
+    PlaneMove,
+    distance_and_bearing,
+    finite_number,
+    foreign_text,
+    listing,
+    parse_yaml,
+    read_json,
+    read_limited,
+    read_quickly,
+)
 
 ZONE_RADIUS_M = 0.75
 """Radius of a node's influence zone, unless the nodes are closer together [m]."""

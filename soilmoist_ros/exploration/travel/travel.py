@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.geodesy import squared_distances
+from soilmoist_ros.foundation import squared_distances
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -15,9 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.travel.stop import MIN_REACH_M, Stop
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.plane_move import PlaneMove
-from soilmoist_ros.foundation.suggestions import did_you_mean, listing
+from soilmoist_ros.foundation import InputError, Mistake, PlaneMove, did_you_mean, listing
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

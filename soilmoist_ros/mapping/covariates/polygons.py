@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.lazy import optional_module
-from soilmoist_ros.foundation.suggestions import did_you_mean, listing
+from soilmoist_ros.foundation import InputError, LocalFrame, did_you_mean, listing, optional_module
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -14,9 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.foundation import InputError, LocalFrame, did_you_mean
 
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader

@@ -11,10 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.places import distance_text
-from soilmoist_ros.foundation.suggestions import listing
+from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, distance_text, listing
 from soilmoist_ros.mapping.covariates.polygons import (
     BEGINNINGS,
     attributes,

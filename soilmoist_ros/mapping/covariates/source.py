@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.sections import Section
+from soilmoist_ros.foundation import InputError, Section
 
 Derived = Literal["elevation", "slope", "aspect", "northness", "eastness", "curvature", "wetness"]
 DERIVED: tuple[Derived, ...] = get_args(Derived)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging
 from soilmoist_ros.mapping.moisture_bands import possible_moisture
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+from soilmoist_ros.sensing import MoistureCurve
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import IllConditionedError
+from soilmoist_ros.foundation import IllConditionedError
 from soilmoist_ros.mapping.kriging.system import KrigingSystem
 from soilmoist_ros.mapping.kriging.targets import sample_correlation
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly, noise_rate

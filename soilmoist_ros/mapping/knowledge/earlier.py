@@ -13,7 +13,7 @@ from soilmoist_ros.mapping.knowledge.drift import MAX_SAMPLES, WINDOW_S, TimedSa
 from soilmoist_ros.mapping.samples.merging import SampleMerger, driven_spreads, survey_samples
 from soilmoist_ros.mapping.samples.samples import Samples, merge_records
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 
 @dataclass(frozen=True, eq=False)

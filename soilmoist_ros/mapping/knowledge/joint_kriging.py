@@ -18,8 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.foundation.errors import IllConditionedError
+from soilmoist_ros.foundation import DAY_S, IllConditionedError
 from soilmoist_ros.mapping.kriging.targets import Points, sample_correlation
 from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.local_rate import LocalRate

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.geodesy import squared_distances
+from soilmoist_ros.foundation import squared_distances
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]

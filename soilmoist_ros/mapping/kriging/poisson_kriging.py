@@ -22,7 +22,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.errors import IllConditionedError
+from soilmoist_ros.foundation import IllConditionedError
 from soilmoist_ros.mapping.kriging.raster import RasterKriging, check_raster
 from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, no_system, target_variance
 from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, Targets, coincident, sample_correlation

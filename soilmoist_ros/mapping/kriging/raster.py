@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import floats
+from soilmoist_ros.foundation import floats
 from soilmoist_ros.mapping.kriging.chebyshev import ChebyshevNodes, raster_by_interpolation
 from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, Covariances, PointCovariances
 from soilmoist_ros.mapping.kriging.few_targets import MAX_SAMPLES, MAX_TARGETS, FewTargets, KnownCovariances

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.geodesy import squared_distances
+from soilmoist_ros.foundation import squared_distances
 from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane
 from soilmoist_ros.mapping.variogram.support import Supports
 

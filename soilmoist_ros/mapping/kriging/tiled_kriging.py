@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.errors import IllConditionedError
+from soilmoist_ros.foundation import IllConditionedError
 from soilmoist_ros.mapping.kriging.poisson_kriging import JITTER
 from soilmoist_ros.mapping.kriging.raster import check_raster
 from soilmoist_ros.mapping.kriging.sample_tree import Neighbourhood, SampleTree

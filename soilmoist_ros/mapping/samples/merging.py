@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping.samples.samples import Samples, good_samples, merge_records
 from soilmoist_ros.mapping.samples.spread import footprint_spread, full_spread, without_noise
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import LocalFrame, squared_distances
-from soilmoist_ros.foundation.lazy import optional_module
+from soilmoist_ros.foundation import LocalFrame, optional_module, squared_distances
 from soilmoist_ros.mapping.samples.spread import full_spread, without_noise
 
 if TYPE_CHECKING:

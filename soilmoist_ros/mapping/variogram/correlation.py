@@ -11,8 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.registry import Registry
+from soilmoist_ros.foundation import InputError, Registry
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.geodesy import squared_distances
+from soilmoist_ros.foundation import squared_distances
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.variogram.amplitude import Amplitude, Box, knots, lattice, spline_matrix
 from soilmoist_ros.mapping.variogram.correlation import CorrelationModel, correlation_model

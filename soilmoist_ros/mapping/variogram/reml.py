@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.geodesy import squared_distances
+from soilmoist_ros.foundation import squared_distances
 from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
 from soilmoist_ros.mapping.samples.surveys import Surveys
 from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import floats, squared_distances
+from soilmoist_ros.foundation import floats, squared_distances
 from soilmoist_ros.mapping.samples.samples import Samples, as_samples
 
 Array = NDArray[np.float64]

@@ -31,10 +31,10 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import squared_distances
+from soilmoist_ros.foundation import squared_distances
 from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2
 from soilmoist_ros.mapping.variogram.correlation import CorrelationModel
-from soilmoist_ros.sensing.moisture.footprint import Footprint
+from soilmoist_ros.sensing import Footprint
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

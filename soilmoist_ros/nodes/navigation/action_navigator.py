@@ -22,16 +22,24 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
-from soilmoist_ros.exploration.mission.actions import ANYBODYS
-from soilmoist_ros.exploration.navigation.action_status import ACTIVE, ENDED, ActionStatus
-from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, Listed, Request, SendGoal
-from soilmoist_ros.exploration.navigation.navigator import Ended
-from soilmoist_ros.exploration.navigation.track import Track
-from soilmoist_ros.exploration.navigation.way_points import WayPoint, way_points
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.way import Way
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.exploration import (
+    ACTIVE,
+    ANYBODYS,
+    ENDED,
+    ActionStatus,
+    CancelSent,
+    Ended,
+    GoalClient,
+    Listed,
+    Request,
+    SendGoal,
+    Stop,
+    Track,
+    Way,
+    WayPoint,
+    way_points,
+)
+from soilmoist_ros.foundation import InputError, did_you_mean
 from soilmoist_ros.nodes.runtime.qos import LATCHED, NO_EVENTS
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
 

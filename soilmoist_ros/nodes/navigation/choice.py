@@ -8,13 +8,8 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from soilmoist_ros.exploration.guard.failsafes import Cause
-from soilmoist_ros.exploration.mission.types import Response
-from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
-from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
-from soilmoist_ros.exploration.navigation.pose_client import PoseClient
-from soilmoist_ros.exploration.navigation.track import Track
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.exploration import Cause, Ended, GoalClient, GoalLimits, Navigator, PoseClient, Response, Track
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.navigation import goto_node, navigate_to_pose
 from soilmoist_ros.nodes.navigation.action_navigator import action_class
 from soilmoist_ros.nodes.navigation.goal_pose import GoalPoseNavigator

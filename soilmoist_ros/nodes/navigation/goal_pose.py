@@ -14,13 +14,18 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.task import Future
 
-from msg_adapters.plan import pose_stamped
-from msg_adapters.point_cloud import FRAME
-from soilmoist_ros.exploration.navigation.navigator import Ended
-from soilmoist_ros.exploration.navigation.pose_client import CancelAll, PoseClient, Request, SendPose, drivers
-from soilmoist_ros.exploration.navigation.way_points import way_points
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.way import Way
+from msg_adapters import FRAME, pose_stamped
+from soilmoist_ros.exploration import (
+    CancelAll,
+    Ended,
+    PoseClient,
+    PoseRequest,
+    SendPose,
+    Stop,
+    Way,
+    drivers,
+    way_points,
+)
 from soilmoist_ros.nodes.runtime.qos import DEFAULT
 
 TOPIC: Final = "goal_pose"
@@ -139,7 +144,7 @@ class GoalPoseNavigator:
             requests = () if pose in self._sent else self._client.heard_other(self._yields)
         self._do(requests)
 
-    def _do(self, requests: Iterable[Request]) -> None:
+    def _do(self, requests: Iterable[PoseRequest]) -> None:
         for request in requests:
             match request:
                 case SendPose():

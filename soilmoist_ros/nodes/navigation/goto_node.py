@@ -10,12 +10,7 @@ from typing import Any, Final
 
 from rclpy.node import Node
 
-from soilmoist_ros.exploration.navigation.goal_client import GoalClient
-from soilmoist_ros.exploration.navigation.navigator import Ended
-from soilmoist_ros.exploration.navigation.track import Track
-from soilmoist_ros.exploration.navigation.way_points import WayPoint
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.exploration import Ended, GoalClient, Stop, Track, Way, WayPoint
 from soilmoist_ros.nodes.navigation.action_navigator import ActionNavigator
 from soilmoist_ros.nodes.navigation.route_feedback import RouteFeedback
 

@@ -9,16 +9,9 @@ from typing import Any, Final
 
 from rclpy.node import Node
 
-from msg_adapters.plan import pose_stamped
-from msg_adapters.point_cloud import FRAME
-from soilmoist_ros.exploration.navigation.goal_client import GoalClient
-from soilmoist_ros.exploration.navigation.nav2_words import failure, progress
-from soilmoist_ros.exploration.navigation.navigator import Ended
-from soilmoist_ros.exploration.navigation.track import Track
-from soilmoist_ros.exploration.navigation.way_points import WayPoint
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.way import Way
-from soilmoist_ros.foundation.plain_values import foreign_text
+from msg_adapters import FRAME, pose_stamped
+from soilmoist_ros.exploration import Ended, GoalClient, Stop, Track, Way, WayPoint, failure, progress
+from soilmoist_ros.foundation import foreign_text
 from soilmoist_ros.nodes.navigation.action_navigator import ActionNavigator
 
 NAME: Final = "navigate_to_pose"

@@ -11,11 +11,11 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from msg_adapters.offered_qos import offered_qos, requested_qos
-from soilmoist_ros.foundation.plain_values import foreign_text
+from msg_adapters import offered_qos, requested_qos
+from soilmoist_ros.foundation import foreign_text
 from soilmoist_ros.nodes.runtime.qos import NO_EVENTS
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
-from soilmoist_ros.recording.mcap.metadata import request_for
+from soilmoist_ros.recording import request_for
 
 LOOK_EVERY_S = 1.0
 

@@ -15,8 +15,7 @@ from rclpy.publisher import Publisher
 
 from soilmoist_ros.nodes.runtime.qos import DEFAULT
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
-from soilmoist_ros.simulation.robot.virtual_navigation import NO_VALID_PATH, GoalEnded, OnRoute, Outcome, Remaining
-from soilmoist_ros.simulation.simulated_robot import SimulatedRobot
+from soilmoist_ros.simulation import NO_VALID_PATH, GoalEnded, OnRoute, Outcome, Remaining, SimulatedRobot
 
 NODE_ACTION: Final = "topological_navigation"
 POSE_ACTION: Final = "navigate_to_pose"

@@ -19,9 +19,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.validate_namespace import validate_namespace
 
-from soilmoist_ros.foundation.configuration import read_yaml
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.suggestions import listing
+from soilmoist_ros.foundation import InputError, listing, read_yaml
 from soilmoist_ros.nodes.parameters.parameter import Parameter, Value, check_values, current_names
 
 

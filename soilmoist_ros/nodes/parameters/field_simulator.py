@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.parameter import Parameter, of_setting
-from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
+from soilmoist_ros.simulation import MissionSettings, PropertySettings
 
 PARAMETERS = (
     of_setting("field", description="surrogate field: a name, or a field file with a truth"),

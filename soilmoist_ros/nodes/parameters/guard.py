@@ -6,14 +6,12 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
-from soilmoist_ros.exploration.guard.watch import POSES_FROZEN_S, Watch, WatchLimits
-from soilmoist_ros.exploration.mission.types import Response
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.exploration import FAILSAFES, LIMITS, POSES_FROZEN_S, Cause, Response, Watch, WatchLimits
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.parameter import Parameter, Value
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
-from soilmoist_ros.sensing.position.place_judge import PlaceLimits
+from soilmoist_ros.sensing import PlaceLimits
 
 _PLACE = PlaceLimits()
 _FASTER: Final = 2.0

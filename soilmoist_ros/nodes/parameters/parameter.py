@@ -11,9 +11,8 @@ from typing import Any, Final
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
-from soilmoist_ros.foundation.errors import Mistake
-from soilmoist_ros.foundation.suggestions import did_you_mean
-from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
+from soilmoist_ros.foundation import Mistake, did_you_mean
+from soilmoist_ros.simulation import PRESETS, SETTINGS
 
 Value = bool | int | float | str | list[str]
 

@@ -6,36 +6,39 @@ from __future__ import annotations
 
 from typing import Final
 
-from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
-from soilmoist_ros.exploration.control.team import Team
-from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M
-from soilmoist_ros.exploration.guard.fenced_graph import Outside
-from soilmoist_ros.exploration.mission.types import (
+from soilmoist_ros.exploration import (
+    KNOWN_ACTIONS,
     MAX_UNTIL_SD,
     PUBLISHED_MIN_LAST_DWELL_S,
+    ROBOT_RADIUS_M,
+    AccessRules,
     Changes,
+    ExplorerSettings,
     MissionRules,
     OnSilence,
+    Outside,
+    RobotMotion,
+    Stop,
+    Team,
+    make_strategy,
+    parse_dwell,
 )
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.strategies.registry import make_strategy
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.topological_map import KNOWN_ACTIONS
-from soilmoist_ros.exploration.travel.travel import RobotMotion
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.covariates.reading import read_covariates
-from soilmoist_ros.mapping.covariates.source import CovariateSource
-from soilmoist_ros.mapping.field import Field, load_field
-from soilmoist_ros.mapping.field_map import FieldMapSettings
-from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
+from soilmoist_ros.foundation import InputError, resource
+from soilmoist_ros.mapping import (
+    NOTHING,
+    CovariateSource,
+    Field,
+    FieldMapSettings,
+    Knowledge,
+    load_field,
+    read_covariates,
+)
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.guard import WATCH_PARAMETERS
 from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA
 from soilmoist_ros.nodes.parameters.parameter import COVARIATES, EARLIER, Parameter, Value, of_setting
-from soilmoist_ros.reporting.earlier.earlier_runs import Target, read_earlier_runs
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.moisture.site import load_site
+from soilmoist_ros.reporting import Target, read_earlier_runs
+from soilmoist_ros.sensing import MoistureCurve, load_site
 
 
 def _row(

@@ -8,7 +8,7 @@ from typing import Final
 
 from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA, SENSOR
 from soilmoist_ros.nodes.parameters.parameter import Parameter
-from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
+from soilmoist_ros.sensing import FORMAT_NAME
 
 PARAMETERS: Final = (
     Parameter(

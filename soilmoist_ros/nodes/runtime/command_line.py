@@ -11,8 +11,7 @@ from importlib import import_module
 from itertools import takewhile
 from xml.etree import ElementTree
 
-from soilmoist_ros.foundation.configuration import config_folder
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError, config_folder
 
 HELP = ("-h", "--help")
 _WIDTH = 100

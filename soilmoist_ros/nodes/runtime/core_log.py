@@ -9,7 +9,7 @@ import logging
 from rclpy.logging import get_logger
 from rclpy.node import Node
 
-from soilmoist_ros.foundation.plain_values import printable
+from soilmoist_ros.foundation import printable
 
 
 class CoreLog(logging.Handler):

@@ -8,8 +8,7 @@ import contextlib
 import socket
 from collections.abc import Iterator
 
-from soilmoist_ros.foundation.configuration import config_folder
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError, config_folder
 
 DOMAINS = range(100, 0, -1)
 """Domains whose ports are below the ephemeral ports of Linux; people choose low ones."""

@@ -24,9 +24,7 @@ from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-from soilmoist_ros.foundation.errors import SoilmoistError
-from soilmoist_ros.foundation.lazy import load_when_used
-from soilmoist_ros.foundation.plain_values import printable
+from soilmoist_ros.foundation import SoilmoistError, load_when_used, printable
 from soilmoist_ros.nodes.parameters.declaration import NODES
 from soilmoist_ros.nodes.runtime.command_line import HELP, check_arguments, help_of
 from soilmoist_ros.nodes.runtime.core_log import CoreLog

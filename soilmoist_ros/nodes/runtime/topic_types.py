@@ -9,7 +9,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from soilmoist_ros.foundation.suggestions import listing
+from soilmoist_ros.foundation import listing
 
 
 def interface_class(name: str) -> Any:

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from soilmoist_ros.foundation.errors import InputError, SoilmoistError
+from soilmoist_ros.foundation import InputError, SoilmoistError
 from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
 from soilmoist_ros.nodes.system.demo_configuration import (
     DemoSettings,
@@ -22,9 +22,8 @@ from soilmoist_ros.nodes.system.demo_configuration import (
 )
 from soilmoist_ros.nodes.system.process_group import ProcessGroup
 from soilmoist_ros.replay import ReplaySettings
-from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
-from soilmoist_ros.simulation.mission.channel import mission_fields
-from soilmoist_ros.simulation.simulated_robot import robot_namespaces
+from soilmoist_ros.reporting import LiveMap, LiveMission
+from soilmoist_ros.simulation import mission_fields, robot_namespaces
 
 __all__ = ["DemoError", "DemoSettings", "run_demo"]
 

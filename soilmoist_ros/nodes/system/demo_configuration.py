@@ -8,12 +8,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from soilmoist_ros.mapping.covariates.source import CovariateSource
-from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
-from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.simulated_robot import robot_namespaces
+from soilmoist_ros.mapping import CovariateSource
+from soilmoist_ros.recording import CONFIGURATION, write_parameters
+from soilmoist_ros.simulation import (
+    MissionSettings,
+    SurrogateField,
+    robot_namespaces,
+    write_field_file,
+    write_site_file,
+)
 
 _OF_MAPPER = ("samples", "model", "mapper/save")
 

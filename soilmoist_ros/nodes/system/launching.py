@@ -13,9 +13,7 @@ from typing import Any, Final
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
-from soilmoist_ros.foundation.configuration import parse_yaml
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.foundation import InputError, Mistake, did_you_mean, parse_yaml
 from soilmoist_ros.nodes.parameters.parameter import Value, check_values
 
 TOPICS: Final = {

@@ -16,16 +16,19 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import NavSatFix, PointCloud2
 
-from msg_adapters.diagnostics import diagnostics_from_message, health_from_status
-from msg_adapters.mission import mission_from_message
-from msg_adapters.samples import samples_from_message
-from msg_adapters.soil_map import soil_map_from_message
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.map_health import MAP_PART, RAIN
+from msg_adapters import (
+    diagnostics_from_message,
+    health_from_status,
+    mission_from_message,
+    samples_from_message,
+    soil_map_from_message,
+)
+from soilmoist_ros.foundation import LocalFrame
+from soilmoist_ros.mapping import MAP_PART, RAIN
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR
-from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission, LiveRobot
-from soilmoist_ros.sensing.survey.logger_fault import logger_fault
-from soilmoist_ros.simulation.robot.waiting_clock import CLOCK_PART, WAITS_FOR
+from soilmoist_ros.reporting import LiveMap, LiveMission, LiveRobot
+from soilmoist_ros.sensing import logger_fault
+from soilmoist_ros.simulation import CLOCK_PART, WAITS_FOR
 
 
 class Monitor(Node):

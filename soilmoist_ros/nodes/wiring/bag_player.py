@@ -22,13 +22,11 @@ from rclpy.time import Duration
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from msg_adapters.offered_qos import published_qos
-from msg_adapters.stamps import to_time
-from soilmoist_ros.foundation.errors import InputError
+from msg_adapters import published_qos, to_time
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.runtime.qos import CLOCK
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
-from soilmoist_ros.recording.bag.playback import Pacer, Playback
-from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording import BagReader, Pacer, Playback
 
 Progress = Callable[[str, float], None]
 

@@ -12,14 +12,12 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from msg_adapters.offered_qos import offered_qos, requested_qos
-from soilmoist_ros.console.foxglove_server import BACKLOG, FoxgloveServer
-from soilmoist_ros.foundation.errors import InputError
+from msg_adapters import offered_qos, requested_qos
+from soilmoist_ros.console import BACKLOG, FoxgloveServer
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
-from soilmoist_ros.recording.bag.topic_choice import TopicChoice
-from soilmoist_ros.recording.mcap.definitions import find_definition
-from soilmoist_ros.recording.mcap.metadata import Request, request_for
+from soilmoist_ros.recording import Request, TopicChoice, find_definition, request_for
 
 STEP_S: Final = 0.05
 LOOK_S: Final = 1.0

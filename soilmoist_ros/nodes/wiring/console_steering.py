@@ -14,10 +14,9 @@ from rclpy.node import Node
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from soilmoist_ros.console.board import Board
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
-from soilmoist_ros.exploration.mission.types import TRIGGERS, Verb
-from soilmoist_ros.foundation.plain_values import foreign_text
+from soilmoist_ros.console import Board
+from soilmoist_ros.exploration import TRIGGERS, OperatorRequest, Reply, ReplyCode, Verb
+from soilmoist_ros.foundation import foreign_text
 from soilmoist_ros.nodes.runtime.qos import LATCHED
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
 
@@ -109,7 +108,7 @@ class ConsoleSteering:
         try:
             kind = interface_class("soilmoist_msgs/srv/Command")
 
-            from msg_adapters.soilmoist.command import reply_from_message, request_to_message
+            from msg_adapters import reply_from_message, request_to_message
         except ImportError as error:
             self._node.get_logger().warning(
                 "the console can start, pause, resume, abort and skip only: soilmoist_msgs is not installed "

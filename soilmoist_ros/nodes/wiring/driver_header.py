@@ -10,8 +10,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
-from soilmoist_ros.recording.whole_file import write_whole
-from soilmoist_ros.sensing.formats.log_header import Header
+from soilmoist_ros.recording import write_whole
+from soilmoist_ros.sensing import Header
 
 NAME: Final = "header.json"
 

@@ -11,18 +11,20 @@ from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
 from std_msgs.msg import String
 
-from msg_adapters.counts import counts_from_message, counts_to_message, quarantined_to_message
-from msg_adapters.environment import fix_to_message, weather_to_messages
-from msg_adapters.raw_line import line_to_message
-from soilmoist_ros.foundation.geodesy import LatLon
+from msg_adapters import (
+    counts_from_message,
+    counts_to_message,
+    fix_to_message,
+    line_to_message,
+    quarantined_to_message,
+    weather_to_messages,
+)
+from soilmoist_ros.foundation import LatLon
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.wiring.driver_header import StoredHeader
-from soilmoist_ros.recording.bag.point_cloud import QUARANTINED
-from soilmoist_ros.recording.record_log import DRIVER, RecordLog
-from soilmoist_ros.sensing.formats.log_header import Header
-from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.sensing.survey.driver import Batch
+from soilmoist_ros.recording import DRIVER, QUARANTINED, RecordLog
+from soilmoist_ros.sensing import Batch, CountRecord, Header
 
 
 class DriverOutputs:

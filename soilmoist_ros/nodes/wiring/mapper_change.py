@@ -11,14 +11,11 @@ from typing import Final
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.soil_map import change_to_message
-from soilmoist_ros.foundation.batches import Batches
-from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.mapping.soil_map import SoilMap
+from msg_adapters import change_to_message
+from soilmoist_ros.foundation import Batches, Health, Level
+from soilmoist_ros.mapping import SoilMap
 from soilmoist_ros.nodes.runtime.qos import LATCHED
-from soilmoist_ros.reporting.earlier.run_change import run_change
-from soilmoist_ros.reporting.field_survey import FieldSurvey
-from soilmoist_ros.reporting.page.earlier_section import change_summary
+from soilmoist_ros.reporting import FieldSurvey, change_summary, run_change
 
 PAUSE_S: Final = 5.0
 """Shortest time from one change to the next [s]."""

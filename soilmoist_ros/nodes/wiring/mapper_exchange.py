@@ -16,13 +16,11 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from msg_adapters.counts import counts_to_messages
-from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.foundation.places import other_datum
-from soilmoist_ros.foundation.plain_values import foreign_text, read_json
-from soilmoist_ros.mapping.field import Field
+from msg_adapters import counts_to_messages
+from soilmoist_ros.foundation import Health, Level, foreign_text, other_datum, read_json
+from soilmoist_ros.mapping import Field
 from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
-from soilmoist_ros.recording.map_records import HELD, LIST_S, MAX_RECORDS, MISSED, MapRecords, RecordExchange
+from soilmoist_ros.recording import HELD, LIST_S, MAX_RECORDS, MISSED, MapRecords, RecordExchange
 
 _REPEAT: Final = 6
 """An unchanged list is published every so many times, for receivers that have lost one."""

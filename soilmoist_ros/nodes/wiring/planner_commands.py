@@ -14,10 +14,7 @@ from rclpy.node import Node
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
-from soilmoist_ros.exploration.guard.emergency import EmergencyTopic
-from soilmoist_ros.exploration.mission.types import TRIGGERS, Verb
+from soilmoist_ros.exploration import TRIGGERS, EmergencyTopic, MissionControl, OperatorRequest, Reply, Verb
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.parameter import Value
 from soilmoist_ros.nodes.runtime.qos import LATCHED, NO_EVENTS, SENSOR
@@ -69,7 +66,7 @@ class PlannerCommands:
         try:
             kind = interface_class("soilmoist_msgs/srv/Command")
 
-            from msg_adapters.soilmoist.command import reply_to_message, request_from_message
+            from msg_adapters import reply_to_message, request_from_message
         except ImportError as error:
             self._node.get_logger().warning(
                 f"there is no service planner/command: soilmoist_msgs is not installed ({error}; build "

@@ -13,17 +13,15 @@ from geometry_msgs.msg import Point, PoseWithCovarianceStamped
 from rclpy.node import Node
 from rclpy.task import Future
 
-from msg_adapters.transforms import pose_to_message, transforms_from_message
-from soilmoist_ros.exploration.guard.robot_frames import ASKED_M, ROBOT, FrameSettings, RobotFrames
-from soilmoist_ros.exploration.guard.transforms import Transform
-from soilmoist_ros.foundation.health import Health
-from soilmoist_ros.mapping.field import Field
+from msg_adapters import pose_to_message, transforms_from_message
+from soilmoist_ros.exploration import ASKED_M, ROBOT, FrameSettings, RobotFrames, Transform
+from soilmoist_ros.foundation import Health
+from soilmoist_ros.mapping import Field
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, TF, TF_STATIC
 from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
-from soilmoist_ros.sensing.gnss import Fix
-from soilmoist_ros.sensing.position.lever_arms import LeverArms
+from soilmoist_ros.sensing import Fix, LeverArms
 
 ASK_AGAIN_S: Final = 5.0
 DATUM_TYPE: Final = "robot_localization/srv/ToLL"

@@ -14,28 +14,27 @@ from sensor_msgs.msg import BatteryState, NavSatFix, PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from msg_adapters.battery import battery_from_message
-from msg_adapters.counts import counts_from_message, require_plane
-from msg_adapters.diagnostics import diagnostics_from_message
-from msg_adapters.mission import mission_from_message
-from msg_adapters.model import model_from_message
-from msg_adapters.point_cloud import OtherFrameError, require_frame
-from msg_adapters.samples import samples_from_message
-from msg_adapters.stamps import to_seconds
-from soilmoist_ros.exploration.control.mission_control import DATUM, MissionControl
-from soilmoist_ros.exploration.guard.failsafes import Cause
-from soilmoist_ros.exploration.travel.topological_map import TopologicalMap, parse_topological_map
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plain_values import read_json
+from msg_adapters import (
+    OtherFrameError,
+    battery_from_message,
+    counts_from_message,
+    diagnostics_from_message,
+    mission_from_message,
+    model_from_message,
+    require_frame,
+    require_plane,
+    samples_from_message,
+    to_seconds,
+)
+from soilmoist_ros.exploration import DATUM, Cause, MissionControl, TopologicalMap, parse_topological_map
+from soilmoist_ros.foundation import InputError, read_json
 from soilmoist_ros.nodes.parameters.declaration import other_namespaces
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS, SENSOR
 from soilmoist_ros.nodes.runtime.topic_types import other_type
 from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
 from soilmoist_ros.nodes.wiring.planner_records import PlannerRecords
-from soilmoist_ros.recording.bag.point_cloud import quarantined_topic
-from soilmoist_ros.sensing.gnss import FIX_TYPE, fix_from_message
-from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.sensing.survey.logger_fault import logger_fault
+from soilmoist_ros.recording import quarantined_topic
+from soilmoist_ros.sensing import FIX_TYPE, CountRecord, fix_from_message, logger_fault
 
 _AGAIN_TICKS: Final = 10
 """Seconds after which a map of the navigation that could not be used is tried again."""

@@ -10,11 +10,9 @@ from typing import Final
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
 
-from msg_adapters.nav2.keepout import filter_info, mask_to_message
-from soilmoist_ros.exploration.guard.fence import Fence
-from soilmoist_ros.exploration.guard.keepout import keepout_mask
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plane_move import PlaneMove
+from msg_adapters import filter_info, mask_to_message
+from soilmoist_ros.exploration import Fence, keepout_mask
+from soilmoist_ros.foundation import InputError, PlaneMove
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import LATCHED
 from soilmoist_ros.nodes.runtime.topic_types import interface_class

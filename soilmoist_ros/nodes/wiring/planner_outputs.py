@@ -16,20 +16,13 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from msg_adapters.diagnostics import diagnostics_to_message
-from msg_adapters.mission import mission_to_message
-from msg_adapters.plan import plan_to_markers, plan_to_path
-from msg_adapters.point_cloud import FRAME
-from soilmoist_ros.exploration.mission.actions import Finish
-from soilmoist_ros.exploration.mission.types import MissionStatus, Polygons
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.health import Health
-from soilmoist_ros.foundation.plain_values import foreign_text
+from msg_adapters import FRAME, diagnostics_to_message, mission_to_message, plan_to_markers, plan_to_path
+from soilmoist_ros.exploration import Finish, MissionStatus, Polygons, Stop, Visit
+from soilmoist_ros.foundation import Health, foreign_text
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, VISITS
 from soilmoist_ros.nodes.runtime.soon import Soon
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
-from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt
+from soilmoist_ros.sensing import DOUBTS, Doubt
 
 SAVE_LIMIT_S: Final = 120.0
 """Longest wait for the saved map at the end of the process [s]."""
@@ -128,8 +121,7 @@ class PlannerOutputs:
                 interface_class(f"soilmoist_msgs/msg/{one}") for one in ("Visit", "Mission")
             )
 
-            from msg_adapters.soilmoist.mission_state import mission_state_to_message
-            from msg_adapters.soilmoist.visits import visit_to_message
+            from msg_adapters import mission_state_to_message, visit_to_message
         except ImportError as error:
             self._node.get_logger().warning(
                 f"visits and mission_state are not published: soilmoist_msgs is not installed ({error}; build "

@@ -13,9 +13,9 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
-from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration import MissionControl
 from soilmoist_ros.nodes.runtime.soon import Soon
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord
 
 SLICE: Final = 100
 """Records that are taken at a time; some 20 ms of work."""

@@ -16,24 +16,28 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from msg_adapters.counts import counts_to_message
-from msg_adapters.diagnostics import health_from_status
-from msg_adapters.mission import mission_from_message
-from soilmoist_ros.exploration.control.mission_control import PLACE_TIME, RECORD_STAMP
+from msg_adapters import counts_to_message, health_from_status, mission_from_message
+from soilmoist_ros.exploration import PLACE_TIME, RECORD_STAMP
 from soilmoist_ros.nodes.navigation.virtual_navigation import MAP_FRAME, NavigateToPoseServer, navigation_servers
 from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, RECORDS
-from soilmoist_ros.simulation.robot.faulty_link import Reachable, Sent
-from soilmoist_ros.simulation.robot.line_server import LineServer
-from soilmoist_ros.simulation.robot.virtual_navigation import (
+from soilmoist_ros.simulation import (
+    GNSS,
+    LOGGER,
     GoalEnded,
+    LineServer,
     Localised,
     OnRoute,
+    Output,
+    PropertyCounted,
+    Reachable,
     Remaining,
+    RobotProgress,
+    Sent,
     ServerPresent,
+    SimulatedRobot,
+    end_to_react_to,
 )
-from soilmoist_ros.simulation.robot.waiting_clock import RobotProgress, end_to_react_to
-from soilmoist_ros.simulation.simulated_robot import GNSS, LOGGER, Output, PropertyCounted, SimulatedRobot
 
 
 class RobotInterface:

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.reader import BagMessage, BagReader
 from soilmoist_ros.recording.bag.topic_choice import TopicChoice
 from soilmoist_ros.recording.mcap.metadata import Qos

@@ -11,8 +11,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, Kind
 
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Numbers of PointField's datatypes."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.retention import NUMBER, next_number
 from soilmoist_ros.recording.bag.writer import BagGoneError, BagWriter, is_being_written
 from soilmoist_ros.recording.mcap.metadata import Topic

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.foundation import Health, Level
 from soilmoist_ros.recording.bag.recorder import RecorderState
 
 

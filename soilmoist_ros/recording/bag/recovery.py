@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.retention import NUMBER, next_number
 from soilmoist_ros.recording.bag.storage import plain_message
 from soilmoist_ros.recording.bag.verify import compared, findings, mcap_files

@@ -14,7 +14,7 @@ from typing import Any, Final, Protocol
 
 import zstandard
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.retention import CLOSED_S, NUMBER
 from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance, TooMuchError
 from soilmoist_ros.recording.mcap.definitions import Definition
@@ -114,7 +114,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     :raises OSError: if it cannot be read
     :raises ValueError: if it is not that of a bag
     """
-    from soilmoist_ros.foundation.configuration import parse_yaml  # slow to import
+    from soilmoist_ros.foundation import parse_yaml
 
     path = inside(folder, folder / "metadata.yaml")
     with path.open("rb") as file:

@@ -12,12 +12,12 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from soilmoist_ros.foundation.plain_values import printable
+from soilmoist_ros.foundation import printable
 from soilmoist_ros.recording.bag.info import BagInfo, TopicInfo
 from soilmoist_ros.recording.bag.recovery import RecoveredBag
 from soilmoist_ros.recording.bag.verify import Verified
 from soilmoist_ros.recording.mcap.metadata import Extent
-from soilmoist_ros.sensing.problems import reason_text
+from soilmoist_ros.sensing import reason_text
 
 _PLAIN_WIDTH: Final = 240
 

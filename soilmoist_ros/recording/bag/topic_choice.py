@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 
 _ACTION_STATUS = "/_action/status"
 

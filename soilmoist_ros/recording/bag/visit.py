@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
-from soilmoist_ros.foundation.plain_values import foreign_text
+from soilmoist_ros.exploration import Visit, VisitEnd
+from soilmoist_ros.foundation import foreign_text
 
 
 def visit_of(message: Any, robot: int = 1) -> Visit:

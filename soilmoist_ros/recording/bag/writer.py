@@ -18,7 +18,7 @@ from typing import IO, Any, Final, Self, cast
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.mcap.metadata import BagFile, Extent, Topic, bag_metadata, joined, to_yaml
 from soilmoist_ros.recording.whole_file import sync_folder, write_whole
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from ruamel.yaml import YAML
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.mcap.definitions import Definition
 
 INFINITE_NS: Final = 2**63 - 1
@@ -176,7 +176,7 @@ def to_yaml(content: object) -> str:
 @lru_cache(maxsize=256)
 def qos_from_yaml(text: str) -> tuple[Qos, ...]:
     """Qualities of service from the text in a bag; numbers of older versions become words."""
-    from soilmoist_ros.foundation.configuration import parse_yaml  # the recorder writes only
+    from soilmoist_ros.foundation import parse_yaml
 
     try:
         return tuple(_qos(entry) for entry in parse_yaml(text) or ())

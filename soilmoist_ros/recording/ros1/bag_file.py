@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 import lz4.frame  # type: ignore[import-untyped]
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance
 from soilmoist_ros.recording.mcap.definitions import require_small
 from soilmoist_ros.recording.mcap.file_bytes import FileBytes

@@ -9,12 +9,20 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.exploration.strategies.registry import STRATEGIES
-from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, missions
-from soilmoist_ros.simulation.campaign.hindsight import hindsight_table
-from soilmoist_ros.simulation.campaign.mission_store import StoredMission
-from soilmoist_ros.simulation.campaign.paired import PairedDifference, paired_differences
-from soilmoist_ros.simulation.campaign.table import CASE, Finished, missions_table, results_table
+from soilmoist_ros.exploration import STRATEGIES
+from soilmoist_ros.simulation import (
+    CASE,
+    Campaign,
+    Finished,
+    Mission,
+    PairedDifference,
+    StoredMission,
+    hindsight_table,
+    missions,
+    missions_table,
+    paired_differences,
+    results_table,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

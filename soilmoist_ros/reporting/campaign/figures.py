@@ -35,7 +35,7 @@ from soilmoist_ros.reporting.page.style import (
     plain,
     robust_range,
 )
-from soilmoist_ros.simulation.campaign.mission_store import StoredMission
+from soilmoist_ros.simulation import StoredMission
 
 if TYPE_CHECKING:
     import pandas as pd

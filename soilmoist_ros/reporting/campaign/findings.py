@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.reporting.campaign.data import CampaignData
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import percent
-from soilmoist_ros.simulation.campaign.campaign_file import FindingKey
+from soilmoist_ros.simulation import FindingKey
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.reporting.campaign import figures as figures
 from soilmoist_ros.reporting.campaign.data import CampaignData, Case
 from soilmoist_ros.reporting.campaign.findings import Comparison, findings
@@ -20,12 +20,18 @@ from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import length, number, plain
 from soilmoist_ros.reporting.page.style import Section, picture
-from soilmoist_ros.simulation.campaign.campaign import RUNS, Failure, stored_rows
-from soilmoist_ros.simulation.campaign.campaign_file import Campaign, missions
-from soilmoist_ros.simulation.campaign.hindsight import LATTICES
-from soilmoist_ros.simulation.campaign.mission_store import MissionStore, code_version
-from soilmoist_ros.simulation.campaign.paired import PairedDifference
-from soilmoist_ros.simulation.campaign.table import Finished
+from soilmoist_ros.simulation import (
+    LATTICES,
+    RUNS,
+    Campaign,
+    Failure,
+    Finished,
+    MissionStore,
+    PairedDifference,
+    code_version,
+    missions,
+    stored_rows,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

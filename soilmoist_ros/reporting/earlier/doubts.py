@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from datetime import datetime
 
 from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping import Samples
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 
 MAX_AHEAD_S = DAY_S

@@ -13,19 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.places import distance_text
-from soilmoist_ros.mapping.field_map import FieldMapSettings, default_merge_radius_m
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey, samples_at_end
-from soilmoist_ros.mapping.moisture_bands import possible_moisture
-from soilmoist_ros.mapping.samples.merging import survey_samples
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, distance_text
+from soilmoist_ros.mapping import (
+    EarlierSurvey,
+    FieldGrid,
+    FieldMapSettings,
+    Samples,
+    default_merge_radius_m,
+    possible_moisture,
+    samples_at_end,
+    survey_samples,
+)
 from soilmoist_ros.reporting.earlier.run_records import RunRecords, find_runs, read_run
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, MoistureCurve
 
 SAME_RECORDS = 0.5
 """Share of equal stamps and counts from which two runs are one survey; by chance it is a twentieth."""

@@ -7,12 +7,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from soilmoist_ros.mapping.field_map import FieldMapSettings, default_merge_radius_m
-from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.mapping import FieldMapSettings, SoilMap, default_merge_radius_m
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, read_earlier_runs
-from soilmoist_ros.simulation.mission.channel import mission_fields, mission_properties
-from soilmoist_ros.simulation.mission.result import MappedProperty
-from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation import MappedProperty, MissionSettings, mission_fields, mission_properties
 
 EARLIER = "earlier"
 """Folder in the output of a mission with the runs of its simulated earlier surveys."""

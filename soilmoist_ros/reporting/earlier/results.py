@@ -13,13 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.functional_validators import AfterValidator
 
-from soilmoist_ros.foundation.configuration import read_limited
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.plain_values import read_json
-from soilmoist_ros.recording.run_folder import SUMMARY
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
-from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S
+from soilmoist_ros.foundation import InputError, Mistake, read_json, read_limited
+from soilmoist_ros.recording import SUMMARY
+from soilmoist_ros.sensing import FIRST_STAMP_S, LAST_STAMP_S, CalibrationCurve, MoistureCurve, UniversalCurve
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -10,16 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from soilmoist_ros.mapping.knowledge.change import (
+from soilmoist_ros.mapping import (
     Estimate,
     FieldChange,
+    JointKriging,
+    Persistence,
+    PoissonKriging,
+    SoilMap,
+    estimate_persistence,
     field_change,
     mean_places,
     mean_variance_of,
 )
-from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging, Persistence, estimate_persistence
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 
 MAX_SAMPLES = 1500

@@ -10,17 +10,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.recording.earlier_records import read_earlier
-from soilmoist_ros.recording.record_table import RECORDS, read_records
-from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of, read_parameters
+from soilmoist_ros.foundation import InputError, LocalFrame, resource
+from soilmoist_ros.mapping import load_field
+from soilmoist_ros.recording import (
+    RECORDS,
+    SUMMARY,
+    bag_of,
+    configuration_of,
+    read_earlier,
+    read_parameters,
+    read_records,
+)
 from soilmoist_ros.reporting.earlier.results import curve_of, read_summary
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.moisture.site import load_site
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, MoistureCurve, load_site
 
 FIRST_NAMES = ("", "moisture")
 """Names of the robot's own property, which is no name to compare."""

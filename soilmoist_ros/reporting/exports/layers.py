@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration import Visit
 from soilmoist_ros.reporting.exports.contours import contour_lines
 from soilmoist_ros.reporting.exports.source import MOISTURE, ROOT_DEPTH_MM, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.vectors import Layer, texts, times

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from soilmoist_ros.foundation.version import __version__
+from soilmoist_ros.foundation import __version__
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.files.geotiff import BANDS

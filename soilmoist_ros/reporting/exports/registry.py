@@ -13,10 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.registry import Registry
-from soilmoist_ros.recording.run_folder import SUMMARY
-from soilmoist_ros.recording.whole_file import sync_file
+from soilmoist_ros.foundation import InputError, Registry
+from soilmoist_ros.recording import SUMMARY, sync_file
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, open_source
 from soilmoist_ros.reporting.opened_run import open_run
 

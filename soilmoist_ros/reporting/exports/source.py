@@ -13,14 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.lazy import install
+from soilmoist_ros.foundation import InputError, LocalFrame, install
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_state, class_probability
 from soilmoist_ros.reporting.earlier.results import curve_of, is_illustrative, shape_of
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+from soilmoist_ros.sensing import MoistureCurve
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
@@ -143,7 +141,7 @@ class PropertyMap:
 
     def quantile(self, end: str) -> Array:
         """Quantile ``p05`` or ``p95`` of :attr:`values`; by the standard deviation where there is no such band."""
-        from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD
+        from soilmoist_ros.mapping import QUANTILE_SD
 
         band = self.bands.get(f"{self.quantity.band}_{end}")
         if band is None:

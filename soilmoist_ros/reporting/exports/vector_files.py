@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.reporting.exports.layers import (
     contours_layer,
     field_layer,

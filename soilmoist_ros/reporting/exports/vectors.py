@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.lazy import optional_module
+from soilmoist_ros.foundation import LocalFrame, optional_module
 
 if TYPE_CHECKING:
     from pyproj import CRS

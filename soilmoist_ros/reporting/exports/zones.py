@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import install
+from soilmoist_ros.foundation import InputError, install
 from soilmoist_ros.reporting.certainty import Certainty, certainty
 from soilmoist_ros.reporting.exports.classes import zone_limits
 from soilmoist_ros.reporting.exports.contours import PAD, continued, level_lines

@@ -22,11 +22,11 @@ from soilmoist_ros.reporting.figures.style import (
     key,
 )
 from soilmoist_ros.reporting.geometry import map_extent, rings
-from soilmoist_ros.reporting.moisture_series import at_one_place, interrupted, moisture_series
+from soilmoist_ros.reporting.moisture_steps import at_one_place, interrupted, moisture_series
 from soilmoist_ros.reporting.page.charts.sample_variogram import mean_spread, model_curve, sample_variogram
 from soilmoist_ros.reporting.page.style import BLUE, FAINT, INK, ORANGE, SOFT, colour_map, robust_range
 from soilmoist_ros.reporting.run import MapRun
-from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.simulation import MissionResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

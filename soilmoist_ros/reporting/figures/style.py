@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import optional_module
+from soilmoist_ros.foundation import InputError, optional_module
 from soilmoist_ros.reporting.page.style import extension, plain
 
 if TYPE_CHECKING:

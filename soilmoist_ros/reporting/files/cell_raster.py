@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.foundation import LocalFrame
+from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.reporting.files.geotiff import export_axes, to_local
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.moisture_bands import make_bands
+from soilmoist_ros.foundation import LocalFrame
+from soilmoist_ros.mapping import make_bands
 from soilmoist_ros.reporting.certainty import calibration_of
 from soilmoist_ros.reporting.files.sample_times import sample_times
 from soilmoist_ros.reporting.files.strict_json import dumps, jsonable

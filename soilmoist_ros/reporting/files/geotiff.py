@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.version import __version__
+from soilmoist_ros.foundation import InputError, LocalFrame, __version__
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE
 from soilmoist_ros.reporting.geometry import field_polygon, inside_field
 

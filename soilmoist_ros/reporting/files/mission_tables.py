@@ -10,9 +10,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
 
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.foundation.plain_values import csv_text
-from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.exploration import Visit
+from soilmoist_ros.foundation import csv_text
+from soilmoist_ros.simulation import MissionResult
 
 
 def write_series(path: Path, mission: MissionResult) -> Path:

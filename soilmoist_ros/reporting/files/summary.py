@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
-from soilmoist_ros.exploration.travel.travel import polyline_length_m
-from soilmoist_ros.foundation.plain_values import shown_path
-from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
-from soilmoist_ros.mapping.knowledge.drift import Drift
+from soilmoist_ros.exploration import LearnedMotion, polyline_length_m
+from soilmoist_ros.foundation import shown_path
+from soilmoist_ros.mapping import FALSE_SHARE, Drift, Estimate
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
@@ -43,18 +41,13 @@ from soilmoist_ros.reporting.page.statistics import (
     undefined_share,
 )
 from soilmoist_ros.reporting.run import MapRun
-from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
-from soilmoist_ros.simulation.mission.forecasts import achieved, reported
-from soilmoist_ros.simulation.mission.settings import PropertySettings
+from soilmoist_ros.simulation import PropertySettings, achieved, mission_efficiency, reported
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from soilmoist_ros.mapping import SoilMap
-    from soilmoist_ros.mapping.variogram.fit import VariogramFit
-    from soilmoist_ros.mapping.variogram.local_fit import LocalFit
-    from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult
-    from soilmoist_ros.simulation.mission.settings import MissionSettings
+    from soilmoist_ros.mapping import LocalFit, SoilMap, VariogramFit
+    from soilmoist_ros.simulation import MappedProperty, MissionResult, MissionSettings
 
 SCHEMA = 1
 """Version of the keys; rises when one is renamed or removed."""

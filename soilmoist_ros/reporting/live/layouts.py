@@ -17,9 +17,8 @@ from typing import Any, Final
 import numpy as np
 from ruamel.yaml import YAML
 
-from soilmoist_ros.foundation.configuration import config_folder
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.foundation import InputError, config_folder
+from soilmoist_ros.mapping import Field
 
 EXAMPLE: Final = "compaction"
 """The property that the shipped layouts have as an example."""

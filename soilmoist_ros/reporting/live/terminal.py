@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.plain_values import printable
+from soilmoist_ros.foundation import printable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from soilmoist_ros.mapping.covariates.reading import coverage
-from soilmoist_ros.mapping.variogram.field_prior import Effect
+from soilmoist_ros.mapping import Effect, coverage
 from soilmoist_ros.reporting.run import MapRun
 
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
-from soilmoist_ros.mapping.moisture_bands import possible_moisture
+from soilmoist_ros.mapping import FALSE_SHARE, Estimate, possible_moisture
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.earlier.run_change import RunChange
 from soilmoist_ros.reporting.page import numbers

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.foundation.version import __version__
+from soilmoist_ros.foundation import __version__
 from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.geometry import track_xy
 from soilmoist_ros.reporting.page import wording

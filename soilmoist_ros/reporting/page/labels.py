@@ -4,9 +4,8 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.exploration.planning.dwell import DWELL_RULES
-from soilmoist_ros.exploration.strategies.registry import STRATEGIES, StrategyKind
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.exploration import DWELL_RULES, STRATEGIES, StrategyKind
+from soilmoist_ros.foundation import InputError
 
 
 def strategy_text(strategy: str) -> str:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soilmoist_ros.mapping.covariates.reading import coverage
+from soilmoist_ros.mapping import coverage
 from soilmoist_ros.reporting.earlier.doubts import MAX_AHEAD_S, doubts, mean_rate
 from soilmoist_ros.reporting.geometry import distances_m, track_xy
-from soilmoist_ros.reporting.moisture_series import at_one_place
+from soilmoist_ros.reporting.moisture_steps import at_one_place
 from soilmoist_ros.reporting.page.numbers import percent, volume
 from soilmoist_ros.reporting.page.statistics import (
     beyond_limits_share,
@@ -24,9 +24,7 @@ from soilmoist_ros.reporting.page.statistics import (
 )
 from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
-from soilmoist_ros.sensing.moisture.calibration import n0_in_other_time
-from soilmoist_ros.sensing.problems import reason_text
-from soilmoist_ros.sensing.survey.correction import unusual_factors
+from soilmoist_ros.sensing import n0_in_other_time, reason_text, unusual_factors
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap

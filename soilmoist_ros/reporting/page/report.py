@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
-from soilmoist_ros.reporting.moisture_series import at_one_place, moisture_series
+from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page import numbers, wording
 from soilmoist_ros.reporting.page.charts import survey_charts
 from soilmoist_ros.reporting.page.charts.chart import Chart

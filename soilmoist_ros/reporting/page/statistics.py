@@ -13,9 +13,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import squared_distances
-from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD, moisture_terms, possible_moisture
-from soilmoist_ros.mapping.samples.spread import footprint_spread
+from soilmoist_ros.foundation import squared_distances
+from soilmoist_ros.mapping import QUANTILE_SD, footprint_spread, moisture_terms, possible_moisture
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import PoissonKriging, SoilMap
@@ -204,7 +203,7 @@ class _Kriging:
 
     def _smooth_towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
         """The same without nugget and amplitude, for samples with a support."""
-        from soilmoist_ros.mapping.kriging.targets import Points
+        from soilmoist_ros.mapping import Points
 
         variogram = self.soil_map.variogram
         correlation = Points(variogram, self.xy, xy, self._spread).correlation(slice(None))
@@ -214,7 +213,7 @@ class _Kriging:
         return smooth
 
     def _between_samples(self) -> NDArray[np.float64]:
-        from soilmoist_ros.mapping.variogram.support import Supports
+        from soilmoist_ros.mapping import Supports
 
         if not self._spread.any():
             return self.covariance(self.xy, self.xy)
@@ -336,8 +335,7 @@ def _of_places(soil_map: SoilMap) -> PoissonKriging | None:
 
     The curve of a mean is not the mean of the curve: within the footprint it is wetter than the mean rate says.
     """
-    from soilmoist_ros.mapping import PoissonKriging
-    from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+    from soilmoist_ros.mapping import PoissonKriging, estimate_variogram
 
     fit, samples, radius_m = soil_map.fit, soil_map.samples, soil_map.footprint_radius_m
     means = radius_m > 0 and not soil_map.deconvolved_m and len(samples) <= MAX_SAMPLES

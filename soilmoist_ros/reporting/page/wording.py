@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
-from soilmoist_ros.mapping.moisture_bands import Bands
+from soilmoist_ros.mapping import Bands
 from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.geometry import field_polygon
-from soilmoist_ros.reporting.moisture_series import at_one_place, mean_moisture, moisture_series
+from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
 from soilmoist_ros.reporting.page.numbers import area, duration, length, percent, volume
 from soilmoist_ros.reporting.page.statistics import (
     band_statistics,
@@ -115,7 +115,7 @@ def _mean(run: MapRun) -> float:
 
 
 def _facts_of_place(run: MapRun) -> list[Fact]:
-    mean, series = mean_moisture(run.track, run.soil_map.curve), moisture_series(run.track, run.soil_map.curve)
+    mean, series = moisture_of_all(run.track, run.soil_map.curve), moisture_series(run.track, run.soil_map.curve)
     counting = _effort_facts(run)[1:2]
     if not run.calibrated:
         return [Fact(f"{mean.rate:.3f} ± {mean.rate_sd:.3f}", "counts/s", "mean corrected count rate"), *counting]
@@ -197,7 +197,7 @@ def _support(run: MapRun) -> str:
 
 
 def _headline_of_place(run: MapRun) -> list[str]:
-    mean, series = mean_moisture(run.track, run.soil_map.curve), moisture_series(run.track, run.soil_map.curve)
+    mean, series = moisture_of_all(run.track, run.soil_map.curve), moisture_series(run.track, run.soil_map.curve)
     if not run.calibrated:
         return [
             f"The count rate at this place was {mean.rate:.3f} counts/s on average. More neutrons mean drier "

@@ -14,27 +14,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.field import Field, load_field
-from soilmoist_ros.mapping.field_map import FieldMapSettings
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.change import (
+from soilmoist_ros.foundation import DAY_S, InputError, LocalFrame, resource
+from soilmoist_ros.mapping import (
+    Bands,
     Estimate,
+    Field,
     FieldChange,
+    FieldGrid,
+    FieldMapSettings,
+    JointKriging,
+    ModelName,
+    Persistence,
+    Samples,
+    Variogram,
+    estimate_persistence,
+    estimate_variogram,
     field_change,
+    load_field,
+    make_bands,
     mean_places,
+    merge_exactly,
     moisture_slope,
 )
-from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging, Persistence, estimate_persistence
-from soilmoist_ros.mapping.moisture_bands import Bands, make_bands
-from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
-from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.recording.run_folder import SUMMARY, bag_of, configuration_of, read_parameters
+from soilmoist_ros.recording import SUMMARY, bag_of, configuration_of, read_parameters
 from soilmoist_ros.reporting.earlier.doubts import doubts, mean_rate
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, date_text, read_earlier_runs
 from soilmoist_ros.reporting.earlier.results import (
@@ -45,8 +47,7 @@ from soilmoist_ros.reporting.earlier.results import (
     shape_of,
 )
 from soilmoist_ros.reporting.earlier.run_records import find_runs, read_run
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.moisture.site import load_site
+from soilmoist_ros.sensing import MoistureCurve, load_site
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]

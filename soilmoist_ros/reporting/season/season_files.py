@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.plain_values import csv_text
-from soilmoist_ros.foundation.version import __version__
-from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE, Estimate
-from soilmoist_ros.recording.run_folder import SUMMARY
+from soilmoist_ros.foundation import __version__, csv_text
+from soilmoist_ros.mapping import FALSE_SHARE, Estimate
+from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
 from soilmoist_ros.reporting.files.strict_json import write_json
 from soilmoist_ros.reporting.output_folder import replaced_together

@@ -14,9 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.configuration import read_lines
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.foundation import InputError, Mistake, did_you_mean, read_lines
 
 Gaps = Literal["interpolate", "hold"]
 

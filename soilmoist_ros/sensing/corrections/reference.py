@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]

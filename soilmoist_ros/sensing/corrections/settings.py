@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from soilmoist_ros.foundation.sections import Section
-from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.foundation import Section, did_you_mean
 from soilmoist_ros.sensing.corrections.atmosphere import barometric_coefficient, standard_pressure_hpa
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.intensity import (

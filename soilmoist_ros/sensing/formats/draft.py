@@ -13,8 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.suggestions import listing
+from soilmoist_ros.foundation import InputError, listing
 from soilmoist_ros.sensing.formats import units
 from soilmoist_ros.sensing.formats.log_file import matching_formats, read_lines
 from soilmoist_ros.sensing.formats.log_layout import build_layout, plain_name, split_text

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation import InputError, Mistake
 from soilmoist_ros.sensing.formats.log_layout import (
     MissingColumnsError,
     build_layout,

@@ -19,10 +19,7 @@ from zoneinfo import ZoneInfo, available_timezones
 
 from pydantic import AfterValidator, Field, model_validator
 
-from soilmoist_ros.foundation.configuration import resource, resource_names
-from soilmoist_ros.foundation.registry import Registry
-from soilmoist_ros.foundation.sections import Section, load_model
-from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.foundation import Registry, Section, did_you_mean, load_model, resource, resource_names
 from soilmoist_ros.sensing.formats.log_values import Decimal
 
 PressureUnit = Literal["hPa", "mb", "mbar", "Pa", "kPa", "mmHg", "inHg"]

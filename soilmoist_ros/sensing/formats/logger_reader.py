@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation import InputError, Mistake
 from soilmoist_ros.sensing.checks.clock import ClockDrift
 from soilmoist_ros.sensing.formats import units
 from soilmoist_ros.sensing.formats.log_file import (

@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation import InputError, Mistake
 from soilmoist_ros.sensing.formats.log_file import separated_as
 from soilmoist_ros.sensing.formats.log_header import HeaderReader
 from soilmoist_ros.sensing.formats.log_layout import Layout, MissingColumnsError, build_layout, split_fields

@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.foundation import InputError, did_you_mean
 from soilmoist_ros.sensing.links.line_source import LineSource
 from soilmoist_ros.sensing.links.networks import Network, Senders, parse_networks
 from soilmoist_ros.sensing.links.reconnecting import ReconnectingSource, Retry

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from ruamel.yaml import YAML
 
-from soilmoist_ros.foundation.configuration import read_yaml
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation import InputError, read_yaml
 from soilmoist_ros.sensing.moisture.curve import MoistureCurve
 from soilmoist_ros.sensing.moisture.site import Calibration, Soil, load_site
 from soilmoist_ros.sensing.moisture.soil_limits import soil_limits

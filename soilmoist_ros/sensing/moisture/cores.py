@@ -15,9 +15,7 @@ from datetime import date, timedelta
 from pathlib import Path
 from typing import NamedTuple
 
-from soilmoist_ros.foundation.configuration import read_lines
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.suggestions import listing
+from soilmoist_ros.foundation import InputError, Mistake, listing, read_lines
 from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
 
 

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import floats
+from soilmoist_ros.foundation import floats
 
 A0, A1, A2 = 0.0808, 0.372, 0.115
 _NEAR_POLE = 1.1

@@ -13,8 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.sections import Section, load_model
+from soilmoist_ros.foundation import Section, load_model, resource
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, HumidityCorrection, Location
 from soilmoist_ros.sensing.formats.logger_format import ZoneName

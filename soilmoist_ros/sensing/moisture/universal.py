@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import floats
+from soilmoist_ros.foundation import floats
 from soilmoist_ros.sensing.moisture.curve import check_parameters, sd_of_vwc
 
 Array = NDArray[np.float64]

@@ -8,8 +8,7 @@ import math
 from collections import Counter
 from datetime import UTC, datetime
 
-from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.foundation.errors import Mistake
+from soilmoist_ros.foundation import DAY_S, Mistake
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace
 
 EARLIEST_DATE_S = 946_684_800.0

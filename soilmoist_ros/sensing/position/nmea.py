@@ -17,8 +17,7 @@ from pathlib import Path
 
 import pynmea2
 
-from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation import DAY_S, InputError, Mistake
 from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.formats.log_values import read_number, read_time, strip_checksum
 from soilmoist_ros.sensing.gnss import (

@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation import DAY_S, InputError, Mistake
 from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.formats.log_values import (
     Decimal,

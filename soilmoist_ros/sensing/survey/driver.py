@@ -10,8 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.foundation import Health, Level, LocalFrame
 from soilmoist_ros.sensing.formats.log_header import Header
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.gnss import Fix

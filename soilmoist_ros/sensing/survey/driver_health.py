@@ -8,7 +8,7 @@ import math
 from collections import Counter
 from datetime import UTC, datetime
 
-from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.foundation import Health, Level
 from soilmoist_ros.sensing.gnss import FixStatus
 from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
 from soilmoist_ros.sensing.links.reconnecting import MAX_SILENT_PERIODS

@@ -12,8 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from soilmoist_ros.foundation.errors import Mistake
-from soilmoist_ros.foundation.suggestions import listing
+from soilmoist_ros.foundation import Mistake, listing
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import LoggerRecord

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.foundation import Health, Level
 
 
 def logger_fault(parts: Iterable[Health], namespace: str) -> str | None:

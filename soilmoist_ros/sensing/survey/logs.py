@@ -13,8 +13,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import InputError, LocalFrame, Mistake
 from soilmoist_ros.sensing.checks.weather import unlikely_weather
 from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
 from soilmoist_ros.sensing.formats.logger_reader import LogFile

@@ -8,8 +8,7 @@ from collections import Counter, deque
 from itertools import pairwise
 from statistics import median_low
 
-from soilmoist_ros.foundation.errors import Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import LocalFrame, Mistake
 from soilmoist_ros.sensing.checks.clock import STEP_PAIRS, ClockDrift
 from soilmoist_ros.sensing.checks.rain import RainSigns
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format

@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation import LocalFrame, Mistake
 from soilmoist_ros.sensing.checks.checks import RecordChecks
 from soilmoist_ros.sensing.checks.finding import Finding
 from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity

@@ -8,9 +8,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from soilmoist_ros.foundation.errors import InputError, SoilmoistError
-from soilmoist_ros.foundation.workers import cores
-from soilmoist_ros.mapping.covariates.reading import require_covariates
+from soilmoist_ros.foundation import InputError, SoilmoistError, cores
+from soilmoist_ros.mapping import require_covariates
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, load_campaign, mission_key, missions
 from soilmoist_ros.simulation.campaign.cluster import on_cluster
 from soilmoist_ros.simulation.campaign.computing import Failure, Flow, Simulate, WorkersLostError

@@ -18,9 +18,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BeforeValidator, create_model, model_validator
 from pydantic import Field as Setting
 
-from soilmoist_ros.foundation.configuration import config_folder, read_limited, read_yaml, resource, resource_names
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.sections import Section, line_of, load_model
+from soilmoist_ros.foundation import (
+    InputError,
+    Mistake,
+    Section,
+    config_folder,
+    line_of,
+    load_model,
+    read_limited,
+    read_yaml,
+    resource,
+    resource_names,
+)
 from soilmoist_ros.simulation.campaign.hindsight import LATTICE_DWELLS
 from soilmoist_ros.simulation.mission.setting import Setting as MissionSetting
 from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings, PropertySettings

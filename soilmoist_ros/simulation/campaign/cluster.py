@@ -19,8 +19,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.workers import connect
+from soilmoist_ros.foundation import InputError, connect
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.computing import (
     Failure,

@@ -9,7 +9,7 @@ import traceback
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
-from soilmoist_ros.foundation.errors import SoilmoistError
+from soilmoist_ros.foundation import SoilmoistError
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.mission_store import pack
 from soilmoist_ros.simulation.mission.result import MissionResult

@@ -21,9 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
-from soilmoist_ros.foundation.errors import InputError, SoilmoistError
-from soilmoist_ros.foundation.version import __version__
+from soilmoist_ros.exploration import Visit, VisitEnd
+from soilmoist_ros.foundation import InputError, SoilmoistError, __version__
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
 from soilmoist_ros.simulation.mission.map_errors import MapErrors

@@ -15,9 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import install
-from soilmoist_ros.foundation.plain_values import csv_text
+from soilmoist_ros.foundation import InputError, csv_text, install
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.hindsight import QUARTER, hindsight_table
 from soilmoist_ros.simulation.campaign.mission_store import StoredMission

@@ -16,7 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any
 
-from soilmoist_ros.foundation.workers import one_thread_each
+from soilmoist_ros.foundation import one_thread_each
 from soilmoist_ros.simulation.campaign.campaign_file import Mission
 from soilmoist_ros.simulation.campaign.computing import Failure, Finished, Flow, Simulate, compute
 

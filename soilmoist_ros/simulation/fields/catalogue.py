@@ -21,13 +21,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.configuration import config_folder, resource_names
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.suggestions import did_you_mean
-from soilmoist_ros.mapping.field import Field, load_field
-from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
+from soilmoist_ros.foundation import InputError, LocalFrame, config_folder, did_you_mean, resource_names
+from soilmoist_ros.mapping import Field, Variogram, load_field
+from soilmoist_ros.sensing import CalibrationCurve, MoistureCurve
 from soilmoist_ros.simulation.fields.rate_extrapolation import KrigedRate
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField

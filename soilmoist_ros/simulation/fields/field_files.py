@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.sensing.moisture.site import Calibration, Soil
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping import FieldGrid
+from soilmoist_ros.sensing import Calibration, Soil
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from soilmoist_ros.foundation.sections import Section
+from soilmoist_ros.foundation import Section
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
+from soilmoist_ros.mapping import ModelName, correlation_model
 
 Array = NDArray[np.float64]
 

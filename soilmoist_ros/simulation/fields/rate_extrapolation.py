@@ -10,8 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping import ModelName, Variogram, correlation_model
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 
 Array = NDArray[np.float64]

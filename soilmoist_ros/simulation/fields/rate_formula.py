@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from soilmoist_ros.foundation.suggestions import did_you_mean
-from soilmoist_ros.mapping.variogram.correlation import ModelName
+from soilmoist_ros.foundation import did_you_mean
+from soilmoist_ros.mapping import ModelName
 from soilmoist_ros.simulation.fields.formula_base import (
     FLOOR,
     Positive,

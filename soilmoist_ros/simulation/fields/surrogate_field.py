@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+from soilmoist_ros.foundation import LocalFrame
+from soilmoist_ros.mapping import Field, Variogram
+from soilmoist_ros.sensing import MoistureCurve
 
 Array = NDArray[np.float64]
 

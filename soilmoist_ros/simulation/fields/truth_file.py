@@ -13,14 +13,9 @@ from numpy.typing import NDArray
 from pydantic import Field as Setting
 from pydantic import model_validator
 
-from soilmoist_ros.foundation.configuration import read_yaml
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.sections import Section, load_model
-from soilmoist_ros.mapping.field import Field, FieldFile, load_field
-from soilmoist_ros.mapping.variogram.correlation import ModelName
-from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.moisture.site import Calibration, Soil, moisture_curve
+from soilmoist_ros.foundation import InputError, Mistake, Section, load_model, read_yaml
+from soilmoist_ros.mapping import Field, FieldFile, ModelName, Variogram, load_field
+from soilmoist_ros.sensing import Calibration, MoistureCurve, Soil, moisture_curve
 from soilmoist_ros.simulation.fields.formula_base import Quantity, Truth
 from soilmoist_ros.simulation.fields.rate_extrapolation import MAX_POINTS, default_variogram, kriged_grid
 from soilmoist_ros.simulation.fields.rate_formula import Formula, RandomFieldFormula

@@ -14,10 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.configuration import read_limited
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.covariates.rasters import opened_raster
+from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, read_limited
+from soilmoist_ros.mapping import opened_raster
 from soilmoist_ros.simulation.fields.formula_base import MAX_VWC, Quantity
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid, filled
 

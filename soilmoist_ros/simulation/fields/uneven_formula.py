@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from soilmoist_ros.mapping.variogram.correlation import ModelName
+from soilmoist_ros.mapping import ModelName
 from soilmoist_ros.simulation.fields.formula_base import (
     FLOOR,
     Positive,

@@ -9,18 +9,22 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.control.explorer import planning_grid
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, MapState, default_merge_radius_m
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.covariates import Covariates, joined
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
-from soilmoist_ros.mapping.soil_map import SoilMap
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.exploration import Visit, planning_grid
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping import (
+    Covariates,
+    EarlierSurvey,
+    Field,
+    FieldGrid,
+    FieldMap,
+    FieldMapSettings,
+    Knowledge,
+    MapState,
+    SoilMap,
+    default_merge_radius_m,
+    joined,
+)
+from soilmoist_ros.sensing import CountRecord, MoistureCurve
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.earlier_series import earlier_series

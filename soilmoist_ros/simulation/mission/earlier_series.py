@@ -19,12 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-from soilmoist_ros.mapping.samples.merging import survey_samples
-from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.mapping import EarlierSurvey, Field, FieldGrid, Variogram, survey_samples
+from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation.fields.formula_base import FLOOR
 from soilmoist_ros.simulation.fields.random_field import random_field
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid

@@ -18,13 +18,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.planning.efficiency import least_variance
-from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS, spread_cells
-from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.fit import fit_variogram
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.exploration import MIN_RATE_CPS, least_variance, spread_cells
+from soilmoist_ros.mapping import FieldPrior, PoissonKriging, Samples, Variogram, fit_variogram
 from soilmoist_ros.simulation.mission.result import MissionResult
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from soilmoist_ros.exploration.planning.forecast import Forecast, hundredths
+from soilmoist_ros.exploration import Forecast, hundredths
 
 SHARES = (0.0, 0.25, 0.5, 0.75)
 """Shares of the mission time at which forecasts are reported."""

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.moisture_bands import possible_moisture
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
+from soilmoist_ros.mapping import possible_moisture
+from soilmoist_ros.sensing import MoistureCurve
 
 Array = NDArray[np.float64]
 

@@ -14,21 +14,23 @@ from pathlib import Path
 
 import numpy as np
 
-from soilmoist_ros.exploration.control.explorer import cell_stops
-from soilmoist_ros.exploration.guard.fence import Fence
-from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph
-from soilmoist_ros.exploration.travel.graph_builders import open_lattice
-from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
-from soilmoist_ros.exploration.travel.topological_map import (
+from soilmoist_ros.exploration import (
+    Fence,
+    FencedGraph,
+    FreeTravel,
+    GraphTravel,
+    RobotMotion,
+    Stop,
     TopologicalMap,
+    TravelModel,
+    cell_stops,
     make_topological_map,
+    open_lattice,
     read_topological_map,
+    stops_xy,
 )
-from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.plane_move import move_between
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.foundation import InputError, move_between
+from soilmoist_ros.mapping import Field, FieldGrid
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 _log = logging.getLogger(__name__)

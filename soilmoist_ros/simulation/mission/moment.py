@@ -7,11 +7,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from soilmoist_ros.exploration.mission.types import MissionStatus
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.exploration import MissionStatus, Stop, Visit
+from soilmoist_ros.mapping import Samples, SoilMap
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation.lazy import optional_module
+from soilmoist_ros.foundation import optional_module
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 
 if TYPE_CHECKING:
-    from soilmoist_ros.exploration.mission.visit import Visit
-    from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
-    from soilmoist_ros.foundation.geodesy import LocalFrame
-    from soilmoist_ros.mapping import SoilMap
-    from soilmoist_ros.mapping.knowledge.covariates import Covariates
-    from soilmoist_ros.sensing.records import CountRecord
+    from soilmoist_ros.exploration import LearnedMotion, Visit
+    from soilmoist_ros.foundation import LocalFrame
+    from soilmoist_ros.mapping import Covariates, SoilMap
+    from soilmoist_ros.sensing import CountRecord
     from soilmoist_ros.simulation.mission.earlier_series import SimulatedSurvey
     from soilmoist_ros.simulation.mission.forecasts import TimedForecast
     from soilmoist_ros.simulation.mission.settings import MissionSettings

@@ -14,17 +14,13 @@ from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-from soilmoist_ros.exploration.planning.property_names import property_name
-from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.exploration import property_name
+from soilmoist_ros.foundation import InputError, Mistake
 from soilmoist_ros.simulation.mission.setting import Setting
 
 if TYPE_CHECKING:
-    from soilmoist_ros.exploration.planning.dwell import DwellRule
-    from soilmoist_ros.exploration.strategies.strategy import Strategy
-    from soilmoist_ros.exploration.travel.travel import RobotMotion
-    from soilmoist_ros.mapping.knowledge.drift import DriftModel
-    from soilmoist_ros.mapping.variogram.correlation import ModelName
-    from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
+    from soilmoist_ros.exploration import DwellRule, RobotMotion, Strategy
+    from soilmoist_ros.mapping import DriftModel, FitMethod, LocalModel, ModelName, NoiseModel
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
     from soilmoist_ros.simulation.robot.drift import Drift
 
@@ -61,19 +57,19 @@ PRESETS: Mapping[str, Mapping[str, str]] = MappingProxyType(
 
 
 def _strategies() -> Sequence[str]:
-    from soilmoist_ros.exploration.strategies.registry import STRATEGIES
+    from soilmoist_ros.exploration import STRATEGIES
 
     return STRATEGIES.names()
 
 
 def _models() -> Sequence[str]:
-    from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS
+    from soilmoist_ros.mapping import VARIOGRAM_MODELS
 
     return VARIOGRAM_MODELS.names()
 
 
 def _plain_dwell(text: str) -> str:
-    from soilmoist_ros.exploration.planning.dwell import parse_dwell
+    from soilmoist_ros.exploration import parse_dwell
 
     return str(parse_dwell(text))
 
@@ -85,7 +81,7 @@ def _share(value: float) -> float:
 
 
 def _not_percent(value: float) -> float:
-    from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD  # not for the help of a command
+    from soilmoist_ros.exploration import MAX_UNTIL_SD
 
     if value > MAX_UNTIL_SD:
         raise InputError(f"must be at most {MAX_UNTIL_SD:g}, but it is {value:g}", f"write {value / 100:g}")
@@ -336,7 +332,7 @@ class MissionSettings:
     @property
     def motion(self) -> RobotMotion:
         """How the robots move, as the planner expects."""
-        from soilmoist_ros.exploration.travel.travel import RobotMotion
+        from soilmoist_ros.exploration import RobotMotion
 
         return RobotMotion(
             self.speed_mps, self.stop_overhead_s, self.turn_s_per_rad, self.stop_cost_s, self.metre_cost_s

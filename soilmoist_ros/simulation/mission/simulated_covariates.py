@@ -8,8 +8,7 @@ import math
 
 import numpy as np
 
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.covariates import Covariates
+from soilmoist_ros.mapping import Covariates, FieldGrid
 from soilmoist_ros.simulation.fields.random_field import random_field
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.earlier_series import pattern_variogram

@@ -14,48 +14,48 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.control.explorer import Explorer
-from soilmoist_ros.exploration.control.mission_setup import nominal_rate_cps, strategy_stream
-from soilmoist_ros.exploration.control.team import PendingMeasurement, pending_measurement
-from soilmoist_ros.exploration.mission.actions import (
+from soilmoist_ros.exploration import (
+    PUBLISHED_MIN_LAST_DWELL_S,
     Action,
     CancelGoal,
-    Finish,
-    GoTo,
-    Publish,
-    RequestPlan,
-    StartCounting,
-    VisitDone,
-)
-from soilmoist_ros.exploration.mission.events import (
     Command,
+    Counting,
     Event,
+    Explorer,
+    Finish,
     GoalFailed,
     GoalReached,
-    Moved,
-    Planned,
-    RecordArrived,
-    Tick,
-)
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import (
-    PUBLISHED_MIN_LAST_DWELL_S,
+    GoTo,
+    LearnedMotion,
+    Mission,
     MissionRules,
+    Moved,
+    Optimal,
+    PendingMeasurement,
     Phase,
+    Planned,
+    Property,
+    Publish,
+    RecordArrived,
+    RequestPlan,
+    StartCounting,
+    Stop,
+    Tick,
     Verb,
+    Visit,
+    VisitDone,
+    correction_factor,
+    dwell_rule,
+    make_strategy,
+    nominal_rate_cps,
+    pending_measurement,
+    strategy_kind,
+    strategy_stream,
+    warm_up,
 )
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.planning.dwell import Optimal, dwell_rule
-from soilmoist_ros.exploration.planning.properties import Property, correction_factor
-from soilmoist_ros.exploration.planning.prospect import Counting
-from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
-from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.covariates.reading import read_covariates
-from soilmoist_ros.mapping.covariates.source import CovariateSource
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping import CovariateSource, EarlierSurvey, read_covariates
+from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields, mission_properties
 from soilmoist_ros.simulation.mission.forecasts import TimedForecast
 from soilmoist_ros.simulation.mission.mission_ground import start_stop, travel_and_stops

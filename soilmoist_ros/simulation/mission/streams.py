@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from soilmoist_ros.exploration.control.mission_setup import STREAMS_PER_ROBOT
+from soilmoist_ros.exploration import STREAMS_PER_ROBOT
 
 _SENSOR, _GNSS = 0, 2  # between them is the stream of the strategy
 _EARLIER, _COVARIATE = 0, 1  # keys of three numbers; the others have fewer

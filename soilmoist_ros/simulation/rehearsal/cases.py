@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from soilmoist_ros.exploration.strategies.registry import BUILT_IN
+from soilmoist_ros.exploration import BUILT_IN
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, random_faults
 from soilmoist_ros.simulation.rehearsal.ground import GRAPHS, OUTLINES, ROWS, random_ground
 from soilmoist_ros.simulation.rehearsal.receiver import RECEIVERS

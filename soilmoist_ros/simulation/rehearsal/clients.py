@@ -7,14 +7,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from math import nan
 
-from soilmoist_ros.exploration.mission.actions import ANYBODYS
-from soilmoist_ros.exploration.navigation.goal_client import CancelSent, GoalClient, Listed, Request, SendGoal
-from soilmoist_ros.exploration.navigation.navigator import Ended
-from soilmoist_ros.exploration.navigation.pose_client import CancelAll, PoseClient, SendPose
-from soilmoist_ros.exploration.navigation.track import Track
-from soilmoist_ros.exploration.navigation.way_points import WayPoint, way_points
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.exploration import (
+    ANYBODYS,
+    CancelAll,
+    CancelSent,
+    Ended,
+    GoalClient,
+    Listed,
+    PoseClient,
+    Request,
+    SendGoal,
+    SendPose,
+    Stop,
+    Track,
+    Way,
+    WayPoint,
+    way_points,
+)
 from soilmoist_ros.simulation.rehearsal.servers import (
     ActionServer,
     Answered,

@@ -12,11 +12,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from soilmoist_ros.exploration.travel.graph_builders import open_lattice
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.exploration import Stop, TravelGraph, open_lattice
+from soilmoist_ros.foundation import LocalFrame
+from soilmoist_ros.mapping import Field
 
 Array = NDArray[np.float64]
 

@@ -15,12 +15,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from soilmoist_ros.exploration.mission.actions import Finish
-from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
-from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.exploration import Finish, MissionEnd, MissionStatus, Phase, Stop, Visit, VisitEnd
+from soilmoist_ros.mapping import Samples
+from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation.rehearsal.ground import Ground
 
 Place = tuple[float, float]

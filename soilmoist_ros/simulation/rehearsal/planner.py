@@ -10,25 +10,34 @@ from concurrent.futures import Executor, Future
 from functools import partial
 from typing import Any, Protocol
 
-from soilmoist_ros.exploration.control.mission_clock import MissionClock
-from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings, FieldAccess
-from soilmoist_ros.exploration.guard.fenced_graph import Outside
-from soilmoist_ros.exploration.guard.watch import POSES_FROZEN_S, Watch, WatchLimits
-from soilmoist_ros.exploration.mission.actions import Finish
-from soilmoist_ros.exploration.mission.journal import Journal, MissionJournal, interrupted_mission
-from soilmoist_ros.exploration.mission.types import MissionRules, MissionStatus
-from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.navigation.goal_client import GoalClient
-from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
-from soilmoist_ros.exploration.navigation.pose_client import PoseClient
-from soilmoist_ros.exploration.navigation.track import Track
-from soilmoist_ros.exploration.planning.dwell import parse_dwell
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import RobotMotion
-from soilmoist_ros.mapping.field_map import FieldMap
-from soilmoist_ros.sensing.position.place_doubt import Doubt
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.exploration import (
+    POSES_FROZEN_S,
+    AccessRules,
+    Ended,
+    ExplorerSettings,
+    FieldAccess,
+    Finish,
+    GoalClient,
+    Journal,
+    MissionClock,
+    MissionControl,
+    MissionJournal,
+    MissionRules,
+    MissionStatus,
+    Navigator,
+    Outside,
+    PoseClient,
+    RobotMotion,
+    Stop,
+    Track,
+    Visit,
+    Watch,
+    WatchLimits,
+    interrupted_mission,
+    parse_dwell,
+)
+from soilmoist_ros.mapping import FieldMap
+from soilmoist_ros.sensing import CountRecord, Doubt
 from soilmoist_ros.simulation.rehearsal.clients import ActionNavigator, PoseNavigator
 from soilmoist_ros.simulation.rehearsal.faults import Fault
 from soilmoist_ros.simulation.rehearsal.ground import ROBOT_RADIUS_M, Ground

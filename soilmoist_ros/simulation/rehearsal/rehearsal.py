@@ -11,12 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
-from soilmoist_ros.exploration.control.operator_request import OperatorRequest
-from soilmoist_ros.exploration.mission.types import Phase, Verb
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field_map import FieldMap
-from soilmoist_ros.sensing.position.place_doubt import Doubt
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.exploration import OperatorRequest, Phase, Verb
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.mapping import FieldMap
+from soilmoist_ros.sensing import CountRecord, Doubt
 from soilmoist_ros.simulation.rehearsal.clients import PoseNavigator
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Span
 from soilmoist_ros.simulation.rehearsal.judge import Judge, Kind, Limits, Violation

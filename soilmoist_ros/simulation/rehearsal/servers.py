@@ -15,7 +15,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.exploration import TravelGraph
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults
 from soilmoist_ros.simulation.rehearsal.misled import Misled
 

@@ -12,8 +12,7 @@ from typing import TypeVar
 import numpy as np
 import shapely
 
-from soilmoist_ros.sensing.position.place_doubt import Doubts
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, Doubts
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
 from soilmoist_ros.simulation.rehearsal.ground import Ground
 from soilmoist_ros.simulation.rehearsal.misled import STOOD_S, Misled

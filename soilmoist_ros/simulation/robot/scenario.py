@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.foundation.sections import Section, load_model
+from soilmoist_ros.foundation import Section, load_model, resource
 from soilmoist_ros.simulation.robot.drift import Drift
 
 Number = Annotated[int, Field(ge=1)]

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.sensing import LoggerRecord
 from soilmoist_ros.simulation.robot.scenario import SensorFaults, TubeFault
 
 NO_FAULTS = SensorFaults()

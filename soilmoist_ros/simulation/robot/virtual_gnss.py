@@ -9,8 +9,8 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pynmea2
 
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.records import Position
+from soilmoist_ros.foundation import LocalFrame
+from soilmoist_ros.sensing import Position
 
 ALTITUDE_M = 30.0
 """Altitude of every surrogate field above mean sea level [m]."""

@@ -9,8 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.sensing.formats.robot_logger import RECORDS_PER_HEADER, TUBES, format_header, format_record
-from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.sensing import RECORDS_PER_HEADER, TUBES, LoggerRecord, format_header, format_record
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
 from soilmoist_ros.simulation.robot.sensor_faults import NO_FAULTS, FaultySensor
 from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor

@@ -15,9 +15,7 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.topological_map import zone_radius_m
-from soilmoist_ros.exploration.travel.travel import GraphTravel, TravelModel
+from soilmoist_ros.exploration import GraphTravel, Stop, TravelModel, zone_radius_m
 from soilmoist_ros.simulation.robot.scenario import GoalFault, NavigationFaults
 from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 

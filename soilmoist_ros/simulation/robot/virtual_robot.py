@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.travel.travel import RobotMotion, polyline_length_m, polyline_turn_rad
+from soilmoist_ros.exploration import RobotMotion, polyline_length_m, polyline_turn_rad
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.sensing.moisture.footprint import Footprint
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, Footprint
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.robot.drift import STEADY, Drift
 from soilmoist_ros.simulation.robot.weather import morning_factors

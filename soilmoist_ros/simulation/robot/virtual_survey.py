@@ -16,9 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.sensing.corrections.factors import Corrections
-from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
-from soilmoist_ros.sensing.records import LoggerRecord, Position
+from soilmoist_ros.sensing import Corrections, LoggerRecord, Position, format_header, format_record
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
 from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField

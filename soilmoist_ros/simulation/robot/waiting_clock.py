@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
-from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.exploration.navigation.goal_client import GoalLimits
-from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.exploration import GoalLimits, Phase
+from soilmoist_ros.foundation import Health, Level
 
 
 class Awaited(StrEnum):

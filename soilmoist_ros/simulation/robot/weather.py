@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
-from soilmoist_ros.sensing.corrections.factors import Corrections
+from soilmoist_ros.sensing import Corrections
 
 
 @dataclass(frozen=True, slots=True)

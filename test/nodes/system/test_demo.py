@@ -14,7 +14,7 @@ import pytest
 import rasterio
 
 pytest.importorskip("rclpy")
-from soilmoist_ros.console.invitation import free_port
+from soilmoist_ros.console.invitations import free_port
 from soilmoist_ros.recording.bag.point_cloud import points
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import read_parameters

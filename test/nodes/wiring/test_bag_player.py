@@ -22,10 +22,10 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from msg_adapters.counts import counts_from_message
-from msg_adapters.offered_qos import published_qos
+from msg_adapters.qos_of_endpoints import published_qos
 from msg_adapters.soil_map import soil_map_from_message
 from msg_adapters.stamps import to_seconds, to_time
-from soilmoist_ros.mapping.map_cells import map_cells
+from soilmoist_ros.mapping.cells import map_cells
 from soilmoist_ros.nodes.runtime.key_press import on_space
 from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
 from soilmoist_ros.recording.bag.reader import BagReader

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.page.charts.chart import Area, Chart, Colour, Line, Mark
-from soilmoist_ros.simulation.mission.forecasts import TimedForecast, reported
+from soilmoist_ros.simulation import TimedForecast, reported
 
 Array = NDArray[np.float64]
 

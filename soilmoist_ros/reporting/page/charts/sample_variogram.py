@@ -15,12 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.kriging.targets import sample_correlation
-from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.mapping.variogram.reml import mode_of
-from soilmoist_ros.mapping.variogram.semivariogram import default_edges
-from soilmoist_ros.mapping.variogram.support import Supports
+from soilmoist_ros.mapping import Samples, Supports, Variogram, default_edges, mode_of, sample_correlation
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap

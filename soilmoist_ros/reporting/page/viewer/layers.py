@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.knowledge.change import FieldChange
+from soilmoist_ros.mapping import FieldChange
 from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
 from soilmoist_ros.reporting.geometry import map_extent, rings

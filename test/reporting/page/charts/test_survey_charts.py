@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from soilmoist_ros.reporting.moisture_series import moisture_series
+from soilmoist_ros.reporting.moisture_steps import moisture_series
 from soilmoist_ros.reporting.page.charts.survey_charts import (
     binned,
     cross_validation_chart,

@@ -8,8 +8,7 @@ import contextlib
 import io
 import socket
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import optional_module
+from soilmoist_ros.foundation import InputError, optional_module
 
 PORT = 8050
 """Port of a page on this machine, if it is free."""

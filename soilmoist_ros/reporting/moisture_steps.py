@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.moisture_bands import Bands, make_bands
+from soilmoist_ros.mapping import Bands, make_bands
 from soilmoist_ros.reporting.certainty import calibration_of
 from soilmoist_ros.reporting.run import MapRun
-from soilmoist_ros.sensing.moisture.curve import MoistureCurve
-from soilmoist_ros.sensing.records import CountRecord
+from soilmoist_ros.sensing import CountRecord, MoistureCurve
 
 STEP_COUNTS = 10_000
 """Counts of a step: a standard error of the rate of 1 %."""
@@ -83,7 +82,7 @@ def interrupted(
     return np.insert(time_s, gaps, middle), *(np.insert(each, gaps, np.nan) for each in values)
 
 
-def mean_moisture(track: Sequence[CountRecord], curve: MoistureCurve | None) -> Bands:
+def moisture_of_all(track: Sequence[CountRecord], curve: MoistureCurve | None) -> Bands:
     """Rate and moisture of all records together, with the interval of counting and calibration, shape ()."""
     counts = float(sum(record.raw_counts for record in track))
     exposure_s = math.fsum(record.effective_exposure_s for record in track)

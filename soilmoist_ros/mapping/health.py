@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.foundation import Health, Level
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.map_worker import MapWorker
 

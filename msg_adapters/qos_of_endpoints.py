@@ -9,7 +9,7 @@ from typing import Final
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from soilmoist_ros.recording.mcap.metadata import Qos, Request
+from soilmoist_ros.recording import Qos, Request
 
 _KEEP: Final = 100
 """Depth of a publisher if the recorded depth is unknown."""

@@ -13,7 +13,7 @@ import pytest
 from soilmoist_ros.foundation.configuration import resource
 from soilmoist_ros.replay.log_map import MapSettings, map_logs
 from soilmoist_ros.reporting import write_outputs
-from soilmoist_ros.reporting.moisture_series import at_one_place, mean_moisture, moisture_series
+from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.run import MapRun, NoteCode
 from soilmoist_ros.sensing import CalibrationCurve, CountRecord, Site, load_site, process_logs, read_log
@@ -45,7 +45,7 @@ def test_one_place_gives_a_series_and_says_so(run) -> None:
     assert not run.quarantined
     # Tube 2 twice has half as many counts again as tube 1 expects.
     assert [note.code for note in notes(run)] == [NoteCode.BAD_TUBES, NoteCode.OVERDISPERSED, NoteCode.ONE_PLACE]
-    mean = mean_moisture(run.track, run.soil_map.curve)
+    mean = moisture_of_all(run.track, run.soil_map.curve)
     assert mean.vwc_p05 < mean.vwc < mean.vwc_p95
     series = moisture_series(run.track, run.soil_map.curve)
     assert series.step_s == 6 * HOUR

@@ -7,7 +7,7 @@ from __future__ import annotations
 import ipaddress
 import sys
 
-from soilmoist_ros.console.invitation import invitation, reachable
+from soilmoist_ros.console.invitations import invitation, reachable
 
 
 def test_everywhere_is_an_address_to_open():
