@@ -42,7 +42,7 @@ FOLDERS = (
     "simulation",
     "recording",
     "reporting",
-    "replay",
+    "pipeline",
     "console",
     "foundation",
 )

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping import PoissonKriging as PoissonKriging
     from soilmoist_ros.mapping import Variogram as Variogram
     from soilmoist_ros.mapping import fit_variogram as fit_variogram
-    from soilmoist_ros.replay import MapSettings as MapSettings
-    from soilmoist_ros.replay import ReplaySettings as ReplaySettings
-    from soilmoist_ros.replay import map_logs as map_logs
-    from soilmoist_ros.replay import replay_bag as replay_bag
+    from soilmoist_ros.pipeline import MapSettings as MapSettings
+    from soilmoist_ros.pipeline import ReplaySettings as ReplaySettings
+    from soilmoist_ros.pipeline import map_logs as map_logs
+    from soilmoist_ros.pipeline import replay_bag as replay_bag
     from soilmoist_ros.reporting import open_run as open_run
     from soilmoist_ros.sensing import read_log as read_log
     from soilmoist_ros.simulation import MissionSettings as MissionSettings
@@ -44,7 +44,7 @@ __getattr__, __dir__, __all__ = open_door(
     {
         "foundation": "__version__",
         "mapping": "PoissonKriging Variogram fit_variogram",
-        "replay": "MapSettings ReplaySettings map_logs replay_bag",
+        "pipeline": "MapSettings ReplaySettings map_logs replay_bag",
         "reporting": "open_run",
         "sensing": "read_log",
         "simulation": "MissionSettings simulate_mission",

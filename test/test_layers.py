@@ -18,6 +18,7 @@ FLOORS = (
     "simulation",
     "recording",
     "reporting",
+    "pipeline",
     "replay",
     "console",
     "nodes",

@@ -254,7 +254,7 @@ def _counted(
     exposure_s: float | None,
     window: tuple[datetime | None, datetime | None],
 ) -> CalibrationCounts:
-    from soilmoist_ros.replay import read_logs, reading_of, skipped_text
+    from soilmoist_ros.pipeline import read_logs, reading_of, skipped_text
     from soilmoist_ros.sensing import CalibrationCounts, calibration_counts, log_doubts
 
     if (counts is None) != (exposure_s is None) or bool(logs) == (counts is not None):

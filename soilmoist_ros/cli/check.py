@@ -21,7 +21,7 @@ from soilmoist_ros.foundation import InputError, Mistake
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import Field
-    from soilmoist_ros.replay import Finding
+    from soilmoist_ros.pipeline import Finding
     from soilmoist_ros.sensing import Site
 
 Value = TypeVar("Value")
@@ -123,14 +123,14 @@ def _print(name: str, findings: Iterable[Finding]) -> None:
 
 
 def _logger(name: str) -> tuple[None, Iterable[Finding]]:
-    from soilmoist_ros.replay import logger_findings
+    from soilmoist_ros.pipeline import logger_findings
     from soilmoist_ros.sensing import load_logger_format
 
     return None, logger_findings(load_logger_format(name))
 
 
 def _site(name: str) -> tuple[Site, Iterable[Finding]]:
-    from soilmoist_ros.replay import site_findings
+    from soilmoist_ros.pipeline import site_findings
     from soilmoist_ros.sensing import load_site
 
     site = load_site(name)
@@ -140,7 +140,7 @@ def _site(name: str) -> tuple[Site, Iterable[Finding]]:
 def _field(name: str, robot_radius_m: float) -> tuple[Field, Iterable[Finding]]:
     from soilmoist_ros.foundation import read_yaml, resource
     from soilmoist_ros.mapping import load_field
-    from soilmoist_ros.replay import field_findings, truth_findings
+    from soilmoist_ros.pipeline import field_findings, truth_findings
     from soilmoist_ros.simulation import load_surrogate
 
     path = resource("fields", name)
@@ -151,7 +151,7 @@ def _field(name: str, robot_radius_m: float) -> tuple[Field, Iterable[Finding]]:
 
 
 def _graph(field: Field, path: Path, robot_radius_m: float, home: str) -> tuple[None, Iterable[Finding]]:
-    from soilmoist_ros.replay import graph_findings
+    from soilmoist_ros.pipeline import graph_findings
 
     try:
         return None, list(graph_findings(field, path, robot_radius_m, home))
@@ -174,7 +174,7 @@ def _compare(
 
     from soilmoist_ros.foundation import resource
     from soilmoist_ros.mapping import PositionSource
-    from soilmoist_ros.replay import (
+    from soilmoist_ros.pipeline import (
         contradictions,
         log_findings,
         log_positions,

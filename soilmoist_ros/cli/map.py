@@ -106,7 +106,7 @@ def command(
     prepare_output(out, overwrite)
     from soilmoist_ros.foundation import shared_work
     from soilmoist_ros.mapping import CovariateSource
-    from soilmoist_ros.replay import MapSettings, map_logs
+    from soilmoist_ros.pipeline import MapSettings, map_logs
     from soilmoist_ros.reporting import run_figures, write_figures, write_outputs
     from soilmoist_ros.sensing import utc_text
 

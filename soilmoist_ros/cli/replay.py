@@ -25,7 +25,7 @@ from soilmoist_ros.cli.options.output_options import (
 from soilmoist_ros.cli.options.position_options import gnss_shift_option
 
 if TYPE_CHECKING:
-    from soilmoist_ros.replay import Replay
+    from soilmoist_ros.pipeline import Replay
 
 
 @click.command("replay")
@@ -75,7 +75,7 @@ def command(
     With the settings of the run, the map equals the map of the robot bit for bit.
     """
     prepare_output(out, overwrite)
-    from soilmoist_ros.replay import ReplaySettings, replay_bag
+    from soilmoist_ros.pipeline import ReplaySettings, replay_bag
     from soilmoist_ros.reporting import run_figures, write_figures, write_outputs
 
     keep_nugget = None if nugget is None else nugget == "keep"

@@ -248,7 +248,7 @@ CASES: dict[str, Callable[[Path], None]] = {
 
 def summary(run: Path, **settings: Any) -> dict[str, Any]:
     """Result of a replay of a run, in a few numbers."""
-    from soilmoist_ros.replay import ReplaySettings, replay_bag
+    from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 
     replay = replay_bag(run, ReplaySettings(**settings))
     soil_map, mission = replay.run.soil_map, replay.run.mission

@@ -32,7 +32,7 @@ from test_system import Robot
 from msg_adapters.mission import mission_from_message
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.runtime.loopback import FIRST_PORT, PORTS_EACH
-from soilmoist_ros.replay import ReplaySettings, replay_bag
+from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 
 # rclpy warns when nodes of the system disappear during an answer.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")]

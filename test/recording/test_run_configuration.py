@@ -8,6 +8,7 @@ import pytest
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.pipeline.replay_settings import ReplaySettings, robot_survey
 from soilmoist_ros.recording.run_configuration import RunConfiguration
 from soilmoist_ros.recording.run_folder import (
     configuration_of,
@@ -15,7 +16,6 @@ from soilmoist_ros.recording.run_folder import (
     read_parameters,
     write_parameters,
 )
-from soilmoist_ros.replay.replay_settings import ReplaySettings, robot_survey
 from soilmoist_ros.sensing.moisture.site import load_site
 
 SQUARE = "name: {name}\ndatum: {{latitude_deg: 53.2, longitude_deg: -0.5}}\npolygon: [[0, 0], [9, 0], [9, 9]]\n"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.configuration import resource
-from soilmoist_ros.replay.log_map import MapSettings, map_logs
+from soilmoist_ros.pipeline.log_map import MapSettings, map_logs
 from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
 from soilmoist_ros.reporting.page.notes import notes

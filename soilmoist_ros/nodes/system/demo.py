@@ -21,7 +21,7 @@ from soilmoist_ros.nodes.system.demo_configuration import (
     write_configuration,
 )
 from soilmoist_ros.nodes.system.process_group import ProcessGroup
-from soilmoist_ros.replay import ReplaySettings
+from soilmoist_ros.pipeline import ReplaySettings
 from soilmoist_ros.reporting import LiveMap, LiveMission
 from soilmoist_ros.simulation import mission_fields, robot_namespaces
 

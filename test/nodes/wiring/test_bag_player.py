@@ -28,12 +28,12 @@ from msg_adapters.stamps import to_seconds, to_time
 from soilmoist_ros.mapping.cells import map_cells
 from soilmoist_ros.nodes.runtime.key_press import on_space
 from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
+from soilmoist_ros.pipeline import replay_bag
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.writer import BagWriter
 from soilmoist_ros.recording.mcap.definitions import find_definition
 from soilmoist_ros.recording.mcap.metadata import Qos, Topic
 from soilmoist_ros.recording.run_folder import read_parameters
-from soilmoist_ros.replay import replay_bag
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden"
 START_S = 1.78e9

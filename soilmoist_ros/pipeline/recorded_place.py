@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, resource
 from soilmoist_ros.mapping import Field, PositionSource, load_field, require_near
+from soilmoist_ros.pipeline.bag_lines import fix_topic, read_fixes, unread_positions
+from soilmoist_ros.pipeline.topics import TEXT
 from soilmoist_ros.recording import BagReader, read_parameters
-from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes, unread_positions
-from soilmoist_ros.replay.topics import TEXT
 from soilmoist_ros.reporting import FieldSurvey
 from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt, Doubts, Heard
 

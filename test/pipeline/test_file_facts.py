@@ -14,14 +14,14 @@ from soilmoist_ros.foundation.errors import Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field, load_field
 from soilmoist_ros.mapping.placement import PositionSource
-from soilmoist_ros.replay.file_facts import (
+from soilmoist_ros.pipeline.file_facts import (
     contradictions,
     field_findings,
     log_findings,
     logger_findings,
     site_findings,
 )
-from soilmoist_ros.replay.log_map import log_positions, read_logs
+from soilmoist_ros.pipeline.log_map import log_positions, read_logs
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 

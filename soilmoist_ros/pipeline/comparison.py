@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import FieldMap, MapState, SoilMap
+from soilmoist_ros.pipeline.topics import CLOUD, RunTopics
 from soilmoist_ros.recording import points
-from soilmoist_ros.replay.topics import CLOUD, RunTopics
 
 _OF_RATE = ("rate", "rate_sd")
 _OF_MOISTURE = ("vwc", "vwc_sd", "vwc_p05", "vwc_p95")

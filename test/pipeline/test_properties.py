@@ -14,8 +14,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters, write_parameters
-from soilmoist_ros.replay import ReplaySettings, replay_bag
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden" / "drive_and_stop"
 TWICE = ("/counts", "/samples", "/soil_map")

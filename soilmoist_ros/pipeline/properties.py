@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration import property_weights
 from soilmoist_ros.foundation import IllConditionedError, InputError, finite_number
 from soilmoist_ros.mapping import MapState
+from soilmoist_ros.pipeline.comparison import Comparison, PublishedMap, compare
+from soilmoist_ros.pipeline.topics import CLOUD, STATUS, TEXT, RunTopics
 from soilmoist_ros.recording import read_parameters
-from soilmoist_ros.replay.comparison import Comparison, PublishedMap, compare
-from soilmoist_ros.replay.topics import CLOUD, STATUS, TEXT, RunTopics
 from soilmoist_ros.reporting import FieldSurvey
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation import MapErrors, SurrogateField, map_errors

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.pipeline.bag_lines import fix_topic, logger_topic, read_fixes, text_lines, unread_positions
+from soilmoist_ros.pipeline.log_map import log_times, shifted_track
+from soilmoist_ros.pipeline.topics import FIX, TEXT, RunTopics
 from soilmoist_ros.recording import BagReader
-from soilmoist_ros.replay.bag_lines import fix_topic, logger_topic, read_fixes, text_lines, unread_positions
-from soilmoist_ros.replay.log_map import log_times, shifted_track
-from soilmoist_ros.replay.topics import FIX, TEXT, RunTopics
 from soilmoist_ros.sensing import (
     FORMAT_NAME,
     NO_ARMS,

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from soilmoist_ros.exploration import Visit
+from soilmoist_ros.pipeline.statuses import Status
+from soilmoist_ros.pipeline.topics import RunTopics
 from soilmoist_ros.recording import VISIT
-from soilmoist_ros.replay.statuses import Status
-from soilmoist_ros.replay.topics import RunTopics
 from soilmoist_ros.sensing import CountRecord
 
 _CLOCK_S = 1e-3

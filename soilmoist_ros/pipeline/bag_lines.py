@@ -12,8 +12,8 @@ from pathlib import Path
 from statistics import median
 
 from soilmoist_ros.foundation import InputError, Mistake
+from soilmoist_ros.pipeline.topics import CLOUD, FIX, GPS_FIX, SENTENCE, TEXT
 from soilmoist_ros.recording import BagReader
-from soilmoist_ros.replay.topics import CLOUD, FIX, GPS_FIX, SENTENCE, TEXT
 from soilmoist_ros.sensing import (
     Fix,
     Kind,

@@ -10,10 +10,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from soilmoist_ros.foundation import InputError, Mistake, SoilmoistError
+from soilmoist_ros.pipeline.mission import RobotMission, replay_mission
+from soilmoist_ros.pipeline.properties import ReplayedProperty
+from soilmoist_ros.pipeline.recorded_place import why_nothing
 from soilmoist_ros.recording import BagReader
-from soilmoist_ros.replay.mission import RobotMission, replay_mission
-from soilmoist_ros.replay.properties import ReplayedProperty
-from soilmoist_ros.replay.recorded_place import why_nothing
 from soilmoist_ros.reporting import FailedRun, LossRow, NoMapError, Trouble, duration, input_file, loss_rows_of
 from soilmoist_ros.sensing import reason_text
 from soilmoist_ros.simulation import MissionResult

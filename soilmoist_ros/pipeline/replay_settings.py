@@ -12,8 +12,8 @@ from typing import Any, Literal, get_args
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import VARIOGRAM_MODELS, DriftModel, FitMethod, LocalModel, NoiseModel
+from soilmoist_ros.pipeline.properties import PropertyTopic
 from soilmoist_ros.recording import read_parameters
-from soilmoist_ros.replay.properties import PropertyTopic
 from soilmoist_ros.reporting import FieldSurvey, Note, NoteCode, open_survey
 from soilmoist_ros.sensing import load_site
 

@@ -10,6 +10,26 @@ from itertools import groupby
 from pathlib import Path
 
 from soilmoist_ros.foundation import IllConditionedError, InputError
+from soilmoist_ros.pipeline.bag_lines import logger_topic
+from soilmoist_ros.pipeline.comparison import Comparison, read_published_map
+from soilmoist_ros.pipeline.file_facts import position_notes
+from soilmoist_ros.pipeline.log_map import loss_rows, read_reference, reference_error, with_reference
+from soilmoist_ros.pipeline.mission import RobotMission, replay_mission
+from soilmoist_ros.pipeline.no_map import no_map
+from soilmoist_ros.pipeline.properties import (
+    PropertyTopic,
+    ReplayedProperty,
+    chosen_properties,
+    named_truths,
+    read_planner,
+    team_properties,
+)
+from soilmoist_ros.pipeline.raw import RawSurvey, read_raw, says_simulated
+from soilmoist_ros.pipeline.recorded_place import recorded_places
+from soilmoist_ros.pipeline.replay_settings import ReplaySettings, property_survey, robot_survey
+from soilmoist_ros.pipeline.statuses import last_mission, read_statuses
+from soilmoist_ros.pipeline.topics import CLOUD, TEXT, RunTopics
+from soilmoist_ros.pipeline.visits import mission_visits, read_visits
 from soilmoist_ros.recording import (
     MISSED,
     RECEIVED,
@@ -25,26 +45,6 @@ from soilmoist_ros.recording import (
     record_key,
     recorder_notes,
 )
-from soilmoist_ros.replay.bag_lines import logger_topic
-from soilmoist_ros.replay.comparison import Comparison, read_published_map
-from soilmoist_ros.replay.file_facts import position_notes
-from soilmoist_ros.replay.log_map import loss_rows, read_reference, reference_error, with_reference
-from soilmoist_ros.replay.mission import RobotMission, replay_mission
-from soilmoist_ros.replay.no_map import no_map
-from soilmoist_ros.replay.properties import (
-    PropertyTopic,
-    ReplayedProperty,
-    chosen_properties,
-    named_truths,
-    read_planner,
-    team_properties,
-)
-from soilmoist_ros.replay.raw import RawSurvey, read_raw, says_simulated
-from soilmoist_ros.replay.recorded_place import recorded_places
-from soilmoist_ros.replay.replay_settings import ReplaySettings, property_survey, robot_survey
-from soilmoist_ros.replay.statuses import last_mission, read_statuses
-from soilmoist_ros.replay.topics import CLOUD, TEXT, RunTopics
-from soilmoist_ros.replay.visits import mission_visits, read_visits
 from soilmoist_ros.reporting import FieldSurvey, LossRow, MapRun, Note, NoteCode, input_file, require_crs
 from soilmoist_ros.sensing import CountRecord, LeverArms, Reference, placed_of_any
 from soilmoist_ros.simulation import surrogate_field

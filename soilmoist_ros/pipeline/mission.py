@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import Visit, forecast_from_text
+from soilmoist_ros.pipeline.properties import ReplayedProperty
+from soilmoist_ros.pipeline.statuses import Status
 from soilmoist_ros.recording import read_parameters
-from soilmoist_ros.replay.properties import ReplayedProperty
-from soilmoist_ros.replay.statuses import Status
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation import (
     MapErrors,

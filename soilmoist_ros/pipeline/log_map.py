@@ -37,8 +37,8 @@ from soilmoist_ros.mapping import (
     require_covariates,
     require_near,
 )
+from soilmoist_ros.pipeline.file_facts import far_from_site, looks_swapped, position_notes
 from soilmoist_ros.recording import is_bag, message_files
-from soilmoist_ros.replay.file_facts import far_from_site, looks_swapped, position_notes
 from soilmoist_ros.reporting import (
     REFERENCE,
     CorrectionRow,
@@ -442,8 +442,8 @@ def _format_of(path: Path, topic: str) -> LoggerFormat:
 
 def _lines_of_bag(path: Path, topic: str) -> Sequence[bytes]:
     # logs of a logger are read without the extra with recordings
+    from soilmoist_ros.pipeline.bag_lines import logger_topic, text_lines
     from soilmoist_ros.recording import BagReader
-    from soilmoist_ros.replay.bag_lines import logger_topic, text_lines
 
     with BagReader(path) as reader:
         return text_lines(reader, logger_topic(reader, topic))
@@ -552,8 +552,8 @@ def read_track(
     used: list[Path] = []
     for path in [*paths, *filter(is_bag, dict.fromkeys(others))]:
         if is_bag(path):
+            from soilmoist_ros.pipeline.bag_lines import fix_topic, read_fixes, unread_positions
             from soilmoist_ros.recording import BagReader
-            from soilmoist_ros.replay.bag_lines import fix_topic, read_fixes, unread_positions
 
             with BagReader(path) as reader:
                 name = fix_topic(reader, topic)

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, get_type_hints
 
-from soilmoist_ros.replay.topics import STATUS, RunTopics
+from soilmoist_ros.pipeline.topics import STATUS, RunTopics
 
 
 class Status(NamedTuple):

@@ -16,8 +16,8 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.replay import MapSettings, map_logs
-from soilmoist_ros.replay.log_map import loss_rows, require_standing
+from soilmoist_ros.pipeline import MapSettings, map_logs
+from soilmoist_ros.pipeline.log_map import loss_rows, require_standing
 from soilmoist_ros.reporting.files.summary import summary
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import mean_sd

@@ -8,9 +8,9 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from soilmoist_ros.pipeline.statuses import Status, last_mission, read_statuses
+from soilmoist_ros.pipeline.topics import STATUS, RunTopics
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.replay.statuses import Status, last_mission, read_statuses
-from soilmoist_ros.replay.topics import STATUS, RunTopics
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START_S = 1_780_000_000.0

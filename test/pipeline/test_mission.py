@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.replay.mission import RobotMission, mission_log
-from soilmoist_ros.replay.statuses import Status
+from soilmoist_ros.pipeline.mission import RobotMission, mission_log
+from soilmoist_ros.pipeline.statuses import Status
 
 
 def status(used_s, state, reason, command="", command_s=float("nan")):
