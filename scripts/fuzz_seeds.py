@@ -173,9 +173,9 @@ def snapshot() -> list[bytes]:
 @cache
 def run_files() -> dict[str, bytes]:
     """Output of a short mission, and the file of the mission in a campaign."""
+    from soilmoist_ros.lab.mission_store import pack
     from soilmoist_ros.reporting import write_mission
     from soilmoist_ros.simulation import MissionSettings, simulate_mission
-    from soilmoist_ros.simulation.campaign.mission_store import pack
 
     settings = MissionSettings(hours=0.3, cell_m=8.0, dwell="fmi:60", preset="paper")
     result = simulate_mission(settings)

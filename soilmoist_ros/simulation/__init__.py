@@ -2,34 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Data with a known truth: surrogate fields, simulated missions, and virtual robots, loggers and receivers."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.simulation.campaign.campaign import RUNS as RUNS
-    from soilmoist_ros.simulation.campaign.campaign import CampaignInterrupted as CampaignInterrupted
-    from soilmoist_ros.simulation.campaign.campaign import run_campaign as run_campaign
-    from soilmoist_ros.simulation.campaign.campaign import stored_rows as stored_rows
-    from soilmoist_ros.simulation.campaign.campaign_file import Campaign as Campaign
-    from soilmoist_ros.simulation.campaign.campaign_file import FindingKey as FindingKey
-    from soilmoist_ros.simulation.campaign.campaign_file import Mission as Mission
-    from soilmoist_ros.simulation.campaign.campaign_file import load_campaign as load_campaign
-    from soilmoist_ros.simulation.campaign.campaign_file import missions as missions
-    from soilmoist_ros.simulation.campaign.computing import Failure as Failure
-    from soilmoist_ros.simulation.campaign.hindsight import LATTICES as LATTICES
-    from soilmoist_ros.simulation.campaign.hindsight import hindsight_table as hindsight_table
-    from soilmoist_ros.simulation.campaign.mission_store import MissionStore as MissionStore
-    from soilmoist_ros.simulation.campaign.mission_store import StoredMission as StoredMission
-    from soilmoist_ros.simulation.campaign.mission_store import code_version as code_version
-    from soilmoist_ros.simulation.campaign.paired import PairedDifference as PairedDifference
-    from soilmoist_ros.simulation.campaign.paired import paired_differences as paired_differences
-    from soilmoist_ros.simulation.campaign.progress import CampaignProgress as CampaignProgress
-    from soilmoist_ros.simulation.campaign.progress import Progress as Progress
-    from soilmoist_ros.simulation.campaign.table import CASE as CASE
-    from soilmoist_ros.simulation.campaign.table import Finished as Finished
-    from soilmoist_ros.simulation.campaign.table import missions_table as missions_table
-    from soilmoist_ros.simulation.campaign.table import results_table as results_table
     from soilmoist_ros.simulation.fields.aerial_picture import write_aerial_picture as write_aerial_picture
     from soilmoist_ros.simulation.fields.catalogue import known_field as known_field
     from soilmoist_ros.simulation.fields.catalogue import surrogate_field as surrogate_field
@@ -38,6 +16,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.simulation.fields.field_files import write_site_file as write_site_file
     from soilmoist_ros.simulation.fields.field_files import write_truth_file as write_truth_file
     from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField as SurrogateField
+    from soilmoist_ros.simulation.fields.truth_file import has_truth as has_truth
     from soilmoist_ros.simulation.fields.truth_file import load_surrogate as load_surrogate
     from soilmoist_ros.simulation.mission.channel import mission_fields as mission_fields
     from soilmoist_ros.simulation.mission.channel import mission_properties as mission_properties
@@ -88,22 +67,14 @@ if TYPE_CHECKING:
     from soilmoist_ros.simulation.simulated_robot import robot_namespaces as robot_namespaces
     from soilmoist_ros.simulation.system import VirtualSystem as VirtualSystem
 
-__getattr__, __dir__, __all__ = open_door(
+_open, __dir__, __all__ = open_door(
     __name__,
     {
-        "campaign.campaign": "CampaignInterrupted RUNS run_campaign stored_rows",
-        "campaign.campaign_file": "Campaign FindingKey Mission load_campaign missions",
-        "campaign.computing": "Failure",
-        "campaign.hindsight": "LATTICES hindsight_table",
-        "campaign.mission_store": "MissionStore StoredMission code_version",
-        "campaign.paired": "PairedDifference paired_differences",
-        "campaign.progress": "CampaignProgress Progress",
-        "campaign.table": "CASE Finished missions_table results_table",
         "fields.aerial_picture": "write_aerial_picture",
         "fields.catalogue": "known_field surrogate_field surrogate_field_names",
         "fields.field_files": "write_field_file write_site_file write_truth_file",
         "fields.surrogate_field": "SurrogateField",
-        "fields.truth_file": "load_surrogate",
+        "fields.truth_file": "has_truth load_surrogate",
         "mission.channel": "mission_fields mission_properties",
         "mission.efficiency": "mission_efficiency",
         "mission.forecasts": "TimedForecast achieved forecast_text reported",
@@ -124,3 +95,10 @@ __getattr__, __dir__, __all__ = open_door(
         "system": "VirtualSystem",
     },
 )
+
+
+def __getattr__(name: str) -> object:
+    """Name of this door; campaigns have moved to ``soilmoist_ros.lab``, and are found here for one release."""
+    if name in ("load_campaign", "run_campaign"):
+        return getattr(import_module("soilmoist_ros.lab"), name)
+    return _open(name)

@@ -13,8 +13,8 @@ from soilmoist_ros.exploration.planning.dwell import FixedInterval
 from soilmoist_ros.exploration.strategies.rules import PRESETS as CONSTANTS
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.lab.campaign_file import Choices
 from soilmoist_ros.simulation import MissionSettings, PropertySettings, surrogate_field
-from soilmoist_ros.simulation.campaign.campaign_file import Choices
 from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 

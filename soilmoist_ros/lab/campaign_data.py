@@ -10,19 +10,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.exploration import STRATEGIES
-from soilmoist_ros.simulation import (
-    CASE,
-    Campaign,
-    Finished,
-    Mission,
-    PairedDifference,
-    StoredMission,
-    hindsight_table,
-    missions,
-    missions_table,
-    paired_differences,
-    results_table,
-)
+from soilmoist_ros.lab.campaign_file import Campaign, Mission, missions
+from soilmoist_ros.lab.hindsight import hindsight_table
+from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.lab.paired import PairedDifference, paired_differences
+from soilmoist_ros.lab.table import CASE, Finished, missions_table, results_table
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.simulation.campaign.campaign_file import Campaign, missions
-from soilmoist_ros.simulation.campaign.hindsight import (
+from soilmoist_ros.lab.campaign_file import Campaign, missions
+from soilmoist_ros.lab.hindsight import (
     LATTICE_DWELLS,
     LATTICES,
     Outcome,

@@ -17,22 +17,22 @@ from matplotlib.text import Text
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.reporting.campaign import figures as campaign_figures
-from soilmoist_ros.reporting.campaign import report as campaign_report
-from soilmoist_ros.reporting.campaign.data import CampaignData
-from soilmoist_ros.reporting.campaign.figures import spaced
-from soilmoist_ros.reporting.campaign.findings import findings
-from soilmoist_ros.reporting.campaign.report import mean_sd_text, render_campaign_report, write_campaign_report
+from soilmoist_ros.lab import figures as campaign_figures
+from soilmoist_ros.lab import report as campaign_report
+from soilmoist_ros.lab.campaign import Failure, load_campaign, missions, run_campaign
+from soilmoist_ros.lab.campaign_data import CampaignData
+from soilmoist_ros.lab.campaign_file import Campaign
+from soilmoist_ros.lab.figure_style import FigureImage
+from soilmoist_ros.lab.figures import spaced
+from soilmoist_ros.lab.findings import findings
+from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.lab.report import mean_sd_text, render_campaign_report, write_campaign_report
+from soilmoist_ros.lab.table import mission_row
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
-from soilmoist_ros.reporting.page.style import Picture
-from soilmoist_ros.simulation.campaign.campaign import Failure, load_campaign, missions, run_campaign
-from soilmoist_ros.simulation.campaign.campaign_file import Campaign
-from soilmoist_ros.simulation.campaign.mission_store import StoredMission
-from soilmoist_ros.simulation.campaign.table import mission_row
 from soilmoist_ros.simulation.mission.map_errors import MapErrors
 from soilmoist_ros.simulation.mission.result import SeriesRow
 
-FAKE = Path(__file__).resolve().parents[2] / "simulation"
+FAKE = Path(__file__).resolve().parents[1] / "simulation"
 CAMPAIGN = Campaign.model_validate(
     {
         "title": "A <small> campaign",
@@ -294,7 +294,7 @@ def test_page_of_a_campaign(tmp_path, fake):
 @pytest.fixture
 def words_only(monkeypatch):
     """No figures."""
-    blank = Picture("data:image/png;base64,", "a figure")
+    blank = FigureImage("data:image/png;base64,", "a figure")
     monkeypatch.setattr(campaign_report, "picture", lambda *_: blank)
     for name in ("strategies_figure", "intervals_figure", "coverage_figure", "examples_figure"):
         monkeypatch.setattr(campaign_figures, name, lambda *_: object())

@@ -13,25 +13,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.reporting.campaign import figures as figures
-from soilmoist_ros.reporting.campaign.data import CampaignData, Case
-from soilmoist_ros.reporting.campaign.findings import Comparison, findings
-from soilmoist_ros.reporting.page.frame import render_page
-from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
-from soilmoist_ros.reporting.page.numbers import length, number, plain
-from soilmoist_ros.reporting.page.style import Section, picture
-from soilmoist_ros.simulation import (
-    LATTICES,
-    RUNS,
-    Campaign,
-    Failure,
-    Finished,
-    MissionStore,
-    PairedDifference,
-    code_version,
-    missions,
-    stored_rows,
-)
+from soilmoist_ros.lab import figures
+from soilmoist_ros.lab.campaign import RUNS, stored_rows
+from soilmoist_ros.lab.campaign_data import CampaignData, Case
+from soilmoist_ros.lab.campaign_file import Campaign, missions
+from soilmoist_ros.lab.computing import Failure
+from soilmoist_ros.lab.figure_style import FigureSection, picture
+from soilmoist_ros.lab.findings import Comparison, findings
+from soilmoist_ros.lab.hindsight import LATTICES
+from soilmoist_ros.lab.mission_store import MissionStore, code_version
+from soilmoist_ros.lab.paired import PairedDifference
+from soilmoist_ros.lab.table import Finished
+from soilmoist_ros.reporting import dwell_text, length, number, plain, render_page, strategy_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -224,13 +217,13 @@ def _setting(value: object) -> str:
     return "the field's own" if value is None or value != value else plain(value)
 
 
-def _sections(data: CampaignData) -> Iterator[Section]:
+def _sections(data: CampaignData) -> Iterator[FigureSection]:
     """The figures in the order strategies, examples, intervals, coverage."""
     for case in data.strategy_cases:
         yield _strategies_section(data, case)
         examples = figures.examples_figure(data, case)
         if examples is not None:
-            yield Section(
+            yield FigureSection(
                 f"examples-{case.number}", f"{case.title}: examples of missions",
                 picture(examples, f"Truth, maps with paths, and kriging variance: {case.title}"),
                 "Above: the true rate, and the map at the end of one mission per strategy (the first seed) with "
@@ -241,7 +234,7 @@ def _sections(data: CampaignData) -> Iterator[Section]:
         if figures.interval_strategies(data, case):
             yield _intervals_section(data, case)
     shown = data.strategy_cases or data.cases
-    yield Section(
+    yield FigureSection(
         "coverage", "Are the maps as sure as they may be?",
         picture(figures.coverage_figure(data, shown), "Coverage of the 95 % interval against mission time", True),
         "Share of the field whose true rate lies in the 95 % interval of the map (mean over the runs). A line "
@@ -249,7 +242,7 @@ def _sections(data: CampaignData) -> Iterator[Section]:
     )  # fmt: skip
 
 
-def _strategies_section(data: CampaignData, case: Case) -> Section:
+def _strategies_section(data: CampaignData, case: Case) -> FigureSection:
     rows = data.final(case)
     means = rows.groupby("strategy")[["distance_m", "mse"]].mean()
     distance, error = means["distance_m"].dropna(), means["mse"].dropna()
@@ -267,7 +260,7 @@ def _strategies_section(data: CampaignData, case: Case) -> Section:
             f"The lowest final error is that of {strategy_text(str(best))} ({number(error[best])} (counts/s)²), "
             f"the highest that of {strategy_text(str(worst))} ({number(error[worst])})."
         )
-    return Section(
+    return FigureSection(
         f"strategies-{case.number}", f"{case.title}: strategies",
         picture(figures.strategies_figure(data, case), f"Distance and error against time: {case.title}", True),
         f"Lines: mean over {_runs(rows)}; bands: one standard deviation to both sides, cut at the lowest run. "
@@ -276,7 +269,7 @@ def _strategies_section(data: CampaignData, case: Case) -> Section:
     )  # fmt: skip
 
 
-def _intervals_section(data: CampaignData, case: Case) -> Section:
+def _intervals_section(data: CampaignData, case: Case) -> FigureSection:
     panels = figures.interval_strategies(data, case)
     rows = data.missions[(data.missions["case"] == case.number) & data.missions["strategy"].isin(panels)]
     error = rows.groupby("dwell")["mse"].mean().dropna()
@@ -292,7 +285,7 @@ def _intervals_section(data: CampaignData, case: Case) -> Section:
     pays = "optimal" in samples.index
     optimal = " Green: it counts as long as that lowers the variance of the map faster than moving on." * pays
     alt = f"Error against time by counting interval: {case.title}"
-    return Section(
+    return FigureSection(
         f"intervals-{case.number}", f"{case.title}: fixed and adaptive counting interval",
         picture(figures.intervals_figure(data, case), alt, True),
         "Orange: the robot counts for a fixed time (FMI). Blue: it counts until the relative standard error of "

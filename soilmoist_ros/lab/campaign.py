@@ -9,15 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from soilmoist_ros.foundation import InputError, SoilmoistError, cores
+from soilmoist_ros.lab.campaign_file import Campaign, Mission, load_campaign, mission_key, missions
+from soilmoist_ros.lab.cluster import on_cluster
+from soilmoist_ros.lab.computing import Failure, Flow, Simulate, WorkersLostError, in_processes, in_this_process
+from soilmoist_ros.lab.mission_store import DamagedMissionError, MissionStore, StaleMissionError
+from soilmoist_ros.lab.progress import CampaignProgress, Pace, Progress
+from soilmoist_ros.lab.table import MissionRow, mission_row, require_pandas, write_tables
 from soilmoist_ros.mapping import require_covariates
-from soilmoist_ros.simulation.campaign.campaign_file import Campaign, Mission, load_campaign, mission_key, missions
-from soilmoist_ros.simulation.campaign.cluster import on_cluster
-from soilmoist_ros.simulation.campaign.computing import Failure, Flow, Simulate, WorkersLostError
-from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError, MissionStore, StaleMissionError
-from soilmoist_ros.simulation.campaign.progress import CampaignProgress, Pace, Progress
-from soilmoist_ros.simulation.campaign.table import MissionRow, mission_row, require_pandas, write_tables
-from soilmoist_ros.simulation.campaign.workers import in_processes, in_this_process
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation import surrogate_field
 
 __all__ = [
     "Campaign",

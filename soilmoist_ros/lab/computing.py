@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Compute the missions of a campaign in this process or in local processes."""
+"""Compute one mission, in whatever process, and return what the campaign stores of it."""
 
 from __future__ import annotations
 
@@ -9,16 +9,77 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
+import traceback
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
-from soilmoist_ros.foundation import one_thread_each
-from soilmoist_ros.simulation.campaign.campaign_file import Mission
-from soilmoist_ros.simulation.campaign.computing import Failure, Finished, Flow, Simulate, compute
+from soilmoist_ros.foundation import SoilmoistError, one_thread_each
+from soilmoist_ros.lab.campaign_file import Mission
+from soilmoist_ros.lab.mission_store import pack
+from soilmoist_ros.simulation import MissionResult, MissionSettings
+
+MissionProgress = Callable[[float], None]
+Simulate = Callable[[MissionSettings, MissionProgress | None], MissionResult]
+
+
+class WorkersLostError(SoilmoistError):
+    """No worker can be reached any more; the missions that have not finished are to be computed another time."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A failed mission.
+
+    :param mission: the mission
+    :param error: error message in one line
+    :param details: traceback; may be empty
+    """
+
+    mission: Mission
+    error: str
+    details: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.mission.settings}: {self.error}"
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A mission that has come to its end.
+
+    :param mission: the mission
+    :param content: the bytes of its file, or why it failed
+    :param time_s: time that it took its worker [s]; NaN if unknown
+    """
+
+    mission: Mission
+    content: bytes | Failure
+    time_s: float
+
+
+Flow = Generator[Finished, None, None]
+"""Missions in the order in which they finish; closing it stops the workers."""
+
+
+def compute(mission: Mission, simulate: Simulate, progress: MissionProgress | None = None) -> Finished:
+    """Simulate one mission; errors are returned, not raised."""
+    begin_s = time.monotonic()
+    content: bytes | Failure
+    try:
+        content = pack(simulate(mission.settings, progress), mission.key)
+    except Exception as error:
+        text = " ".join(str(error).split()) or "no message"
+        content = Failure(mission, f"{type(error).__name__}: {text}", traceback.format_exc())
+    return Finished(mission, content, time.monotonic() - begin_s)
+
+
+# Compute the missions of a campaign in this process or in local processes ---------------------------------------
 
 _stop: ctypes.c_bool | None = None
 

@@ -11,15 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.reporting.campaign.data import (
+from soilmoist_ros.lab.campaign_data import (
     CampaignData,
     Case,
     strategies_in,
 )
-from soilmoist_ros.reporting.colours import RATE, UNCERTAIN
-from soilmoist_ros.reporting.figures.style import of_text_width
-from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text, strategy_traits
-from soilmoist_ros.reporting.page.style import (
+from soilmoist_ros.lab.figure_style import (
     BLUE,
     FAINT,
     GREEN,
@@ -28,14 +25,15 @@ from soilmoist_ros.reporting.page.style import (
     ORANGE,
     SMALL,
     SOFT,
-    colour_map,
+    colours,
     extension,
     label,
     new_figure,
-    plain,
-    robust_range,
+    of_text_width,
+    plain_axes,
 )
-from soilmoist_ros.simulation import StoredMission
+from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.reporting import RATE, UNCERTAIN, dwell_text, robust_range, strategy_text, strategy_traits
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,8 +79,8 @@ def strategies_figure(data: CampaignData, case: Case) -> Figure:
     """Distance and error against time, one line per strategy: mean and standard deviation over the runs."""
     rows = data.over_time(case, data.main_dwell(case))
     figure = new_figure(WIDTH_IN, 3.7)
-    left = plain(figure.add_axes((0.065, 0.145, 0.27, 0.76)), "y")
-    right = plain(figure.add_axes((0.555, 0.145, 0.29, 0.76)), "y")
+    left = plain_axes(figure.add_axes((0.065, 0.145, 0.27, 0.76)), "y")
+    right = plain_axes(figure.add_axes((0.555, 0.145, 0.29, 0.76)), "y")
     lines = [(strategy_text(name), rows[rows["strategy"] == name], _look(name)) for name in strategies_in(rows)]
     kilometres = rows["distance_m"].max() >= 3000
     scale, unit = (1e-3, "km") if kilometres else (1.0, "m")
@@ -107,7 +105,7 @@ def intervals_figure(data: CampaignData, case: Case) -> Figure:
     for number, strategy in enumerate(strategies):
         row, column = divmod(number, columns)
         place = (0.065 + 0.325 * column, (deep - 1 - row + 0.155) / deep, 0.205, 0.735 / deep)
-        axes = plain(figure.add_axes(place), "y")
+        axes = plain_axes(figure.add_axes(place), "y")
         some = rows[rows["strategy"] == strategy]
         dwells = sorted(some["dwell"].unique(), key=_dwell_order)
         lines = [(dwell_text(d), some[some["dwell"] == d], _dwell_look(d, dwells)) for d in dwells]
@@ -143,7 +141,7 @@ def coverage_figure(data: CampaignData, cases: Sequence[Case]) -> Figure:
     for number, case in enumerate(cases):
         row, column = divmod(number, columns)
         place = (0.065 + step * column, (row_in * (deep - 1 - row) + 0.5) / high, step - 0.04, 2.05 / high)
-        axes = plain(figure.add_axes(place), "y")
+        axes = plain_axes(figure.add_axes(place), "y")
         rows = data.over_time(case, data.main_dwell(case))
         lines = [(strategy_text(s), rows[rows["strategy"] == s], _look(s)) for s in strategies_in(rows)]
         axes.axhline(95, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=2)
@@ -344,7 +342,7 @@ def _panel(
     half = (stored.x_m[1] - stored.x_m[0]) / 2 if len(stored.x_m) > 1 else 0.5
     extent = (stored.x_m[0] - half, stored.x_m[-1] + half, stored.y_m[0] - half, stored.y_m[-1] + half)
     image = axes.imshow(
-        values, origin="lower", extent=extent, cmap=colour_map(cmap), vmin=limits[0], vmax=limits[1],
+        values, origin="lower", extent=extent, cmap=colours(cmap), vmin=limits[0], vmax=limits[1],
         interpolation="nearest", aspect="equal",
     )  # fmt: skip
     for ring in stored.outlines:

@@ -30,9 +30,9 @@ from soilmoist_ros.foundation import (
     resource,
     resource_names,
 )
-from soilmoist_ros.simulation.campaign.hindsight import LATTICE_DWELLS
-from soilmoist_ros.simulation.mission.setting import Setting as MissionSetting
-from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings, PropertySettings
+from soilmoist_ros.lab.hindsight import LATTICE_DWELLS
+from soilmoist_ros.simulation import SETTINGS, MissionSettings, PropertySettings
+from soilmoist_ros.simulation import Setting as MissionSetting
 
 FindingKey = Literal["ami_high", "ami_low", "adaptive_sampling", "greedy_border"]
 """Short names of the published findings."""
@@ -389,8 +389,7 @@ def _faults_of_field(name: str, folder: Path) -> Iterator[tuple[str, str]]:
 
     :raises InputError: if the field file cannot be read
     """
-    from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
-    from soilmoist_ros.simulation.fields.truth_file import has_truth
+    from soilmoist_ros.simulation import has_truth, surrogate_field_names
 
     shipped = {file: config_folder() / "fields" / f"{file}.yaml" for file in resource_names("fields")}
     usable = surrogate_field_names()

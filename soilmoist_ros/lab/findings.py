@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.reporting.campaign.data import CampaignData
-from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
-from soilmoist_ros.reporting.page.numbers import percent
-from soilmoist_ros.simulation import FindingKey
+from soilmoist_ros.lab.campaign_data import CampaignData
+from soilmoist_ros.lab.campaign_file import FindingKey
+from soilmoist_ros.reporting import dwell_text, percent, strategy_text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.simulation.campaign.progress import CampaignProgress, Pace
+from soilmoist_ros.lab.progress import CampaignProgress, Pace
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 

@@ -16,13 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, csv_text, install
-from soilmoist_ros.simulation.campaign.campaign_file import Mission
-from soilmoist_ros.simulation.campaign.hindsight import QUARTER, hindsight_table
-from soilmoist_ros.simulation.campaign.mission_store import StoredMission
-from soilmoist_ros.simulation.campaign.paired import paired_table
-from soilmoist_ros.simulation.mission.map_errors import MapErrors
-from soilmoist_ros.simulation.mission.result import SeriesRow, series_columns
-from soilmoist_ros.simulation.mission.settings import SETTINGS
+from soilmoist_ros.lab.campaign_file import Mission
+from soilmoist_ros.lab.hindsight import QUARTER, hindsight_table
+from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.lab.paired import paired_table
+from soilmoist_ros.simulation import SETTINGS, MapErrors, SeriesRow, series_columns
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,21 +18,21 @@ import pytest
 
 from soilmoist_ros.foundation.configuration import resource, resource_names
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.simulation.campaign import mission_store
-from soilmoist_ros.simulation.campaign.campaign import (
+from soilmoist_ros.lab import mission_store
+from soilmoist_ros.lab.campaign import (
     CampaignInterrupted,
     load_campaign,
     mission_key,
     missions,
     run_campaign,
 )
-from soilmoist_ros.simulation.campaign.campaign_file import Choices
-from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError, pack, unpack
-from soilmoist_ros.simulation.campaign.table import METRICS, time_grid
+from soilmoist_ros.lab.campaign_file import Choices
+from soilmoist_ros.lab.mission_store import DamagedMissionError, pack, unpack
+from soilmoist_ros.lab.table import METRICS, time_grid
 from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
-HERE = Path(__file__).resolve().parents[1]
+HERE = Path(__file__).resolve().parents[1] / "simulation"
 SMALL = """
 title: Small
 runs: 2
@@ -358,7 +358,7 @@ def test_ctrl_c_stops_the_processes(tmp_path):
         "        time.sleep(0.02); progress(0.5)\n"
         "if __name__ == '__main__':\n"
         "    import slow\n"
-        "    from soilmoist_ros.simulation.campaign.campaign import load_campaign, run_campaign\n"
+        "    from soilmoist_ros.lab.campaign import load_campaign, run_campaign\n"
         "    run_campaign(load_campaign(sys.argv[1]), Path(sys.argv[2]), slow.simulate, workers=1)\n"
     )
     path = tmp_path / "c.yaml"

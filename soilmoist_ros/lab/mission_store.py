@@ -23,11 +23,15 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import Visit, VisitEnd
 from soilmoist_ros.foundation import InputError, SoilmoistError, __version__
-from soilmoist_ros.simulation.campaign.campaign_file import Mission
-from soilmoist_ros.simulation.mission.efficiency import mission_efficiency
-from soilmoist_ros.simulation.mission.map_errors import MapErrors
-from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow
-from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
+from soilmoist_ros.lab.campaign_file import Mission
+from soilmoist_ros.simulation import (
+    MapErrors,
+    MissionResult,
+    MissionSettings,
+    PropertySettings,
+    SeriesRow,
+    mission_efficiency,
+)
 
 Array = NDArray[np.float64]
 SCHEMA = 4
@@ -85,7 +89,7 @@ class StoredMission:
 @cache
 def code_version() -> str:
     """Version of the package with a digest of the computing code, which separates results of different code."""
-    package = Path(__file__).resolve().parents[2]
+    package = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256()
     for path in sorted(path for name in COMPUTING for path in (package / name).glob("**/*.py")):
         digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")

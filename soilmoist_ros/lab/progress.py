@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
-from soilmoist_ros.simulation.campaign.campaign_file import Mission
-from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.lab.campaign_file import Mission
+from soilmoist_ros.simulation import MissionSettings
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, Final
+
+from distributed import WorkerPlugin
 
 from soilmoist_ros.foundation import InputError, connect
-from soilmoist_ros.simulation.campaign.campaign_file import Mission
-from soilmoist_ros.simulation.campaign.computing import (
+from soilmoist_ros.lab.campaign_file import Mission
+from soilmoist_ros.lab.computing import (
     Failure,
     Finished,
     Flow,
@@ -29,7 +31,7 @@ from soilmoist_ros.simulation.campaign.computing import (
     WorkersLostError,
     compute,
 )
-from soilmoist_ros.simulation.campaign.mission_store import code_version
+from soilmoist_ros.lab.mission_store import code_version
 
 IN_FLIGHT = 3
 """Batches in flight for each thread of the cluster: one runs, the others bridge the way to the scheduler."""
@@ -165,7 +167,7 @@ def _same_version(client: Any, simulate: Simulate) -> Iterator[None]:
         others = f", and {len(wrong) - 1} more differ" if len(wrong) > 1 else ""
         message = f"this is soilmoist_ros {code_version()}, but the Dask worker {address} {has}{others}"
         raise InputError(message, REMEDY)
-    gate = import_module("soilmoist_ros.simulation.campaign.cluster_gate")
+    gate = import_module("soilmoist_ros.lab.cluster")
     client.register_plugin(gate.Gate(code_version(), simulate), name=gate.NAME)
     try:
         yield
@@ -173,3 +175,43 @@ def _same_version(client: Any, simulate: Simulate) -> Iterator[None]:
         if client.status == "running":
             with suppress(OSError):  # of a scheduler that has gone, which the client does not know yet
                 client.unregister_worker_plugin(gate.NAME)
+
+
+# What runs in each worker of a Dask cluster when it joins a campaign. Needs Dask --------------------------------
+
+NAME: Final = "soilmoist_ros-campaign"
+SAMPLING: Final = ("profile", "profile-cycle")
+"""What Dask calls 100 times a second to see where its tasks are, which takes some of the worker's time."""
+_log = logging.getLogger("distributed.worker")  # which Dask shows in the terminal of the worker
+
+
+class Gate(WorkerPlugin):
+    """Close a worker with another version of this package; load the simulator in all others.
+
+    During the campaign, Dask does not profile the worker, whose missions would take longer.
+
+    :param version: version of the campaign
+    :param simulate: simulates one mission; reading this plugin loads its module
+    """
+
+    def __init__(self, version: str, simulate: Simulate) -> None:
+        self._version = version
+        self._simulate = simulate
+
+    def setup(self, worker: Any) -> None:
+        """Check the version of a worker that joins."""
+        if code_version() == self._version:
+            self._sample(worker, False)
+            return
+        reason = f"this worker has soilmoist_ros {code_version()}, the campaign {self._version}"
+        _log.error("%s; install the same version", reason)
+        worker.loop.add_callback(worker.close, reason=reason)
+
+    def teardown(self, worker: Any) -> None:
+        """Let Dask profile the worker again."""
+        self._sample(worker, True)
+
+    def _sample(self, worker: Any, wanted: bool) -> None:
+        for name in SAMPLING:
+            if (callback := worker.periodic_callbacks.get(name)) is not None:
+                worker.loop.add_callback(callback.start if wanted else callback.stop)

@@ -19,11 +19,11 @@ from types import SimpleNamespace
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.simulation.campaign import cluster
-from soilmoist_ros.simulation.campaign.campaign import CampaignStoppedError, load_campaign, missions, run_campaign
+from soilmoist_ros.lab import cluster
+from soilmoist_ros.lab.campaign import CampaignStoppedError, load_campaign, missions, run_campaign
 
 pytest.importorskip("distributed")
-HERE = Path(__file__).resolve().parents[1]
+HERE = Path(__file__).resolve().parents[1] / "simulation"
 LIMIT_S = 60.0
 SLOW = """
 import os, sys, time
@@ -43,12 +43,12 @@ def deadly(settings, progress=None):
 
 if __name__ == "__main__":
     import slow
-    from soilmoist_ros.simulation.campaign.campaign import load_campaign, run_campaign
+    from soilmoist_ros.lab.campaign import load_campaign, run_campaign
     run_campaign(load_campaign(sys.argv[1]), Path(sys.argv[2]), slow.simulate, scheduler=sys.argv[3])
 """
 
 OTHER_VERSION = """
-from soilmoist_ros.simulation.campaign import mission_store
+from soilmoist_ros.lab import mission_store
 mission_store.code_version = lambda: "9.9"
 from distributed.cli.dask_worker import main
 main()
@@ -209,7 +209,7 @@ def test_workers_of_another_version_are_refused(tmp_path, slow, started, address
 
 
 def test_a_late_worker_of_another_version_is_closed():
-    from soilmoist_ros.simulation.campaign.cluster_gate import Gate
+    from soilmoist_ros.lab.cluster import Gate
 
     class Worker:
         """Notes what is called; Dask profiles it."""
@@ -335,7 +335,7 @@ def dask_config(path):
 
 @pytest.mark.slow
 def test_a_cluster_with_keys_computes_encrypted_and_refuses_others(tmp_path, slow, started):
-    script = Path(__file__).resolve().parents[3] / "scripts" / "cluster_keys"
+    script = Path(__file__).resolve().parents[2] / "scripts" / "cluster_keys"
     told = subprocess.run([script, tmp_path / "keys"], check=True, capture_output=True, text=True).stdout
     config = Path(told.strip().removeprefix("export DASK_CONFIG="))
     assert {path.stat().st_mode & 0o077 for path in config.parent.iterdir()} == {0}
