@@ -37,6 +37,16 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "x": "y",
+        "campaign": "CampaignInterrupted RUNS run_campaign stored_rows",
+        "campaign_data": "CampaignData",
+        "campaign_file": "Campaign FindingKey Mission load_campaign missions",
+        "computing": "Failure",
+        "figures": "campaign_figures",
+        "hindsight": "LATTICES hindsight_table",
+        "mission_store": "MissionStore StoredMission code_version",
+        "paired": "PairedDifference paired_differences",
+        "progress": "CampaignProgress Progress",
+        "report": "write_campaign_report",
+        "table": "CASE Finished missions_table results_table",
     },
 )

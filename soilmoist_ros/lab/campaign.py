@@ -8,9 +8,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from soilmoist_ros.foundation import InputError, SoilmoistError, cores
+from soilmoist_ros.foundation import InputError, SoilmoistError, cores, optional_module
 from soilmoist_ros.lab.campaign_file import Campaign, Mission, load_campaign, mission_key, missions
-from soilmoist_ros.lab.cluster import on_cluster
 from soilmoist_ros.lab.computing import Failure, Flow, Simulate, WorkersLostError, in_processes, in_this_process
 from soilmoist_ros.lab.mission_store import DamagedMissionError, MissionStore, StaleMissionError
 from soilmoist_ros.lab.progress import CampaignProgress, Pace, Progress
@@ -183,6 +182,9 @@ def _computed(
     if not todo:
         return in_this_process((), simulate)
     if scheduler is not None:
+        optional_module("distributed")
+        from soilmoist_ros.lab.cluster import on_cluster
+
         return on_cluster(todo, simulate, scheduler, pace.waits)
     count = cores() if workers is None else workers
     return in_processes(todo, simulate, count) if count else in_this_process(todo, simulate)

@@ -16,7 +16,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any, Final
 
 from distributed import WorkerPlugin
@@ -41,6 +40,10 @@ BATCH_S = 1.0
 """A batch begins no mission after this time [s]; the rest of it is submitted again."""
 LOOK_S = 2.0
 """Time between two looks at the number of workers [s]."""
+NAME: Final = "soilmoist_ros-campaign"
+SAMPLING: Final = ("profile", "profile-cycle")
+"""What Dask calls 100 times a second to see where its tasks are, which takes some of the worker's time."""
+_log = logging.getLogger("distributed.worker")  # which Dask shows in the terminal of the worker
 REMEDY = "install the same version of soilmoist_ros there, start its worker again, and run the same command again"
 
 
@@ -167,22 +170,13 @@ def _same_version(client: Any, simulate: Simulate) -> Iterator[None]:
         others = f", and {len(wrong) - 1} more differ" if len(wrong) > 1 else ""
         message = f"this is soilmoist_ros {code_version()}, but the Dask worker {address} {has}{others}"
         raise InputError(message, REMEDY)
-    gate = import_module("soilmoist_ros.lab.cluster")
-    client.register_plugin(gate.Gate(code_version(), simulate), name=gate.NAME)
+    client.register_plugin(Gate(code_version(), simulate), name=NAME)
     try:
         yield
     finally:
         if client.status == "running":
             with suppress(OSError):  # of a scheduler that has gone, which the client does not know yet
-                client.unregister_worker_plugin(gate.NAME)
-
-
-# What runs in each worker of a Dask cluster when it joins a campaign. Needs Dask --------------------------------
-
-NAME: Final = "soilmoist_ros-campaign"
-SAMPLING: Final = ("profile", "profile-cycle")
-"""What Dask calls 100 times a second to see where its tasks are, which takes some of the worker's time."""
-_log = logging.getLogger("distributed.worker")  # which Dask shows in the terminal of the worker
+                client.unregister_worker_plugin(NAME)
 
 
 class Gate(WorkerPlugin):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Compute one mission, in whatever process, and return what the campaign stores of it."""
+"""Compute the missions of a campaign, in this process or in local processes."""
 
 from __future__ import annotations
 
@@ -24,6 +24,8 @@ from soilmoist_ros.lab.campaign_file import Mission
 from soilmoist_ros.lab.mission_store import pack
 from soilmoist_ros.simulation import MissionResult, MissionSettings
 
+_stop: ctypes.c_bool | None = None
+"""Set in a worker process when the campaign is stopped."""
 MissionProgress = Callable[[float], None]
 Simulate = Callable[[MissionSettings, MissionProgress | None], MissionResult]
 
@@ -77,11 +79,6 @@ def compute(mission: Mission, simulate: Simulate, progress: MissionProgress | No
         text = " ".join(str(error).split()) or "no message"
         content = Failure(mission, f"{type(error).__name__}: {text}", traceback.format_exc())
     return Finished(mission, content, time.monotonic() - begin_s)
-
-
-# Compute the missions of a campaign in this process or in local processes ---------------------------------------
-
-_stop: ctypes.c_bool | None = None
 
 
 class _Stopped(Exception):  # noqa: N818 - nothing went wrong

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns on a Dask cluster of real processes: cluster.py and cluster_gate.py."""
+"""Campaigns on a Dask cluster of real processes: cluster.py."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a campaign: report.py with data.py, figures.py and findings.py."""
+"""The page of a campaign: report.py with campaign_data.py, figures.py, figure_style.py and findings.py."""
 
 from __future__ import annotations
 
