@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns from file to tables: campaign.py with campaign_file.py, computing.py, table.py and mission_store.py."""
+"""Campaigns from file to tables: campaign.py, campaign_file.py, computing.py, table.py, mission_store.py."""
 
 from __future__ import annotations
 
