@@ -15,12 +15,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from rehearsal.cases import Ground, Place
 from soilmoist_ros.exploration import Finish, MissionEnd, MissionStatus, Phase, Stop, Visit, VisitEnd
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.sensing import CountRecord
-from soilmoist_ros.simulation.rehearsal.ground import Ground
 
-Place = tuple[float, float]
 Records = Iterable[CountRecord]
 
 STEP_M = 0.1

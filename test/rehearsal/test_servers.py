@@ -6,25 +6,24 @@ import numpy as np
 import pytest
 import shapely
 
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
-from soilmoist_ros.simulation.rehearsal.ground import Ground
-from soilmoist_ros.simulation.rehearsal.misled import Misled
-from soilmoist_ros.simulation.rehearsal.receiver import RECEIVERS, Receiver
-from soilmoist_ros.simulation.rehearsal.servers import (
+from rehearsal.cases import RECEIVERS, Fault, Faults, Ground, Span
+from rehearsal.servers import (
     ActionServer,
     Answered,
     CancelAnswered,
     Driven,
     GoalOver,
+    Misled,
     PoseListener,
     Status,
     graph_route,
     straight_route,
 )
+from rehearsal.world import Receiver
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
 
 
 def drive(server, robot, from_s, to_s):

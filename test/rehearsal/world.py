@@ -6,33 +6,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 import shapely
 
-from soilmoist_ros.sensing import CountRecord, Doubts
-from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
-from soilmoist_ros.simulation.rehearsal.ground import Ground
-from soilmoist_ros.simulation.rehearsal.misled import STOOD_S, Misled
-from soilmoist_ros.simulation.rehearsal.receiver import RECEIVERS, Receiver
-from soilmoist_ros.simulation.rehearsal.servers import (
+from rehearsal.cases import RECEIVERS, Case, Fault, Noise, Place, Span
+from rehearsal.servers import (
+    STOOD_S,
     ActionServer,
     Driven,
+    Misled,
     PoseListener,
     Reply,
     Status,
     graph_route,
     straight_route,
 )
+from soilmoist_ros.sensing import CountRecord, Doubts
 
-Place = tuple[float, float]
 Fixed = tuple[Place, float]
 """A place [m] and its time [s since 1970 UTC]."""
 T = TypeVar("T")
 
-NAVIGATORS = ("goto_node", "navigate_to_pose", "goal_pose")
 START_S = 1_780_000_000.0
 """ROS time at the start [s since 1970 UTC]."""
 SPEED_MPS = 1.0
@@ -40,53 +36,8 @@ CADENCE_S = 10.0
 RATE_CPS = 5.0
 LED_S = 5.0
 """The robot settles within this time after something else has moved it [s]."""
-STATED = ("true", "zero", "unknown")
-"""Standard deviations that a receiver states."""
 ENDS = (Status.ABORTED, Status.CANCELED, Status.SUCCEEDED)
 """Ends of a goal that somebody else's goal replaces; servers differ."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Case:
-    """What is rehearsed.
-
-    :param ground: field, graph and start
-    :param navigator: one of :data:`NAVIGATORS`
-    :param strategy: how stops are chosen
-    :param faults: what goes wrong
-    :param seed: seed of noise and counts
-    :param budget_s: budget of the mission [s]
-    :param home: whether the robot must return to its start
-    :param receiver: one of :data:`RECEIVERS`
-    :param fixes_hz: fixes in a second; whole or 0.5
-    :param stated: one of :data:`STATED`
-    :param radius_m: the robot is at a stop within this distance [m]
-    """
-
-    ground: Ground
-    navigator: str
-    strategy: str
-    faults: Faults
-    seed: int
-    budget_s: float = 1200.0
-    home: bool = True
-    receiver: str = "rtk"
-    fixes_hz: float = 1.0
-    stated: str = "unknown"
-    radius_m: float = 3.0
-
-    @property
-    def stated_sd_m(self) -> float:
-        """Standard deviation that the receiver states [m]; NaN for none."""
-        sd_m = RECEIVERS[self.receiver].sd_m
-        return {"true": sd_m, "zero": 0.0, "unknown": math.nan}[self.stated]
-
-    def __str__(self) -> str:
-        on = "free" if self.ground.graph is None else "graph"
-        home = "home" if self.home else "no home"
-        fixes = f"{self.receiver} at {self.fixes_hz:g} Hz, sd {self.stated}"
-        what = f"{self.navigator}, {self.strategy}, {self.ground.outline}, {on}, {home}, {fixes}"
-        return f"{what}; faults: {self.faults}"
 
 
 class World:
@@ -301,3 +252,54 @@ class World:
     def wrong_m(self) -> float:
         """Distance from the last fix to the robot [m]."""
         return 0.0 if self.fixed is None else math.dist(self.fixed, self.robot.place)
+
+
+# Errors of real receivers: white noise, an error that wanders slowly, and places held while the robot stands ----
+
+HOLD_MPS = 0.3
+"""A receiver that holds its place does so below this speed [m/s] ..."""
+HOLD_M = 1.0
+"""... until the measured place is this far from the held one [m]."""
+
+
+class Receiver:
+    """A receiver whose errors follow from its random numbers.
+
+    :param noise: its errors
+    :param interval_s: time between fixes [s]
+    :param rng: source of all randomness
+
+    Attributes
+    ----------
+    wander : tuple[float, float]
+        part of the error that wanders [m]
+    """
+
+    def __init__(self, noise: Noise, interval_s: float, rng: np.random.Generator) -> None:
+        self._noise, self._interval_s, self._rng = noise, interval_s, rng
+        self._kept = math.exp(-interval_s / noise.wander_s)
+        x, y = (noise.wander_sd_m * rng.normal(size=2)).tolist()
+        self.wander: Place = (x, y)
+        self._last: Place | None = None
+        self._held: Place | None = None
+
+    def measure(self, place: Place) -> Place:
+        """The fix of a robot that is truly here [m]; to be called once in each interval."""
+        noise = self._noise
+        draws = self._rng.normal(size=4).tolist()
+        fresh = math.sqrt(1 - self._kept**2) * noise.wander_sd_m
+        self.wander = (
+            self._kept * self.wander[0] + fresh * draws[2],
+            self._kept * self.wander[1] + fresh * draws[3],
+        )
+        measured = (
+            place[0] + self.wander[0] + noise.white_sd_m * draws[0],
+            place[1] + self.wander[1] + noise.white_sd_m * draws[1],
+        )
+        if not noise.holds:
+            return measured
+        slow = self._last is not None and math.dist(self._last, place) < HOLD_MPS * self._interval_s
+        self._last = place
+        if self._held is None or not slow or math.dist(self._held, measured) > HOLD_M:
+            self._held = measured if slow else None
+        return self._held or measured

@@ -11,16 +11,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
+from rehearsal.cases import RECEIVERS, Case, Fault, Place, Span
+from rehearsal.judge import Judge, Kind, Limits, Violation
+from rehearsal.planner import PlannerProcess, PoseNavigator, Store
+from rehearsal.world import World
 from soilmoist_ros.exploration import OperatorRequest, Phase, Verb
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import FieldMap
 from soilmoist_ros.sensing import CountRecord, Doubt
-from soilmoist_ros.simulation.rehearsal.clients import PoseNavigator
-from soilmoist_ros.simulation.rehearsal.faults import Fault, Span
-from soilmoist_ros.simulation.rehearsal.judge import Judge, Kind, Limits, Violation
-from soilmoist_ros.simulation.rehearsal.planner import PlannerProcess, Store
-from soilmoist_ros.simulation.rehearsal.receiver import RECEIVERS
-from soilmoist_ros.simulation.rehearsal.world import Case, Place, World
 
 HOME_WITHIN_S = 250.0
 """A robot with a low battery is home within this time [s]."""

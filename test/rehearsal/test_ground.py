@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from soilmoist_ros.simulation.rehearsal.ground import GRAPHS, OUTLINES, random_ground
+from rehearsal.cases import GRAPHS, OUTLINES, random_ground
 
 
 @pytest.mark.parametrize("outline", OUTLINES)

@@ -7,6 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rehearsal import planner as clients
+from rehearsal.cases import NAVIGATORS, RECEIVERS, Fault, Faults, Span, make_case, make_quiet_case
+from rehearsal.judge import Kind, Violation
+from rehearsal.rehearsal import Outcome, rehearse
 from soilmoist_ros.exploration.control.watching import Watching
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.fence import Fence
@@ -14,13 +18,6 @@ from soilmoist_ros.exploration.guard.motion import Motion, Standing
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.types import MissionRules, Response
 from soilmoist_ros.exploration.navigation.goal_client import Listed
-from soilmoist_ros.simulation.rehearsal import clients
-from soilmoist_ros.simulation.rehearsal.cases import make_case, make_quiet_case
-from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
-from soilmoist_ros.simulation.rehearsal.judge import Kind, Violation
-from soilmoist_ros.simulation.rehearsal.receiver import RECEIVERS
-from soilmoist_ros.simulation.rehearsal.rehearsal import Outcome, rehearse
-from soilmoist_ros.simulation.rehearsal.world import NAVIGATORS
 
 
 @pytest.fixture(scope="module")

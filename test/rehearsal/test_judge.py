@@ -9,6 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from rehearsal.cases import Ground
+from rehearsal.judge import Judge, Kind
 from soilmoist_ros.exploration.mission.actions import Finish
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
@@ -18,8 +20,6 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.rehearsal.ground import Ground
-from soilmoist_ros.simulation.rehearsal.judge import Judge, Kind
 
 SQUARE = np.array([(0, 0), (40, 0), (40, 40), (0, 40)], float)
 POND = np.array([(10, 10), (20, 10), (20, 20), (10, 20)], float)
