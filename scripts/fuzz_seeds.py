@@ -68,7 +68,7 @@ def logs() -> list[bytes]:
 def live_lines() -> list[bytes]:
     """What a simulated robot sends in two minutes."""
     from soilmoist_ros.simulation.mission.settings import MissionSettings
-    from soilmoist_ros.simulation.robot.faulty_link import Sent
+    from soilmoist_ros.simulation.robot.simulated_links import Sent
     from soilmoist_ros.simulation.system import VirtualSystem
 
     outputs = VirtualSystem(MissionSettings(field="rough"), 1_780_000_000.0).advance(120.0)[0]

@@ -18,12 +18,9 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.sensing import Corrections, LoggerRecord, Position, format_header, format_record
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
-from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField, write_field_file, write_site_file
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
-from soilmoist_ros.simulation.robot.sensor_faults import NO_FAULTS, FaultySensor
-from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences
-from soilmoist_ros.simulation.robot.weather import warming_morning
+from soilmoist_ros.simulation.robot.virtual_devices import NO_FAULTS, FaultySensor, nmea_sentences, warming_morning
 
 START_S = datetime(2026, 6, 1, 8, 0, tzinfo=UTC).timestamp()
 RECORD_PERIOD_S = 10.0

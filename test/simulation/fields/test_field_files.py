@@ -7,7 +7,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file, write_truth_file
+from soilmoist_ros.simulation.fields.surrogate_field import write_field_file, write_site_file, write_truth_file
 
 NO_GO = """
 name: "Holes: 'and' \\u00e4 \\"quotes\\""

@@ -9,10 +9,8 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.simulation.fields.catalogue import AIRFIELD_SOIL, surrogate_field, surrogate_field_names
-from soilmoist_ros.simulation.fields.random_field import random_field
-from soilmoist_ros.simulation.fields.rate_extrapolation import krige, kriged_grid
-from soilmoist_ros.simulation.fields.rate_formula import FAMILIES, formula
-from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid, filled
+from soilmoist_ros.simulation.fields.formulas import FAMILIES, formula, random_field
+from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid, filled, krige, kriged_grid
 
 SQUARE = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 30.0], [0.0, 30.0]])
 EXTENT = Extent.of(SQUARE, 2.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.rate_formula import formula
+from soilmoist_ros.simulation.fields.formulas import formula
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 
 EXTENT = Extent.of(np.array([(0, 0), (400, 0), (400, 400), (0, 400)]), 4.0)

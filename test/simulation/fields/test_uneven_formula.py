@@ -5,7 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.rate_formula import formula
+from soilmoist_ros.simulation.fields.formulas import formula
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 
 EXTENT = Extent.of(np.array([[0.0, 0.0], [60.0, 0.0], [60.0, 50.0], [0.0, 50.0]]), 2.0)

@@ -9,7 +9,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation import MissionSettings, simulate_mission, surrogate_field
-from soilmoist_ros.simulation.mission.earlier_series import STOPS, earlier_series
+from soilmoist_ros.simulation.mission.simulated_knowledge import STOPS, earlier_series
 
 SETTINGS = MissionSettings(field="smooth", earlier_surveys=2, cell_m=4.0)
 FIELD = surrogate_field("smooth")

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.simulation.mission.map_errors import map_errors
+from soilmoist_ros.simulation.mission.mission_result import map_errors
 
 CURVE = CalibrationCurve(6.0, 1.4, 0.02, 0.01)
 PORES = 1 - 1.4 / 2.65

@@ -8,7 +8,7 @@ import pytest
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.mission.simulated_covariates import simulated_covariates
+from soilmoist_ros.simulation.mission.simulated_knowledge import simulated_covariates
 
 FIELD = surrogate_field("rough", np.random.default_rng(1))
 GRID = FIELD.field.grid(2.0)

@@ -13,9 +13,8 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
-from soilmoist_ros.simulation.robot.drift import RAIN_S, Drift
-from soilmoist_ros.simulation.robot.scenario import RateChange
-from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
+from soilmoist_ros.simulation.robot.scenario import RAIN_S, Drift, RateChange
+from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
 
 SHORT = MissionSettings(field="synthetic-low", hours=0.25, cell_m=5.0, strategy="random", dwell="fmi:60")
 

@@ -9,8 +9,8 @@ from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME, TUBES, format_record
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord
-from soilmoist_ros.simulation.robot.faulty_link import FaultyLink, Reachable, Sent
 from soilmoist_ros.simulation.robot.scenario import LinkFaults
+from soilmoist_ros.simulation.robot.simulated_links import FaultyLink, Reachable, Sent
 
 PERIOD_S = 10.0
 

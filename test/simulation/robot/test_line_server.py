@@ -7,8 +7,8 @@ import time
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.simulation.robot import line_server
-from soilmoist_ros.simulation.robot.line_server import LineServer, write_ports_file
+from soilmoist_ros.simulation.robot import simulated_links as line_server
+from soilmoist_ros.simulation.robot.simulated_links import LineServer, write_ports_file
 
 
 @pytest.fixture

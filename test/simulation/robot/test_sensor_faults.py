@@ -15,7 +15,7 @@ from soilmoist_ros.sensing.records import LoggerRecord
 from soilmoist_ros.sensing.survey.survey import Survey
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
-from soilmoist_ros.simulation.robot.sensor_faults import NO_FAULTS, FaultySensor
+from soilmoist_ros.simulation.robot.virtual_devices import NO_FAULTS, FaultySensor
 from soilmoist_ros.simulation.robot.virtual_survey import serpentine, simulate_log, stop_and_go
 
 FOREVER = 1e9

@@ -9,7 +9,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.gnss import FixStatus
 from soilmoist_ros.sensing.position.nmea import NmeaParser
 from soilmoist_ros.sensing.records import Position
-from soilmoist_ros.simulation.robot.virtual_gnss import VirtualGnss, nmea_sentences
+from soilmoist_ros.simulation.robot.virtual_devices import VirtualGnss, nmea_sentences
 
 FRAME = LocalFrame(53.2680, -0.5245)
 START_S = 1_780_000_000.0

@@ -7,8 +7,7 @@ from soilmoist_ros.sensing.corrections.factors import Corrections, effective_exp
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.robot.virtual_logger import VirtualLogger
-from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
+from soilmoist_ros.simulation.robot.virtual_devices import VirtualLogger, VirtualSensor
 
 START_S = 1_780_000_000.0
 STANDING = np.array([[50.0, 25.0]] * 10)

@@ -13,7 +13,7 @@ from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.exploration.navigation.way_points import WayPoint
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.simulation.robot.waiting_clock import (
+from soilmoist_ros.simulation.robot.simulated_time import (
     LIMITS_S,
     SHORT_S,
     Awaited,

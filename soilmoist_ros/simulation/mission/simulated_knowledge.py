@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A series of surveys of one field: what earlier surveys would have counted, whose pattern persists in part.
+"""What is known of a simulated field before the mission: surveys of earlier dates, and covariates.
 
-The rate of survey s is ``mean_s + Z_s(x)``. All Z have the variance and the correlation R(h) of the field's
-pattern. Between surveys s and t their correlation at one place is
+In a series of surveys, the rate of survey s is ``mean_s + Z_s(x)``. All Z have the variance and the correlation
+R(h) of the field's pattern. Between surveys s and t their correlation at one place is
 ``T(s, t) = persistence * exp(-days/pattern_days)``. With T = L L', ``Z_s = sum_k L[s, k] E_k``, where E_0 is the
 pattern of the present survey, as it is, and the other E are independent random fields. So the present truth does
 not depend on the series, and the surveys of a shorter series are the latest ones of a longer series.
@@ -19,15 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import DAY_S
-from soilmoist_ros.mapping import EarlierSurvey, Field, FieldGrid, Variogram, survey_samples
+from soilmoist_ros.mapping import Covariates, EarlierSurvey, Field, FieldGrid, Variogram, survey_samples
 from soilmoist_ros.sensing import CountRecord
-from soilmoist_ros.simulation.fields.formula_base import FLOOR
-from soilmoist_ros.simulation.fields.random_field import random_field
+from soilmoist_ros.simulation.fields.formulas import FLOOR, random_field
 from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.mission.streams import series_stream
-from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
+from soilmoist_ros.simulation.mission.streams import covariate_stream, series_stream
+from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
 
 Array = NDArray[np.float64]
 
@@ -39,6 +38,8 @@ RECORD_S = 10.0
 MEAN_SD = 0.08
 """Standard deviation of the mean rates of surveys, as a share of the present mean: wet and dry weather."""
 _MAX_PAIR_PLACES = 400
+FOLLOWS = "simulated"
+"""Name of the covariate that follows the truth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,3 +156,36 @@ def _lattice(field: Field, rng: np.random.Generator) -> Array:
     places = np.array([place for row in rows for place in row]).reshape(-1, 2)
     inside = shapely.contains(area, shapely.points(places))
     return places[inside] if inside.any() else np.array([area.representative_point().coords[0]])
+
+
+def simulated_covariates(
+    field: SurrogateField, grid: FieldGrid, settings: MissionSettings, number: int = 0
+) -> Covariates | None:
+    """The covariates that the settings ask for; ``None`` for none.
+
+    The covariate that follows the truth is ``r t + sqrt(1 - r^2) e``: t is the standardised truth, and e a random
+    field with the correlation R(h) of the truth's pattern, less its regression on the truth and standardised. So r
+    is the correlation over the cells. Useless ones are random fields with the correlation R(h), independent of the
+    truth: over the cells of one field they may be correlated with it by chance.
+
+    :param field: present truth
+    :param grid: cells of the map
+    :param settings: ``covariate_correlation``, ``useless_covariates`` and ``seed`` count
+    :param number: number of the property, from 0
+    """
+    wanted = {} if settings.covariate_correlation is None else {FOLLOWS: settings.covariate_correlation}
+    wanted |= {f"useless {index}": 0.0 for index in range(1, settings.useless_covariates + 1)}
+    if not wanted:
+        return None
+    pattern = field.variogram or pattern_variogram(field, grid)
+    truth = grid.to_raster(field.rate_at(grid.cells))
+    truth = (truth - np.nanmean(truth)) / (np.nanstd(truth) or 1.0)
+    rasters = []
+    for index, (name, share) in enumerate(wanted.items()):
+        stream = covariate_stream(settings.seed, number, 0 if name == FOLLOWS else index + (FOLLOWS not in wanted))
+        other = random_field(grid.x_m, grid.y_m, pattern.model, pattern.range_m, stream)
+        if name == FOLLOWS:
+            other -= np.nanmean(other * truth) * truth
+            other = (other - np.nanmean(other)) / np.nanstd(other)
+        rasters.append(share * truth + math.sqrt(1 - share**2) * other)
+    return Covariates.over(grid, list(wanted), np.array(rasters))

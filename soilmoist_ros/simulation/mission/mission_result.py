@@ -1,29 +1,115 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Result of a mission: state over time, visits, and a map of each property."""
+"""Result of a mission: state over time, map errors, visits, forecasts, a map of each property; and its moments."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration import Forecast, MissionStatus, Stop, Visit, hundredths
 from soilmoist_ros.foundation import optional_module
-from soilmoist_ros.simulation.mission.map_errors import MapErrors
+from soilmoist_ros.mapping import Samples, SoilMap, possible_moisture
+from soilmoist_ros.sensing import MoistureCurve
 
 if TYPE_CHECKING:
     from soilmoist_ros.exploration import LearnedMotion, Visit
     from soilmoist_ros.foundation import LocalFrame
     from soilmoist_ros.mapping import Covariates, SoilMap
     from soilmoist_ros.sensing import CountRecord
-    from soilmoist_ros.simulation.mission.earlier_series import SimulatedSurvey
-    from soilmoist_ros.simulation.mission.forecasts import TimedForecast
     from soilmoist_ros.simulation.mission.settings import MissionSettings
+    from soilmoist_ros.simulation.mission.simulated_knowledge import SimulatedSurvey
 
 Array = NDArray[np.float64]
+
+_COVERAGE_SD = 1.959964
+SHARES = (0.0, 0.25, 0.5, 0.75)
+"""Shares of the mission time at which forecasts are reported."""
+
+
+class MapErrors(NamedTuple):
+    """Errors of a map over the cells of a field; NaN before the first map, or without a truth.
+
+    :param mse: mean squared error of the rate [(counts/s)^2]
+    :param vwc_rmse: root mean squared error of the moisture [m^3/m^3], estimates kept between 0 and the pore
+        volume; NaN without a calibration curve
+    :param coverage95: share of the cells whose true rate lies in the 95 % interval
+    """
+
+    mse: float = math.nan
+    vwc_rmse: float = math.nan
+    coverage95: float = math.nan
+
+
+def map_errors(
+    rate_cps: Array,
+    rate_sd_cps: Array,
+    true_rate_cps: Array,
+    curve: MoistureCurve | None,
+    true_vwc: Array | None = None,
+) -> MapErrors:
+    """Errors over the cells of a field.
+
+    :param rate_cps: estimated rate, shape (g,) [counts/s]
+    :param rate_sd_cps: standard deviation of the estimate, shape (g,) [counts/s]
+    :param true_rate_cps: true rate, shape (g,) [counts/s]
+    :param curve: calibration curve, if any
+    :param true_vwc: :func:`possible_moisture` of the true rate, if already computed, shape (g,) [m^3/m^3]
+    """
+    error = rate_cps - true_rate_cps
+    covered = float(np.mean(np.abs(error) <= _COVERAGE_SD * rate_sd_cps))
+    vwc_rmse = math.nan
+    if curve is not None:
+        if true_vwc is None:
+            true_vwc = possible_moisture(curve, true_rate_cps)
+        difference = possible_moisture(curve, rate_cps) - true_vwc
+        vwc_rmse = float(np.sqrt(np.mean(difference**2)))
+    return MapErrors(float(np.mean(error**2)), vwc_rmse, covered)
+
+
+class TimedForecast(NamedTuple):
+    """A forecast, and the mission time at which it was made [s]."""
+
+    time_s: float
+    forecast: Forecast
+
+
+def reported(forecasts: Sequence[TimedForecast], planned_s: float) -> list[tuple[float, TimedForecast]]:
+    """The first forecast at or after each of :data:`SHARES` of the planned time, with the share.
+
+    :param forecasts: in order of time; the last one may be the map at the end
+    :param planned_s: planned mission time [s]
+    """
+    found: list[tuple[float, TimedForecast]] = []
+    for share in SHARES:
+        made = next((one for one in forecasts if one.time_s >= share * planned_s), None)
+        if made is not None and made.forecast.times_s and all(made is not other for _, other in found):
+            found.append((share, made))
+    return found
+
+
+def achieved(forecasts: Sequence[TimedForecast]) -> TimedForecast | None:
+    """Standard deviation of the last map, ``None`` without a map."""
+    return next((one for one in reversed(forecasts) if not one.forecast.is_guess), None)
+
+
+def forecast_text(forecasts: Sequence[TimedForecast], planned_s: float) -> str:
+    """What was forecast for the end and what was reached, in words; empty without a map."""
+    end = achieved(forecasts)
+    if end is None:
+        return ""
+    reached = f"±{hundredths(end.forecast.sd)} {end.forecast.unit} reached"
+    made = [f"{made.forecast.end_text} {_when(share)}" for share, made in reported(forecasts, planned_s)]
+    return "; ".join([reached, f"forecast {', '.join(made)}"] if made else [reached])
+
+
+def _when(share: float) -> str:
+    return f"at {100 * share:.0f} % of the time" if share else "at the start"
 
 
 @dataclass(frozen=True)
@@ -183,3 +269,39 @@ class MissionResult:
         end_h = self.series[-1].time_s / 3600 if self.series else 0.0
         names = ", ".join(mapped.name for mapped in self.properties)
         return f"<MissionResult: {names}; {len(self.visits)} visits in {end_h:.2f} h; {self.ended}>"
+
+
+@dataclass(frozen=True)
+class RobotMoment:
+    """A robot at one moment.
+
+    :param status: its mission
+    :param xy: true place [m]
+    :param ahead: its stops ahead, the next one first
+    """
+
+    status: MissionStatus
+    xy: tuple[float, float]
+    ahead: tuple[Stop, ...]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """All robots and the map of the mission field at one moment.
+
+    :param time_s: simulated time [s]
+    :param robots: the robots
+    :param visits: visits so far; the list grows with the mission
+    :param samples: samples in the map
+    :param soil_map: makes the map of all cells, ``None`` before there is one; takes some milliseconds to seconds
+    """
+
+    time_s: float
+    robots: tuple[RobotMoment, ...]
+    visits: Sequence[Visit]
+    samples: Samples
+    soil_map: Callable[[], SoilMap | None]
+
+
+Watch = Callable[[Moment], bool]
+"""Receives the moments of a mission; false ends the mission as an operator would."""
