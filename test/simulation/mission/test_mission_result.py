@@ -1,5 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Errors of a map against the truth: mission_result.py."""
+
 import math
 
 import numpy as np

@@ -9,7 +9,7 @@ from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
-from soilmoist_ros.simulation.robot.virtual_survey import serpentine, simulate_log, stop_and_go, write_survey
+from virtual_survey import serpentine, simulate_log, stop_and_go, write_survey
 
 pytestmark = pytest.mark.slow  # the survey that all use takes long to make
 

@@ -1,10 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated survey of a surrogate field, with the files of a real logger and GNSS receiver.
-
-``python -m soilmoist_ros.simulation.robot.virtual_survey --out DIR`` writes ``survey.log`` (records of the robot's
-logger), ``survey.nmea`` and the field and site files that ``soilmoist map`` needs.
-"""
+"""A simulated survey of a surrogate field for tests, with the files of a real logger and GNSS receiver."""
 
 from __future__ import annotations
 
@@ -157,19 +153,3 @@ def write_survey(
     write_field_file(field, folder / "field.yaml")
     write_site_file(field, folder / "site.yaml")
     return field
-
-
-def main() -> None:
-    """Write a simulated survey to the folder given on the command line."""
-    import argparse
-
-    parser = argparse.ArgumentParser(description="Simulate a survey of a half wet, half dry field.")
-    parser.add_argument("--out", type=Path, required=True, help="folder to write to")
-    parser.add_argument("--seed", type=int, default=1, help="seed of all randomness (default 1)")
-    arguments = parser.parse_args()
-    write_survey(arguments.out, arguments.seed)
-    print(f"simulated survey written to {arguments.out}: survey.log, survey.nmea, field.yaml, site.yaml")
-
-
-if __name__ == "__main__":
-    main()
