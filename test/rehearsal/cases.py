@@ -20,15 +20,11 @@ from soilmoist_ros.foundation import LocalFrame
 from soilmoist_ros.mapping import Field
 
 NAVIGATORS = ("goto_node", "navigate_to_pose", "goal_pose")
-STATED = ("true", "zero", "unknown")
-"""Standard deviations that a receiver states."""
-NO_FAULT_EACH = 12
-"""One in so many rehearsals has no fault."""
-QUIET_HZ = (1.0, 0.5, 5.0, 1.0, 0.5, 10.0)
-"""Fixes in a second of missions without faults, in turn; many take long."""
+STATED = ("true", "zero", "unknown")  # standard deviations that a receiver states
+NO_FAULT_EACH = 12  # one in so many rehearsals has no fault
+QUIET_HZ = (1.0, 0.5, 5.0, 1.0, 0.5, 10.0)  # fixes in a second of missions without faults, in turn; many take long
 QUIET_STRATEGIES = ("random", "greedy")
-FIXES_HZ = (1.0, 1.0, 0.5, 1.0, 5.0)
-"""Fixes in a second, by the number of the field."""
+FIXES_HZ = (1.0, 1.0, 0.5, 1.0, 5.0)  # fixes in a second, by the number of the field
 OUTLINES = ("convex", "concave", "notched", "holes", "divided")
 """Shapes of random fields; ``divided`` by a ditch, the others without holes may have one no-go area."""
 GRAPHS = ("lattice", "wild", "islands")
@@ -36,11 +32,9 @@ GRAPHS = ("lattice", "wild", "islands")
 same cut into parts that are not joined."""
 ROWS, APART_M, ROW_M = "rows", 2.5, 8.0
 """Rows of nodes as in polytunnels; distance of their nodes and of the rows [m]."""
-POND_M = (5.0, 6.0)
-"""Sides of a small no-go area [m]."""
+POND_M = (5.0, 6.0)  # sides of a small no-go area [m]
 ROBOT_RADIUS_M = 0.5
-SPACING_M = 14.0
-"""Mean distance between the nodes of a graph [m]."""
+SPACING_M = 14.0  # mean distance between the nodes of a graph [m]
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]
@@ -52,100 +46,55 @@ Place = tuple[float, float]
 class Fault(StrEnum):
     """What goes wrong."""
 
-    FIX_JUMP = "fix_jump"
-    """Fixes jump to somewhere else, by 15 m to 3 km."""
-    FIX_FROZEN = "fix_frozen"
-    """Fixes repeat the place at which the fault began."""
-    FIX_SILENT = "fix_silent"
-    """No fix comes."""
-    FIX_RUNS = "fix_runs"
-    """Fixes move away at 20 to 200 m/s."""
-    SERVER_DEAD = "server_dead"
-    """The navigation server is gone; the robot stops."""
-    RUNAWAY = "runaway"
-    """The navigation server is gone, and the robot drives on to its last goal."""
-    SERVER_DEAF = "server_deaf"
-    """The server rejects each cancellation and goes on."""
-    RUNS_ON = "runs_on"
-    """The server confirms a cancellation, and the robot drives on for 8 s."""
-    SERVER_ABORTS = "server_aborts"
-    """The server aborts each goal at once."""
-    SERVER_LIES = "server_lies"
-    """The server reports success without motion."""
-    SERVER_HANGS = "server_hangs"
-    """The server accepts goals and does nothing."""
-    CLOCK_BACK = "clock_back"
-    """The clock steps back by an hour."""
-    CLOCK_FORWARD = "clock_forward"
-    """The clock steps forward by six hours."""
-    SENSOR_SILENT = "sensor_silent"
-    """No record comes."""
-    SENSOR_ZERO = "sensor_zero"
-    """Records hold no counts."""
-    MAPPER_SILENT = "mapper_silent"
-    """The mapper publishes nothing."""
-    PLANNER_SLOW = "planner_slow"
-    """Choosing a stop takes two minutes."""
-    LOW_BATTERY = "low_battery"
-    """The battery runs down."""
-    KILL_PLANNER = "kill_planner"
-    """The planner is killed, and comes back."""
-    KILL_MAPPER = "kill_mapper"
-    """The mapper is killed, and comes back."""
-    EMERGENCY = "emergency"
-    """Somebody presses the emergency stop, and releases it later."""
-    PAUSE = "pause"
-    """The operator pauses, and resumes later."""
-    ABORT = "abort"
-    """The operator aborts."""
-    SKIP = "skip"
-    """The operator skips a stop."""
-    RETURN = "return_home"
-    """The operator sends the robot home."""
-    MEASURE = "measure"
-    """The operator asks for a measurement anywhere, also outside the field."""
-    RULE_OUT = "rule_out"
-    """The operator rules out an area anywhere."""
-    CHANGE = "change"
-    """The operator changes strategy and time."""
-    REORDER = "reorder"
-    """The operator asks for two measurements, and then for the other order of the queue."""
-    LINK_CUT = "link_cut"
-    """Logger and receiver are cut off: what they send meanwhile is lost."""
-    LINK_STALL = "link_stall"
-    """What logger and receiver send is held back, and comes all at once."""
+    FIX_JUMP = "fix_jump"  # fixes jump to somewhere else, by 15 m to 3 km
+    FIX_FROZEN = "fix_frozen"  # fixes repeat the place at which the fault began
+    FIX_SILENT = "fix_silent"  # no fix comes
+    FIX_RUNS = "fix_runs"  # fixes move away at 20 to 200 m/s
+    SERVER_DEAD = "server_dead"  # the navigation server is gone; the robot stops
+    RUNAWAY = "runaway"  # the navigation server is gone, and the robot drives on to its last goal
+    SERVER_DEAF = "server_deaf"  # the server rejects each cancellation and goes on
+    RUNS_ON = "runs_on"  # the server confirms a cancellation, and the robot drives on for 8 s
+    SERVER_ABORTS = "server_aborts"  # the server aborts each goal at once
+    SERVER_LIES = "server_lies"  # the server reports success without motion
+    SERVER_HANGS = "server_hangs"  # the server accepts goals and does nothing
+    CLOCK_BACK = "clock_back"  # the clock steps back by an hour
+    CLOCK_FORWARD = "clock_forward"  # the clock steps forward by six hours
+    SENSOR_SILENT = "sensor_silent"  # no record comes
+    SENSOR_ZERO = "sensor_zero"  # records hold no counts
+    MAPPER_SILENT = "mapper_silent"  # the mapper publishes nothing
+    PLANNER_SLOW = "planner_slow"  # choosing a stop takes two minutes
+    LOW_BATTERY = "low_battery"  # the battery runs down
+    KILL_PLANNER = "kill_planner"  # the planner is killed, and comes back
+    KILL_MAPPER = "kill_mapper"  # the mapper is killed, and comes back
+    EMERGENCY = "emergency"  # somebody presses the emergency stop, and releases it later
+    PAUSE = "pause"  # the operator pauses, and resumes later
+    ABORT = "abort"  # the operator aborts
+    SKIP = "skip"  # the operator skips a stop
+    RETURN = "return_home"  # the operator sends the robot home
+    MEASURE = "measure"  # the operator asks for a measurement anywhere, also outside the field
+    RULE_OUT = "rule_out"  # the operator rules out an area anywhere
+    CHANGE = "change"  # the operator changes strategy and time
+    REORDER = "reorder"  # the operator asks for two measurements, and then for the other order of the queue
+    LINK_CUT = "link_cut"  # logger and receiver are cut off: what they send meanwhile is lost
+    LINK_STALL = "link_stall"  # what logger and receiver send is held back, and comes all at once
     LINK_GARBAGE = "link_garbage"
     """Half of the lines of logger and receiver are damaged, with garbage between them."""
-    KILL_DRIVER = "kill_driver"
-    """The driver is killed, and comes back."""
-    KILL_RECORDER = "kill_recorder"
-    """The recorder is killed, and comes back."""
-    DISK_FULL = "disk_full"
-    """No space is left on the disk."""
-    BAG_DELETED = "bag_deleted"
-    """Somebody deletes the bag that is being recorded."""
-    BATTERY_STALE = "battery_stale"
-    """The state of the battery is no longer published."""
-    DETOUR = "detour"
-    """The navigation drives into the nearest no-go area, and stays in it for half a minute."""
-    STRAY = "stray"
-    """The navigation leaves its route by 3 to 20 m."""
+    KILL_DRIVER = "kill_driver"  # the driver is killed, and comes back
+    KILL_RECORDER = "kill_recorder"  # the recorder is killed, and comes back
+    DISK_FULL = "disk_full"  # no space is left on the disk
+    BAG_DELETED = "bag_deleted"  # somebody deletes the bag that is being recorded
+    BATTERY_STALE = "battery_stale"  # the state of the battery is no longer published
+    DETOUR = "detour"  # the navigation drives into the nearest no-go area, and stays in it for half a minute
+    STRAY = "stray"  # the navigation leaves its route by 3 to 20 m
     OTHER_MAP = "other_map"
     """The navigation's map is shifted by 4 to 60 m or turned, as with another datum or frame."""
-    NEIGHBOUR = "neighbour"
-    """The navigation reports the arrival one node, or 2.5 m, before the goal."""
-    NO_RESULT = "no_result"
-    """The server confirms each cancellation, drives on, and never reports an end."""
-    OTHER_CLIENT = "other_client"
-    """Somebody else sends the robot to another place, by the server of the mission."""
-    CREEP = "creep"
-    """A robot that should stand creeps at 0.06 to 0.3 m/s."""
-    SLIDE = "slide"
-    """A robot that stands slips by 1 to 8 m, once."""
-    FIX_STEP = "fix_step"
-    """Fixes of a robot that stands jump by 3.5 to 15 m."""
-    FIX_DRIFT = "fix_drift"
-    """Fixes of a robot that stands drift away at 0.1 to 2 m/s."""
+    NEIGHBOUR = "neighbour"  # the navigation reports the arrival one node, or 2.5 m, before the goal
+    NO_RESULT = "no_result"  # the server confirms each cancellation, drives on, and never reports an end
+    OTHER_CLIENT = "other_client"  # somebody else sends the robot to another place, by the server of the mission
+    CREEP = "creep"  # a robot that should stand creeps at 0.06 to 0.3 m/s
+    SLIDE = "slide"  # a robot that stands slips by 1 to 8 m, once
+    FIX_STEP = "fix_step"  # fixes of a robot that stands jump by 3.5 to 15 m
+    FIX_DRIFT = "fix_drift"  # fixes of a robot that stands drift away at 0.1 to 2 m/s
 
 
 OF_MOTION = tuple(list(Fault)[-10:])
@@ -171,10 +120,7 @@ class Span:
 
 
 class Faults:
-    """All faults of a rehearsal.
-
-    :param spans: in order of time
-    """
+    """All faults of a rehearsal."""
 
     def __init__(self, spans: Sequence[Span] = ()) -> None:
         self.spans = tuple(sorted(spans, key=lambda span: span.at_s))
@@ -242,18 +188,12 @@ def random_faults(rng: np.random.Generator, first: Fault | None, more: int, unti
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """A field, and where the robot begins.
+    """A field, and where the robot begins."""
 
-    :param outline: one of :data:`OUTLINES`
-    :param field: the field
-    :param graph: travel graph as the navigation knows it, ``None`` to drive freely
-    :param start: place of the robot at the start [m]
-    """
-
-    outline: str
-    field: Field
-    graph: TravelGraph | None
-    start: tuple[float, float]
+    outline: str  # one of :data:`OUTLINES`
+    field: Field  # the field
+    graph: TravelGraph | None  # travel graph as the navigation knows it, ``None`` to drive freely
+    start: tuple[float, float]  # place of the robot at the start [m]
 
 
 def random_ground(
@@ -412,18 +352,12 @@ def _turned(ring: Array, angle: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Errors of a kind of receiver.
+    """Errors of a kind of receiver."""
 
-    :param white_sd_m: standard deviation of the part that each fix has anew [m]
-    :param wander_sd_m: standard deviation of the part that wanders [m]
-    :param wander_s: time in which the wandering part forgets itself [s]
-    :param holds: whether the receiver holds its place while the robot stands (static hold)
-    """
-
-    white_sd_m: float = 0.02
-    wander_sd_m: float = 0.0
-    wander_s: float = 60.0
-    holds: bool = False
+    white_sd_m: float = 0.02  # standard deviation of the part that each fix has anew [m]
+    wander_sd_m: float = 0.0  # standard deviation of the part that wanders [m]
+    wander_s: float = 60.0  # time in which the wandering part forgets itself [s]
+    holds: bool = False  # whether the receiver holds its place while the robot stands (static hold)
 
     @property
     def sd_m(self) -> float:
@@ -444,32 +378,19 @@ holds its place."""
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Case:
-    """What is rehearsed.
+    """What is rehearsed."""
 
-    :param ground: field, graph and start
-    :param navigator: one of :data:`NAVIGATORS`
-    :param strategy: how stops are chosen
-    :param faults: what goes wrong
-    :param seed: seed of noise and counts
-    :param budget_s: budget of the mission [s]
-    :param home: whether the robot must return to its start
-    :param receiver: one of :data:`RECEIVERS`
-    :param fixes_hz: fixes in a second; whole or 0.5
-    :param stated: one of :data:`STATED`
-    :param radius_m: the robot is at a stop within this distance [m]
-    """
-
-    ground: Ground
-    navigator: str
-    strategy: str
-    faults: Faults
-    seed: int
-    budget_s: float = 1200.0
-    home: bool = True
-    receiver: str = "rtk"
-    fixes_hz: float = 1.0
-    stated: str = "unknown"
-    radius_m: float = 3.0
+    ground: Ground  # field, graph and start
+    navigator: str  # one of :data:`NAVIGATORS`
+    strategy: str  # how stops are chosen
+    faults: Faults  # what goes wrong
+    seed: int  # seed of noise and counts
+    budget_s: float = 1200.0  # budget of the mission [s]
+    home: bool = True  # whether the robot must return to its start
+    receiver: str = "rtk"  # one of :data:`RECEIVERS`
+    fixes_hz: float = 1.0  # fixes in a second; whole or 0.5
+    stated: str = "unknown"  # one of :data:`STATED`
+    radius_m: float = 3.0  # the robot is at a stop within this distance [m]
 
     @property
     def stated_sd_m(self) -> float:

@@ -63,10 +63,7 @@ def _refuse(*_: object) -> None:
 
 
 class Disk:
-    """The files of a rehearsal: journal of the mission, logs of driver and mapper.
-
-    :param folder: where
-    """
+    """The files of a rehearsal: journal of the mission, logs of driver and mapper."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -77,19 +74,16 @@ class Disk:
         self._recorder.start()
 
     def open_journal(self) -> tuple[Journal, str | None, Iterable[Mapping[str, Any]], bool]:
-        """See ``Store``."""
         found = load_journal(self._folder / "journal")
         self._journal = Journal.open(self._folder / "journal")
         events = [entry.payload for entry in found.entries if entry.kind == EVENT]
         return self._journal, found.snapshot, events, found.complete
 
     def close_journal(self) -> None:
-        """See ``Store``."""
         if self._journal is not None:
             self._journal.close()
 
     def publish(self, records: Sequence[CountRecord]) -> None:
-        """See ``Store``."""
         with contextlib.suppress(OSError):  # the driver publishes them nevertheless
             self._driver.write(records)
         for record in records:
@@ -104,7 +98,6 @@ class Disk:
             self._driver.write([])
 
     def stored(self) -> Mapping[str, Sequence[CountRecord]]:
-        """See ``Store``."""
         state = self._recorder.stop()
         bag = [] if state.bag is None else stored_counts(state.bag, [COUNTS.name], FRAME)
         return {"the driver's log": RecordTail(self._session / DRIVER, FRAME).read().records, "the bag": bag}
@@ -116,35 +109,25 @@ class Disk:
         self._driver.close()
 
     def open_map(self, field_map: FieldMap) -> Sources:
-        """See ``Store``."""
         return Sources(field_map, self._session, self._folder / "journal")
 
 
 class Sources:
-    """The sources of a mapper's map.
-
-    :param field_map: the map
-    :param session: folder of the logs
-    :param journal: folder of the planner's journal
-    """
+    """The sources of a mapper's map."""
 
     def __init__(self, field_map: FieldMap, session: Path, journal: Path) -> None:
         self._records = MapRecords(field_map)
         self._sources = MapSources(self._records, session, [journal], ["/counts"], frame=FRAME)
 
     def doubt(self, doubt: Doubt) -> None:
-        """See ``MapStore``."""
         self._records.doubt(doubt)
 
     def received(self, records: Sequence[CountRecord]) -> None:
-        """See ``MapStore``."""
         self._sources.received(records)
 
     def second(self, age_s: float) -> None:
-        """See ``MapStore``."""
         self._sources.poll()
         self._sources.merge(self._sources.missed(age_s))
 
     def close(self) -> None:
-        """See ``MapStore``."""
         self._sources.close()

@@ -22,8 +22,7 @@ from soilmoist_ros.sensing import CountRecord
 
 Records = Iterable[CountRecord]
 
-STEP_M = 0.1
-"""Step along the true way at which it is measured [m]."""
+STEP_M = 0.1  # step along the true way at which it is measured [m]
 
 
 class Kind(StrEnum):
@@ -62,16 +61,11 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Violation:
-    """Something that must not happen.
+    """Something that must not happen."""
 
-    :param kind: what
-    :param at_s: when, since the start [s]
-    :param what: details
-    """
-
-    kind: Kind
-    at_s: float
-    what: str
+    kind: Kind  # what
+    at_s: float  # when, since the start [s]
+    what: str  # details
 
     def __str__(self) -> str:
         return f"{self.kind} at {self.at_s:.0f} s: {self.what}"
@@ -79,54 +73,30 @@ class Violation:
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What is tolerated.
+    """What is tolerated."""
 
-    :param beyond_m: nodes of a travel graph may lie this far outside the field [m]
-    :param border_m: the robot's centre may be this far beyond a border [m]
-    :param goal_m: likewise for a goal [m]
-    :param still_m: a robot that moves less stands [m]
-    :param stopping_s: time for a robot that obeys to stand after a command to stop [s]
-    :param stop_m: a pose that is to stop the robot may be this far from it [m]
-    :param wrong_m: error of the place that must be noticed ... [m]
-    :param wrong_s: ... within this time [s]
-    :param visit_m: a visit may be this far from its stop [m]
-    :param stuck_s: time without a visit or a goal after which somebody must be asked [s]
-    :param same_m: places of samples may differ by this, where messages round them [m]
-    :param late_s: the mission may measure this long beyond its budget [s]
-    :param early: share of the budget before which time cannot be up
-    :param deep_m: a robot that is led astray is stopped when it is this deep in a no-go area ... [m]
-    :param away_m: ... or this far out of the field ... [m]
-    :param off_m: ... or this far from its route ... [m]
-    :param notice_s: ... within this time [s]
-    :param slow_m: a robot that moves this far in each of three seconds does not stand [m]
-    :param moved_m: a robot that moves this far where it should stand is noticed [m]
-    :param reach_m: a robot that counts may be this much farther from its stop than the stop demands [m]
-    :param misplaced_m: a mapped record may be this far from its true place [m]
-    :param noise_m: errors of fixes up to this distance are noise, and add to the distances above [m]
-    """
-
-    beyond_m: float = 3.0
-    border_m: float = 0.2
-    goal_m: float = 0.2
-    still_m: float = 0.5
-    stopping_s: float = 6.0
-    stop_m: float = 6.0
-    wrong_m: float = 8.0
-    wrong_s: float = 15.0
-    visit_m: float = 4.0
-    stuck_s: float = 900.0
-    same_m: float = 0.0
-    late_s: float = 60.0
-    early: float = 0.6
-    deep_m: float = 1.0
-    away_m: float = 3.0
-    off_m: float = 11.0
-    notice_s: float = 3.0
-    slow_m: float = 0.05
-    moved_m: float = 1.0
-    reach_m: float = 0.5
-    misplaced_m: float = 3.0
-    noise_m: float = 0.0
+    beyond_m: float = 3.0  # nodes of a travel graph may lie this far outside the field [m]
+    border_m: float = 0.2  # the robot's centre may be this far beyond a border [m]
+    goal_m: float = 0.2  # likewise for a goal [m]
+    still_m: float = 0.5  # a robot that moves less stands [m]
+    stopping_s: float = 6.0  # time for a robot that obeys to stand after a command to stop [s]
+    stop_m: float = 6.0  # a pose that is to stop the robot may be this far from it [m]
+    wrong_m: float = 8.0  # error of the place that must be noticed ... [m]
+    wrong_s: float = 15.0  # ... within this time [s]
+    visit_m: float = 4.0  # a visit may be this far from its stop [m]
+    stuck_s: float = 900.0  # time without a visit or a goal after which somebody must be asked [s]
+    same_m: float = 0.0  # places of samples may differ by this, where messages round them [m]
+    late_s: float = 60.0  # the mission may measure this long beyond its budget [s]
+    early: float = 0.6  # share of the budget before which time cannot be up
+    deep_m: float = 1.0  # a robot that is led astray is stopped when it is this deep in a no-go area ... [m]
+    away_m: float = 3.0  # ... or this far out of the field ... [m]
+    off_m: float = 11.0  # ... or this far from its route ... [m]
+    notice_s: float = 3.0  # ... within this time [s]
+    slow_m: float = 0.05  # a robot that moves this far in each of three seconds does not stand [m]
+    moved_m: float = 1.0  # a robot that moves this far where it should stand is noticed [m]
+    reach_m: float = 0.5  # a robot that counts may be this much farther from its stop than the stop demands [m]
+    misplaced_m: float = 3.0  # a mapped record may be this far from its true place [m]
+    noise_m: float = 0.0  # errors of fixes up to this distance are noise, and add to the distances above [m]
 
 
 MOVING = (Phase.TRAVELLING, Phase.RETURNING)
@@ -194,8 +164,6 @@ class Judge:
         way: Sequence[Place] = (),
     ) -> None:
         """The robot has driven in the last second.
-
-        :param now_s: time [s]
         :param before: where it was [m]
         :param passed: places that it has passed, the last one included [m]
         :param status: what the mission said before
@@ -358,8 +326,6 @@ class Judge:
 
     def resumes(self, now_s: float, resume: Callable[[], bool]) -> bool:
         """An operator resumes or starts a mission.
-
-        :param now_s: time [s]
         :param resume: does it; whether it is accepted. Goals may be sent meanwhile, but not if it is refused
         """
         held, sent = (self._stopped, self._stopped_at), self._sent
@@ -450,8 +416,6 @@ class Judge:
 
     def kept(self, now_s: float, acknowledged: Records, stored: Records, where: str) -> None:
         """What was acknowledged must be stored.
-
-        :param now_s: time [s]
         :param acknowledged: records that must be there
         :param stored: records that are there
         :param where: what holds them

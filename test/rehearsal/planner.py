@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from functools import partial
 from math import nan
-from typing import Any, Protocol
+from typing import Any
 
 from rehearsal.cases import ROBOT_RADIUS_M, Fault, Ground, Place
+from rehearsal.disk import Disk
 from rehearsal.judge import Judge
 from rehearsal.servers import (
     ActionServer,
@@ -33,7 +34,6 @@ from soilmoist_ros.exploration import (
     FieldAccess,
     Finish,
     GoalClient,
-    Journal,
     Listed,
     MissionClock,
     MissionControl,
@@ -58,60 +58,10 @@ from soilmoist_ros.exploration import (
     parse_dwell,
     way_points,
 )
-from soilmoist_ros.mapping import FieldMap
-from soilmoist_ros.sensing import CountRecord, Doubt
+from soilmoist_ros.sensing import Doubt
 
 STOP_OVERHEAD_S = 5.0
-THINKING_S = {False: 1.0, True: 120.0}
-"""Time to choose a stop, and when the planner is slow [s]."""
-
-
-class MapStore(Protocol):
-    """Brings records into the map of one mapper process."""
-
-    def received(self, records: Sequence[CountRecord]) -> None:
-        """Records have come as a message."""
-        ...
-
-    def doubt(self, doubt: Doubt) -> None:
-        """A doubt about the place has begun or ended."""
-        ...
-
-    def second(self, age_s: float) -> None:
-        """A second has passed; the process is so old [s]."""
-        ...
-
-    def close(self) -> None:
-        """The process has been killed."""
-        ...
-
-
-class Store(Protocol):
-    """The disk, which survives all processes."""
-
-    def open_journal(self) -> tuple[Journal, str | None, Iterable[Mapping[str, Any]], bool]:
-        """The planner's journal, its last snapshot, the events after it, and whether none is missing."""
-        ...
-
-    def close_journal(self) -> None:
-        """The planner has been killed."""
-        ...
-
-    def publish(self, records: Sequence[CountRecord]) -> None:
-        """The driver publishes records."""
-        ...
-
-    def full(self, is_full: bool) -> None:
-        """The disk has no space left, or has space again."""
-        ...
-
-    def stored(self) -> Mapping[str, Sequence[CountRecord]]:
-        """At the end, the records of each place that must have all of them."""
-        ...
-
-    def open_map(self, field_map: FieldMap) -> MapStore:
-        """A mapper has started, with an empty map."""
-        ...
+THINKING_S = {False: 1.0, True: 120.0}  # time to choose a stop, and when the planner is slow [s]
 
 
 class PlannerProcess:
@@ -124,7 +74,7 @@ class PlannerProcess:
     :raises InputError: if the mission refuses field or graph
     """
 
-    def __init__(self, world: World, store: Store, judge: Judge, doubted: Callable[[Doubt], None]) -> None:
+    def __init__(self, world: World, store: Disk, judge: Judge, doubted: Callable[[Doubt], None]) -> None:
         self.doubted = doubted
         case = world.case
         self._world, self._judge = world, judge
@@ -211,24 +161,19 @@ class PlannerProcess:
     # Outputs
 
     def now_s(self) -> float:
-        """See :class:`Outputs`."""
         return self._world.now_s
 
     def show(self, status: MissionStatus, ahead: tuple[Stop, ...], more: Mapping[str, str]) -> None:
-        """See :class:`Outputs`."""
         self.status = status
 
     def visit(self, visit: Visit) -> None:
-        """See :class:`Outputs`."""
         self.visits += 1
         self._judge.visited(self._world.time_s, visit)
 
     def save(self, reason: str) -> None:
-        """See :class:`Outputs`."""
         self._judge.saved()
 
     def finish(self, finish: Finish) -> None:
-        """See :class:`Outputs`."""
         self.finished = True
         self._judge.finished(self._world.time_s, finish)
 
@@ -272,17 +217,7 @@ Sent = Callable[[Place, str], None]
 
 
 class ActionNavigator:
-    """Drives to nodes or poses by an action.
-
-    :param client: the rules
-    :param server: the navigation
-    :param by_name: whether goals are names of nodes
-    :param time_s: steady time [s]
-    :param report: takes the end of each goal
-    :param sent: hears of each goal that is sent
-    :param track: recent places of the robot
-    :param there_m: a robot that stands this close to a stop is there already [m]
-    """
+    """Drives to nodes or poses by an action."""
 
     on_the_way = caution = ""
     corners: Sequence[Place] = ()  # of the last route
@@ -307,23 +242,19 @@ class ActionNavigator:
 
     @property
     def waiting_for(self) -> str:
-        """See :class:`Navigator`."""
         if goal := self._client.unended:
             return f"the end of {goal}"
         return "" if self._server.present(self._time_s()) else "the navigation"
 
     @property
     def other_client(self) -> str:
-        """See :class:`Navigator`."""
         return "another client drives the robot" if self._server.others else ""
 
     @property
     def feedback_age_s(self) -> float:
-        """See :class:`Navigator`."""
         return self._time_s() - self._heard_s
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
-        """See :class:`Navigator`."""
         self.corners = [(float(x), float(y)) for x, y in way.corners]
         nodes = tuple(map(WayPoint, way.nodes)) or (WayPoint(stop),)
         ahead = nodes if self._by_name else way_points(way.corners, stop)
@@ -332,16 +263,13 @@ class ActionNavigator:
         self._do(self._client.go(goal_id, ahead, self._time_s(), there))
 
     def cancel(self, goal_id: int) -> None:
-        """See :class:`Navigator`."""
         self._do(self._client.cancel(goal_id, self._time_s()))
 
     def moved(self, place: Place, now_s: float, sd_m: float) -> None:
-        """See :class:`Navigator`."""
         self._track.moved(place, now_s, sd_m)
         self._do(self._client.moved(place, self._time_s()))
 
     def tick(self, now_s: float) -> None:
-        """See :class:`Navigator`."""
         self._track.tick(now_s)
         if self._server.active:  # it sends feedback all the time
             self._heard_s = self._time_s()
@@ -385,15 +313,7 @@ class ActionNavigator:
 
 
 class PoseNavigator:
-    """Drives to poses that nobody answers.
-
-    :param client: the rules
-    :param listener: the navigation
-    :param time_s: steady time [s]
-    :param report: takes the end of each goal
-    :param sent: hears of each pose that is sent
-    :param stopped: hears of each pose that is to stop the robot
-    """
+    """Drives to poses that nobody answers."""
 
     on_the_way = caution = ""
     corners: Sequence[Place] = ()  # of the last route
@@ -415,23 +335,19 @@ class PoseNavigator:
 
     @property
     def waiting_for(self) -> str:
-        """See :class:`Navigator`."""
         return "" if self._listener.present(self._time_s()) else "a navigation"
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
-        """See :class:`Navigator`."""
         self.corners = [(float(x), float(y)) for x, y in way.corners]
         self._going = True
         self._do(self._client.go(goal_id, way_points(way.corners, stop)))
 
     def cancel(self, goal_id: int) -> None:
-        """See :class:`Navigator`."""
         self._going = False
         self._do(self._client.cancel(goal_id))
 
     @property
     def other_client(self) -> str:
-        """See :class:`Navigator`."""
         return "another client drives the robot" if self._client.other_client else ""
 
     def overhear(self) -> None:
@@ -439,11 +355,9 @@ class PoseNavigator:
         self._do(self._client.heard_other())
 
     def moved(self, place: Place, now_s: float, sd_m: float) -> None:
-        """See :class:`Navigator`."""
         self._do(self._client.moved(place, now_s, sd_m))
 
     def tick(self, now_s: float) -> None:
-        """See :class:`Navigator`."""
         self._do(self._client.tick(False, now_s))
 
     def heard(self, reply: Reply) -> None:

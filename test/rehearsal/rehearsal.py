@@ -12,70 +12,47 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from rehearsal.cases import RECEIVERS, Case, Fault, Place, Span
+from rehearsal.disk import Disk
 from rehearsal.judge import Judge, Kind, Limits, Violation
-from rehearsal.planner import PlannerProcess, PoseNavigator, Store
+from rehearsal.planner import PlannerProcess, PoseNavigator
 from rehearsal.world import World
 from soilmoist_ros.exploration import OperatorRequest, Phase, Verb
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import FieldMap
 from soilmoist_ros.sensing import CountRecord, Doubt
 
-HOME_WITHIN_S = 250.0
-"""A robot with a low battery is home within this time [s]."""
-BACK_AFTER_S = 8.0
-"""A killed process is back after this time [s]."""
-ANSWER_S = 30.0
-"""Time that the operator takes to answer [s]."""
-WRONG_M = 3.0
-"""People see that a robot is this far from where the map shows it [m]."""
-UNKNOWN_M = 1.0
-"""Noise of a receiver that states none, as far as the package can know it [m]."""
-OTHER_ENTRY_M = 25.0
-"""A navigation that is sent to a node may be this far from the shortest way [m]."""
-PATIENCE = 6
-"""People who are asked so many times abort the mission."""
-AFTER_RELEASE_S = 15.0
-"""Time between the release of the emergency stop and the resume [s]."""
+HOME_WITHIN_S = 250.0  # A robot with a low battery is home within this time [s]
+BACK_AFTER_S = 8.0  # A killed process is back after this time [s]
+ANSWER_S = 30.0  # time that the operator takes to answer [s]
+WRONG_M = 3.0  # people see that a robot is this far from where the map shows it [m]
+UNKNOWN_M = 1.0  # noise of a receiver that states none, as far as the package can know it [m]
+OTHER_ENTRY_M = 25.0  # A navigation that is sent to a node may be this far from the shortest way [m]
+PATIENCE = 6  # people who are asked so many times abort the mission
+AFTER_RELEASE_S = 15.0  # time between the release of the emergency stop and the resume [s]
 BUTTON = "button"
-POLL_S = 4.0
-"""Time between looks of the mapper at the disk [s]; each second would take long."""
-OVERTIME_S = 900.0
-"""A rehearsal ends this long after the budget at the latest [s]."""
-AFTERWARDS_S = 30.0
-"""The robot is watched this long after the mission has ended [s]."""
+POLL_S = 4.0  # time between looks of the mapper at the disk [s]; each second would take long
+OVERTIME_S = 900.0  # A rehearsal ends this long after the budget at the latest [s]
+AFTERWARDS_S = 30.0  # the robot is watched this long after the mission has ended [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """How a rehearsal went.
+    """How a rehearsal went."""
 
-    :param violations: what must not have happened
-    :param visits: number of visits
-    :param driven_m: distance driven [m]
-    :param kills: number of kills of planner, mapper and driver
-    :param alarms: number of times at which the guard raised an alarm
-    :param stops: alarms that stopped the mission, by cause
-    :param asked: number of times that people were asked
-    :param quarantined: number of records that no map has because of their places
-    :param hours: length [h]
-    :param refused: why the mission could not start; empty if it did
-    :param ended: the last reason that the mission gave
-    """
-
-    violations: tuple[Violation, ...]
-    visits: int = 0
-    driven_m: float = 0.0
-    kills: int = 0
-    alarms: int = 0
-    stops: Counter[str] = field(default_factory=Counter)
-    asked: int = 0
-    quarantined: int = 0
-    hours: float = 0.0
-    refused: str = ""
-    ended: str = ""
+    violations: tuple[Violation, ...]  # what must not have happened
+    visits: int = 0  # number of visits
+    driven_m: float = 0.0  # distance driven [m]
+    kills: int = 0  # number of kills of planner, mapper and driver
+    alarms: int = 0  # number of times at which the guard raised an alarm
+    stops: Counter[str] = field(default_factory=Counter)  # alarms that stopped the mission, by cause
+    asked: int = 0  # number of times that people were asked
+    quarantined: int = 0  # number of records that no map has because of their places
+    hours: float = 0.0  # length [h]
+    refused: str = ""  # why the mission could not start; empty if it did
+    ended: str = ""  # the last reason that the mission gave
 
 
-def rehearse(case: Case, store: Store) -> Outcome:
+def rehearse(case: Case, store: Disk) -> Outcome:
     """Rehearse a case from start to end. The case determines the outcome.
 
     :param case: what is rehearsed
@@ -126,13 +103,9 @@ class _Crashes(logging.Handler):
 
 
 class MapperProcess:
-    """The mapper, as far as the map is concerned.
+    """The mapper, as far as the map is concerned."""
 
-    :param world: where it runs
-    :param store: where records are stored
-    """
-
-    def __init__(self, world: World, store: Store) -> None:
+    def __init__(self, world: World, store: Disk) -> None:
         self.map = FieldMap(world.case.ground.field.grid())
         self.store = store.open_map(self.map)
         for doubt in world.doubts.all:
@@ -150,7 +123,7 @@ class MapperProcess:
 class _Rehearsal:
     """The world, the processes in it, and the operator."""
 
-    def __init__(self, case: Case, store: Store) -> None:
+    def __init__(self, case: Case, store: Disk) -> None:
         self.case, self.store = case, store
         self.world = World(case)
         self.judge = Judge(case.ground, case.budget_s, limits_of(case), case.radius_m)

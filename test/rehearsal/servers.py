@@ -21,37 +21,20 @@ from soilmoist_ros.exploration import TravelGraph
 
 Array = NDArray[np.float64]
 
-REACTION_S = 1.0
-"""Time until a goal that needs no motion ends [s]."""
+REACTION_S = 1.0  # time until a goal that needs no motion ends [s]
 
 
 class Driven:
-    """A robot that drives along a polyline, and stops at once.
-
-    :param place: where it is [m]
-    :param speed_mps: its speed [m/s]
-
-    Attributes
-    ----------
-    way : list[tuple[float, float]]
-        corners ahead [m]
-    right : list[tuple[float, float]]
-        the way that it was asked for, from where it set off [m]; empty without one
-    astray : bool
-        whether its way is another one than that
-    by_hand : bool
-        whether people drive it
-    error : tuple[float, float]
-        error of the place by which it navigates [m]
-    """
+    """A robot that drives along a polyline, and stops at once."""
 
     def __init__(self, place: Place, speed_mps: float) -> None:
         self.place = place
         self.speed_mps = speed_mps
-        self.way: list[Place] = []
-        self.right: list[Place] = []
-        self.astray = self.by_hand = self.arrived = False
-        self.error: Place = (0.0, 0.0)
+        self.way: list[Place] = []  # corners ahead [m]
+        self.right: list[Place] = []  # the way that it was asked for, from where it set off [m]; empty without one
+        self.astray = False  # its way is another one than that
+        self.by_hand = self.arrived = False  # people drive it; it is there
+        self.error: Place = (0.0, 0.0)  # error of the place by which it navigates [m]
         self.odometer_m = 0.0
 
     @property
@@ -156,13 +139,7 @@ class _Active:
 
 
 class ActionServer:
-    """A navigation server of one action; it works on one goal, and a new goal replaces it.
-
-    :param robot: what it drives
-    :param route: corners of the way from a place to a target; ``None`` if it knows none
-    :param faults: what goes wrong when
-    :param misled: leads the robot astray; it drives as it is asked if left out
-    """
+    """A navigation server of one action; it works on one goal, and a new goal replaces it."""
 
     def __init__(
         self,
@@ -209,7 +186,6 @@ class ActionServer:
         """Send a goal; returns its number. The answer comes with :meth:`step`.
 
         :param target: name of a node, or a place [m]
-        :param now_s: time [s]
         :param foreign: for a goal of somebody else the status with which a goal of the mission ends
         """
         self._goals += 1
@@ -241,7 +217,6 @@ class ActionServer:
         """Cancel a goal; nothing happens while the server is dead.
 
         :param goal: the goal; ``None`` for what the mission has sent
-        :param now_s: time [s]
         :param anybodys: also what somebody else has sent: people stop whatever drives the robot
         """
         if not self.present(now_s):
@@ -293,19 +268,13 @@ class ActionServer:
 
 
 class PoseListener:
-    """A toy that drives straight to the newest pose it hears; nothing answers.
-
-    :param robot: what it drives
-    :param faults: what goes wrong when
-    :param misled: leads the robot astray; it drives as it is asked if left out
-    """
+    """A toy that drives straight to the newest pose it hears; nothing answers."""
 
     def __init__(self, robot: Driven, faults: Faults, misled: Misled | None = None) -> None:
         self._robot = robot
         self._faults = faults
         self._misled = misled
         self.overridden = ""
-        """See :class:`ActionServer`."""
         self._foreign = False
 
     @property
@@ -366,22 +335,14 @@ def _is_between(place: Place, start: Place, end: Place) -> bool:
 
 Way = list[Place]
 
-STAYS_S = 30
-"""Time that a detour stays in a no-go area [s], at 1 m/s."""
-SHORT_M = 2.5
-"""Without nodes an arrival is reported this far before the goal [m]."""
+STAYS_S = 30  # time that a detour stays in a no-go area [s], at 1 m/s
+SHORT_M = 2.5  # without nodes an arrival is reported this far before the goal [m]
 SLIDE_MPS = 0.7
-STOOD_S = 12.0
-"""A robot that has stood for this time counts or waits [s]."""
+STOOD_S = 12.0  # A robot that has stood for this time counts or waits [s]
 
 
 class Misled:
-    """Leads the robot, or its fixes, astray.
-
-    :param ground: the field
-    :param faults: what goes wrong when
-    :param stood_s: a robot that slips, or whose fixes leave it, has stood for this time [s]
-    """
+    """Leads the robot, or its fixes, astray."""
 
     def __init__(self, ground: Ground, faults: Faults, stood_s: float = STOOD_S) -> None:
         self._faults, self._stood_s = faults, stood_s
@@ -397,7 +358,6 @@ class Misled:
 
         :param way: corners that are still ahead [m]
         :param here: where the robot is [m]
-        :param now_s: time [s]
         :param begins: whether the goal has just been sent; otherwise a fault has begun in mid-way
         """
         faults = self._faults
@@ -424,7 +384,6 @@ class Misled:
         """By how much a robot that is not driven moves nevertheless in a short time [m].
 
         :param stood_s: for how long it has stood [s]
-        :param now_s: time [s]
         :param for_s: the short time [s]
         """
         if (span := self._faults.span(Fault.CREEP, now_s)) is not None:

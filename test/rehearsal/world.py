@@ -25,46 +25,25 @@ from rehearsal.servers import (
 )
 from soilmoist_ros.sensing import CountRecord, Doubts
 
-Fixed = tuple[Place, float]
-"""A place [m] and its time [s since 1970 UTC]."""
+Fixed = tuple[Place, float]  # A place [m] and its time [s since 1970 UTC]
 T = TypeVar("T")
 
-START_S = 1_780_000_000.0
-"""ROS time at the start [s since 1970 UTC]."""
+START_S = 1_780_000_000.0  # ROS time at the start [s since 1970 UTC]
 SPEED_MPS = 1.0
 CADENCE_S = 10.0
 RATE_CPS = 5.0
-LED_S = 5.0
-"""The robot settles within this time after something else has moved it [s]."""
+LED_S = 5.0  # the robot settles within this time after something else has moved it [s]
 ENDS = (Status.ABORTED, Status.CANCELED, Status.SUCCEEDED)
 """Ends of a goal that somebody else's goal replaces; servers differ."""
 
 
 class World:
-    """What is true, whatever the package believes.
-
-    :param case: what is rehearsed
-
-    Attributes
-    ----------
-    time_s : float
-        steady time since the start [s]
-    fixed : tuple[float, float] | None
-        last fix, as the receiver reports it [m]
-    published : list[CountRecord]
-        all records that the driver has published
-    has_driver : bool
-        whether the driver runs
-    doubts : Doubts
-        doubts about the place, as they are latched
-    truth : dict[tuple[float, int], tuple[float, float]]
-        true place of each record, by its stamp [s] and counts [m]
-    """
+    """What is true, whatever the package believes."""
 
     def __init__(self, case: Case) -> None:
         self.case = case
         self.faults = case.faults
-        self.time_s = 0.0
+        self.time_s = 0.0  # steady time since the start [s]
         self.robot = Driven(case.ground.start, SPEED_MPS)
         self.by_name = case.navigator == "goto_node"
         graph = case.ground.graph
@@ -74,11 +53,11 @@ class World:
         self.server = ActionServer(self.robot, route, self.faults, self._misled)
         self.listener = PoseListener(self.robot, self.faults, self._misled)
         self.fixed: Place | None = None
-        self.published: list[CountRecord] = []
+        self.published: list[CountRecord] = []  # all records that the driver has published
         self.has_driver = True
         self._held_fixes: list[Fixed] = []
         self._held_records: list[CountRecord] = []
-        self.doubts = Doubts()
+        self.doubts = Doubts()  # doubts about the place, as they are latched
         self.truth: dict[tuple[float, int], Place] = {}
         noise = RECEIVERS[case.receiver]
         self._receiver = Receiver(noise, 1 / case.fixes_hz, np.random.default_rng([case.seed, 2]))
@@ -256,30 +235,18 @@ class World:
 
 # Errors of real receivers: white noise, an error that wanders slowly, and places held while the robot stands ----
 
-HOLD_MPS = 0.3
-"""A receiver that holds its place does so below this speed [m/s] ..."""
-HOLD_M = 1.0
-"""... until the measured place is this far from the held one [m]."""
+HOLD_MPS = 0.3  # A receiver that holds its place does so below this speed [m/s]
+HOLD_M = 1.0  # ... until the measured place is this far from the held one [m]
 
 
 class Receiver:
-    """A receiver whose errors follow from its random numbers.
-
-    :param noise: its errors
-    :param interval_s: time between fixes [s]
-    :param rng: source of all randomness
-
-    Attributes
-    ----------
-    wander : tuple[float, float]
-        part of the error that wanders [m]
-    """
+    """A receiver whose errors follow from its random numbers."""
 
     def __init__(self, noise: Noise, interval_s: float, rng: np.random.Generator) -> None:
         self._noise, self._interval_s, self._rng = noise, interval_s, rng
         self._kept = math.exp(-interval_s / noise.wander_s)
         x, y = (noise.wander_sd_m * rng.normal(size=2)).tolist()
-        self.wander: Place = (x, y)
+        self.wander: Place = (x, y)  # part of the error that wanders [m]
         self._last: Place | None = None
         self._held: Place | None = None
 
