@@ -32,6 +32,10 @@ WRONG_M = 3.0
 """People see that a robot is this far from where the map shows it [m]."""
 UNKNOWN_M = 1.0
 """Noise of a receiver that states none, as far as the package can know it [m]."""
+UNTAUGHT_M = 3.0
+"""Motion that such a receiver may hide as long as no standstill has taught its noise [m]."""
+THEIRS_S = 15.0
+"""What the watch sees of a robot that people have driven, it sees up to this time later [s]."""
 OTHER_ENTRY_M = 25.0
 """A navigation that is sent to a node may be this far from the shortest way [m]."""
 PATIENCE = 6
@@ -56,7 +60,7 @@ class Outcome:
     :param driven_m: distance driven [m]
     :param kills: number of kills of planner, mapper and driver
     :param alarms: number of times at which the guard raised an alarm
-    :param stops: alarms that stopped the mission, by cause
+    :param stops: alarms that stopped the mission, by cause; without those of a robot that people drive
     :param asked: number of times that people were asked
     :param quarantined: number of records that no map has because of their places
     :param hours: length [h]
@@ -112,7 +116,8 @@ def limits_of(case: Case) -> Limits:
     off_m = 11.0 if case.stated == "true" else 15.0  # no standstill has taught the noise yet
     if case.navigator == "goto_node":  # the navigation may enter the graph by another node
         off_m = OTHER_ENTRY_M
-    return Limits(notice_s=3.0 if case.fixes_hz >= 1 else 5.0, noise_m=noise_m, off_m=off_m)
+    moved_m = 1.0 if case.stated == "true" or sd_m > 0.1 else UNTAUGHT_M
+    return Limits(notice_s=3.0 if case.fixes_hz >= 1 else 5.0, noise_m=noise_m, off_m=off_m, moved_m=moved_m)
 
 
 class _Crashes(logging.Handler):
@@ -169,6 +174,7 @@ class _Rehearsal:
         self._stops: Counter[str] = Counter()
         self._refusal = self._ended = ""
         self._on: set[str] = set()
+        self._people_s = -math.inf
         self._home_by_s = home_by_s(case)
 
     def run(self) -> None:
@@ -268,9 +274,13 @@ class _Rehearsal:
         status = self.planner.status
         assert status is not None
         on = {alarm.cause for alarm in status.alarms}
+        if world.with_people:
+            self._people_s = world.time_s
         self._alarms += len(on - self._on)
         self._stops.update(
-            alarm.cause for alarm in status.alarms if alarm.response.stops and alarm.cause not in self._on
+            alarm.cause
+            for alarm in status.alarms
+            if alarm.response.stops and alarm.cause not in self._on and world.time_s > self._people_s + THEIRS_S
         )
         self._on = on
         self._ended = f"{status.phase}: {status.reason}"

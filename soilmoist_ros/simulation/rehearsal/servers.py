@@ -197,6 +197,10 @@ class ActionServer:
         """Whether it works on a goal."""
         return self._active is not None
 
+    def is_known(self, now_s: float) -> bool:
+        """Whether it works on a goal of which the mission can know: not of somebody else's in the same second."""
+        return self._active is not None and not (self._active.foreign and self._active.begun_s == now_s)
+
     @property
     def others(self) -> bool:
         """Whether it works on a goal of somebody else."""
@@ -219,8 +223,9 @@ class ActionServer:
             return goal  # nobody hears it
         way = self._route(self._robot.believed, target)
         if self._active is not None:
+            theirs = self._active.foreign and foreign is None
             self.replaced += 1
-            if self._active.foreign and foreign is None:
+            if theirs and self.is_known(now_s):
                 self.overridden = "goal sent"
             ended = foreign or Status.ABORTED
             self._over(now_s, ended, success=ended is Status.SUCCEEDED)
@@ -307,7 +312,7 @@ class PoseListener:
         self._misled = misled
         self.overridden = ""
         """See :class:`ActionServer`."""
-        self._foreign = False
+        self._foreign, self._begun_s = False, -math.inf
 
     @property
     def others(self) -> bool:
@@ -322,9 +327,9 @@ class PoseListener:
         """A new pose, of the mission or of somebody else."""
         if not self.present(now_s) or self._faults.on(Fault.SERVER_DEAF, now_s):
             return
-        if self.others and not foreign:
+        if self.others and not foreign and self._begun_s < now_s:  # nobody knows of it in the same second
             self.overridden = "pose sent"
-        self._foreign = foreign
+        self._foreign, self._begun_s = foreign, now_s
         led = [place]
         if self._misled is not None and not foreign:
             led = self._misled.way(led, self._robot.place, now_s, begins=True)
