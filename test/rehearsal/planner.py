@@ -139,7 +139,7 @@ class PlannerProcess:
         return self.link
 
     def _sent(self, place: Place, what: str) -> None:
-        if self._world.server.active:
+        if self._world.server.is_known(self._world.time_s):
             self._judge.replaced(self._world.time_s, what)
         home = None if self.home is None else (self.home.x_m, self.home.y_m)
         self._judge.sent(self._world.time_s, place, what, home)

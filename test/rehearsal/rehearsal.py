@@ -21,17 +21,19 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import FieldMap
 from soilmoist_ros.sensing import CountRecord, Doubt
 
-HOME_WITHIN_S = 250.0  # A robot with a low battery is home within this time [s]
-BACK_AFTER_S = 8.0  # A killed process is back after this time [s]
+HOME_WITHIN_S = 250.0  # a robot with a low battery is home within this time [s]
+BACK_AFTER_S = 8.0  # a killed process is back after this time [s]
 ANSWER_S = 30.0  # time that the operator takes to answer [s]
 WRONG_M = 3.0  # people see that a robot is this far from where the map shows it [m]
 UNKNOWN_M = 1.0  # noise of a receiver that states none, as far as the package can know it [m]
-OTHER_ENTRY_M = 25.0  # A navigation that is sent to a node may be this far from the shortest way [m]
+UNTAUGHT_M = 3.0  # motion that such a receiver may hide as long as no standstill has taught its noise [m]
+THEIRS_S = 15.0  # what the watch sees of a robot that people have driven, it sees up to this time later [s]
+OTHER_ENTRY_M = 25.0  # a navigation that is sent to a node may be this far from the shortest way [m]
 PATIENCE = 6  # people who are asked so many times abort the mission
 AFTER_RELEASE_S = 15.0  # time between the release of the emergency stop and the resume [s]
 BUTTON = "button"
 POLL_S = 4.0  # time between looks of the mapper at the disk [s]; each second would take long
-OVERTIME_S = 900.0  # A rehearsal ends this long after the budget at the latest [s]
+OVERTIME_S = 900.0  # a rehearsal ends this long after the budget at the latest [s]
 AFTERWARDS_S = 30.0  # the robot is watched this long after the mission has ended [s]
 
 
@@ -44,7 +46,7 @@ class Outcome:
     driven_m: float = 0.0  # distance driven [m]
     kills: int = 0  # number of kills of planner, mapper and driver
     alarms: int = 0  # number of times at which the guard raised an alarm
-    stops: Counter[str] = field(default_factory=Counter)  # alarms that stopped the mission, by cause
+    stops: Counter[str] = field(default_factory=Counter)  # alarms that stopped it; not while people drive
     asked: int = 0  # number of times that people were asked
     quarantined: int = 0  # number of records that no map has because of their places
     hours: float = 0.0  # length [h]
@@ -87,7 +89,8 @@ def limits_of(case: Case) -> Limits:
     off_m = 11.0 if case.stated == "true" else 15.0  # no standstill has taught the noise yet
     if case.navigator == "goto_node":  # the navigation may enter the graph by another node
         off_m = OTHER_ENTRY_M
-    return Limits(notice_s=3.0 if case.fixes_hz >= 1 else 5.0, noise_m=noise_m, off_m=off_m)
+    moved_m = 1.0 if case.stated == "true" or sd_m > 0.1 else UNTAUGHT_M
+    return Limits(notice_s=3.0 if case.fixes_hz >= 1 else 5.0, noise_m=noise_m, off_m=off_m, moved_m=moved_m)
 
 
 class _Crashes(logging.Handler):
@@ -140,6 +143,7 @@ class _Rehearsal:
         self._stops: Counter[str] = Counter()
         self._refusal = self._ended = ""
         self._on: set[str] = set()
+        self._people_s = -math.inf
         self._home_by_s = home_by_s(case)
 
     def run(self) -> None:
@@ -239,9 +243,13 @@ class _Rehearsal:
         status = self.planner.status
         assert status is not None
         on = {alarm.cause for alarm in status.alarms}
+        if world.with_people:
+            self._people_s = world.time_s
         self._alarms += len(on - self._on)
         self._stops.update(
-            alarm.cause for alarm in status.alarms if alarm.response.stops and alarm.cause not in self._on
+            alarm.cause
+            for alarm in status.alarms
+            if alarm.response.stops and alarm.cause not in self._on and world.time_s > self._people_s + THEIRS_S
         )
         self._on = on
         self._ended = f"{status.phase}: {status.reason}"

@@ -173,6 +173,10 @@ class ActionServer:
         """Whether it works on a goal."""
         return self._active is not None
 
+    def is_known(self, now_s: float) -> bool:
+        """Whether it works on a goal of which the mission can know: not of somebody else's in the same second."""
+        return self._active is not None and not (self._active.foreign and self._active.begun_s == now_s)
+
     @property
     def others(self) -> bool:
         """Whether it works on a goal of somebody else."""
@@ -194,8 +198,9 @@ class ActionServer:
             return goal  # nobody hears it
         way = self._route(self._robot.believed, target)
         if self._active is not None:
+            theirs = self._active.foreign and foreign is None
             self.replaced += 1
-            if self._active.foreign and foreign is None:
+            if theirs and self.is_known(now_s):
                 self.overridden = "goal sent"
             ended = foreign or Status.ABORTED
             self._over(now_s, ended, success=ended is Status.SUCCEEDED)
@@ -275,7 +280,7 @@ class PoseListener:
         self._faults = faults
         self._misled = misled
         self.overridden = ""
-        self._foreign = False
+        self._foreign, self._begun_s = False, -math.inf
 
     @property
     def others(self) -> bool:
@@ -290,9 +295,9 @@ class PoseListener:
         """A new pose, of the mission or of somebody else."""
         if not self.present(now_s) or self._faults.on(Fault.SERVER_DEAF, now_s):
             return
-        if self.others and not foreign:
+        if self.others and not foreign and self._begun_s < now_s:  # nobody knows of it in the same second
             self.overridden = "pose sent"
-        self._foreign = foreign
+        self._foreign, self._begun_s = foreign, now_s
         led = [place]
         if self._misled is not None and not foreign:
             led = self._misled.way(led, self._robot.place, now_s, begins=True)
@@ -338,7 +343,7 @@ Way = list[Place]
 STAYS_S = 30  # time that a detour stays in a no-go area [s], at 1 m/s
 SHORT_M = 2.5  # without nodes an arrival is reported this far before the goal [m]
 SLIDE_MPS = 0.7
-STOOD_S = 12.0  # A robot that has stood for this time counts or waits [s]
+STOOD_S = 12.0  # a robot that has stood for this time counts or waits [s]
 
 
 class Misled:
