@@ -53,18 +53,12 @@ NAMES = {
 
 @dataclass(frozen=True)
 class Case:
-    """Missions on one field that differ in strategy, dwell and seed only.
+    """Missions on one field that differ in strategy, dwell and seed only."""
 
-    :param number: position in the campaign
-    :param field: field, as in the settings
-    :param title: display name; includes the settings that distinguish cases of one field
-    :param hours: mission time [h]
-    """
-
-    number: int
-    field: str
-    title: str
-    hours: float
+    number: int  # position in the campaign
+    field: str  # field, as in the settings
+    title: str  # display name; includes the settings that distinguish cases of one field
+    hours: float  # mission time [h]
 
 
 class CampaignData:

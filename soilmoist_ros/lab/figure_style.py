@@ -33,30 +33,20 @@ HEIGHTENED, ENLARGED = 1.12, 1.07
 
 @dataclass(frozen=True)
 class FigureImage:
-    """One figure, ready for an HTML file.
+    """One figure, ready for an HTML file."""
 
-    :param uri: the image as a data URI
-    :param alt: description in words
-    """
-
-    uri: str
-    alt: str
+    uri: str  # the image as a data URI
+    alt: str  # description in words
 
 
 @dataclass(frozen=True)
 class FigureSection:
-    """One figure of a page with its texts.
+    """One figure of a page with its texts."""
 
-    :param key: anchor in the page
-    :param title: heading
-    :param picture: the figure
-    :param caption: what to see in it
-    """
-
-    key: str
-    title: str
-    picture: FigureImage
-    caption: str
+    key: str  # anchor in the page
+    title: str  # heading
+    picture: FigureImage  # the figure
+    caption: str  # what to see in it
 
 
 def colours(name: str) -> Any:

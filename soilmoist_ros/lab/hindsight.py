@@ -47,38 +47,22 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Against:
-    """A strategy on one field against the best lattices in hindsight.
+    """A strategy on one field against the best lattices in hindsight."""
 
-    :param strategy: name of the strategy
-    :param dwell: its dwell rule
-    :param pairs: number of paired seeds
-    :param mse: its mean error at the end [(counts/s)^2]
-    :param distance_m: its mean distance [m]
-    :param end_best: dwell of the lattice with the lowest error at the end
-    :param end_best_mse: error of this lattice [(counts/s)^2]
-    :param end_best_distance_m: its distance [m]
-    :param end_ratio: ratio of the errors at the end
-    :param end_ratio_se: its standard error
-    :param distance_ratio: ratio of the distances
-    :param quarter_best: dwell of the lattice with the lowest error at :data:`QUARTER` of the time
-    :param quarter_ratio: ratio of the errors then
-    :param quarter_ratio_se: its standard error
-    """
-
-    strategy: str
-    dwell: str
-    pairs: int
-    mse: float
-    distance_m: float
-    end_best: str
-    end_best_mse: float
-    end_best_distance_m: float
-    end_ratio: float
-    end_ratio_se: float
-    distance_ratio: float
-    quarter_best: str
-    quarter_ratio: float
-    quarter_ratio_se: float
+    strategy: str  # name of the strategy
+    dwell: str  # its dwell rule
+    pairs: int  # number of paired seeds
+    mse: float  # its mean error at the end [(counts/s)^2]
+    distance_m: float  # its mean distance [m]
+    end_best: str  # dwell of the lattice with the lowest error at the end
+    end_best_mse: float  # error of this lattice [(counts/s)^2]
+    end_best_distance_m: float  # its distance [m]
+    end_ratio: float  # ratio of the errors at the end
+    end_ratio_se: float  # its standard error
+    distance_ratio: float  # ratio of the distances
+    quarter_best: str  # dwell of the lattice with the lowest error at :data:`QUARTER` of the time
+    quarter_ratio: float  # ratio of the errors then
+    quarter_ratio_se: float  # its standard error
 
 
 def paired_ratio(mine: Array, theirs: Array) -> tuple[float, float]:

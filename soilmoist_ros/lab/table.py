@@ -53,32 +53,19 @@ def require_pandas() -> Any:
 
 @dataclass(frozen=True, eq=False)
 class MissionRow:
-    """What the tables need of a mission; small, because a campaign keeps it of every mission.
+    """What the tables need of a mission; small, because a campaign keeps it of every mission."""
 
-    :param key: digest of its settings
-    :param field_title: name of the field for reports
-    :param ended: reason for the end
-    :param efficiency: efficiency of its plan; NaN if it has none
-    :param end_s: time at which it ended [s]; NaN if unknown
-    :param mse_quarter: mean squared error at a quarter of the mission time [(counts/s)^2]
-    :param border_share: see :func:`border_share`
-    :param final: final metrics
-    :param times_s: time grid [s], shape (n,)
-    :param names: names of the metrics
-    :param values: metrics on the time grid, shape (m, n)
-    """
-
-    key: str
-    field_title: str
-    ended: str
-    efficiency: float
-    end_s: float
-    mse_quarter: float
-    border_share: float
-    final: Mapping[str, float]
-    times_s: Array
-    names: tuple[str, ...]
-    values: Array
+    key: str  # digest of its settings
+    field_title: str  # name of the field for reports
+    ended: str  # reason for the end
+    efficiency: float  # efficiency of its plan; NaN if it has none
+    end_s: float  # time at which it ended [s]; NaN if unknown
+    mse_quarter: float  # mean squared error at a quarter of the mission time [(counts/s)^2]
+    border_share: float  # see :func:`border_share`
+    final: Mapping[str, float]  # final metrics
+    times_s: Array  # time grid [s], shape (n,)
+    names: tuple[str, ...]  # names of the metrics
+    values: Array  # metrics on the time grid, shape (m, n)
 
     @property
     def metrics(self) -> dict[str, Array]:

@@ -27,16 +27,11 @@ NUMBERS_AT_ONCE = 4_000_000
 
 
 class Extent(NamedTuple):
-    """The box of a field and the resolution of its truth.
+    """The box of a field and the resolution of its truth."""
 
-    :param low: south-west corner [m], shape (2,)
-    :param high: north-east corner [m], shape (2,)
-    :param step_m: distance between nodes [m], > 0
-    """
-
-    low: Array
-    high: Array
-    step_m: float
+    low: Array  # south-west corner [m], shape (2,)
+    high: Array  # north-east corner [m], shape (2,)
+    step_m: float  # distance between nodes [m], > 0
 
     @classmethod
     def of(cls, polygon: Array, cell_m: float) -> Extent:

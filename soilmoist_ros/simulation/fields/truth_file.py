@@ -303,16 +303,11 @@ def _is_geotiff(path: Path) -> bool:
 
 
 class Table(NamedTuple):
-    """Values at positions, from a CSV file.
+    """Values at positions, from a CSV file."""
 
-    :param xy: distinct positions [m], shape (n, 2)
-    :param values: values at these positions, shape (n,); NaN where the file has none
-    :param quantity: quantity of the values
-    """
-
-    xy: Array
-    values: Array
-    quantity: Quantity
+    xy: Array  # distinct positions [m], shape (n, 2)
+    values: Array  # values at these positions, shape (n,); NaN where the file has none
+    quantity: Quantity  # quantity of the values
 
 
 @dataclass(frozen=True, eq=False)

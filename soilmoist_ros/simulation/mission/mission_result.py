@@ -273,16 +273,11 @@ class MissionResult:
 
 @dataclass(frozen=True)
 class RobotMoment:
-    """A robot at one moment.
+    """A robot at one moment."""
 
-    :param status: its mission
-    :param xy: true place [m]
-    :param ahead: its stops ahead, the next one first
-    """
-
-    status: MissionStatus
-    xy: tuple[float, float]
-    ahead: tuple[Stop, ...]
+    status: MissionStatus  # its mission
+    xy: tuple[float, float]  # true place [m]
+    ahead: tuple[Stop, ...]  # its stops ahead, the next one first
 
 
 @dataclass(frozen=True)

@@ -44,16 +44,11 @@ FOLLOWS = "simulated"
 
 @dataclass(frozen=True, eq=False)
 class SimulatedSurvey:
-    """An earlier survey of a surrogate field.
+    """An earlier survey of a surrogate field."""
 
-    :param name: how reports name it
-    :param field: the field as it was
-    :param records: its records, in order of time
-    """
-
-    name: str
-    field: SurrogateField
-    records: Sequence[CountRecord]
+    name: str  # how reports name it
+    field: SurrogateField  # the field as it was
+    records: Sequence[CountRecord]  # its records, in order of time
 
     def survey(self, radius_m: float, footprint_radius_m: float) -> EarlierSurvey:
         """The survey as a map takes it; the parameters are those of :func:`survey_samples`."""

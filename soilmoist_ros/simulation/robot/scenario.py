@@ -227,15 +227,11 @@ class Drift:
     >>> drying = Drift(0.1, 0.0, 7200.0)
     >>> drying.factor(0.0), drying.factor(3600.0), drying.factor(9000.0)
     (1.0, 1.05, 1.1)
-
-    :param share: change, as a share of the rate before: 0.1 for drying by 10 %, negative for wetting [-]
-    :param begin_s: when it begins [s]
-    :param end_s: when it is complete [s], > ``begin_s``
     """
 
-    share: float = 0.0
-    begin_s: float = 0.0
-    end_s: float = 1.0
+    share: float = 0.0  # change, as a share of the rate before: 0.1 for drying by 10 %, negative for wetting [-]
+    begin_s: float = 0.0  # when it begins [s]
+    end_s: float = 1.0  # when it is complete [s], > ``begin_s``
 
     def factor(self, time_s: float) -> float:
         """Rate at a time [s], relative to the rate before the change; exactly 1 without a change."""

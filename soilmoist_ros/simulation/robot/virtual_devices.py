@@ -38,16 +38,11 @@ ALTITUDE_M = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Weather:
-    """Weather as a logger records it.
+    """Weather as a logger records it."""
 
-    :param pressure_hpa: air pressure [hPa]
-    :param temperature_degc: air temperature [degC]
-    :param relative_humidity: relative humidity [0..1]
-    """
-
-    pressure_hpa: float
-    temperature_degc: float
-    relative_humidity: float
+    pressure_hpa: float  # air pressure [hPa]
+    temperature_degc: float  # air temperature [degC]
+    relative_humidity: float  # relative humidity [0..1]
 
     def factors(self, corrections: Corrections) -> tuple[float, float]:
         """Correction factors for pressure and humidity [-]."""
