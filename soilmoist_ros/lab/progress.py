@@ -66,11 +66,8 @@ class Pace:
     takes as long as the finished ones of its combination have taken on average, or as all finished ones, as long
     as none of its combination has finished. The number of workers that share the work follows from the time that
     the finished missions have taken, divided by the time since the first of them began.
-
-    :param total: missions of the campaign
     :param todo: missions that are not stored yet
     :param progress: called at once, and after each mission
-    :param clock: time [s]
     """
 
     def __init__(

@@ -55,8 +55,6 @@ class RateFormula(Section):
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
         """A function of positions, shape (n, 2) [m], that returns values, shape (n,).
-
-        :param extent: box of the field
         :param rng: source of randomness; the seed of the formula if ``None``
         """
         raise NotImplementedError
@@ -85,8 +83,6 @@ def random_field(x_m: Array, y_m: Array, model: ModelName, range_m: float, rng: 
     :param x_m: columns, evenly spaced, shape (nx,) [m]
     :param y_m: rows, evenly spaced, shape (ny,) [m]
     :param model: correlation model, parametrised as :class:`Variogram`
-    :param range_m: range parameter [m], > 0
-    :param rng: source of randomness
     :returns: the field, shape (ny, nx)
     :raises ValueError: if the range is too long for the grid, because the torus would not fit into memory
     """

@@ -108,10 +108,7 @@ def default_variogram(xy: Array, values: Array, model: ModelName = "exponential"
 
     Without a nugget, the interpolation reproduces the points. The practical range is half the diagonal of their
     box. The sill is their variance; without a nugget, the sill cancels from the estimate.
-
-    :param xy: positions, shape (n, 2) [m]
     :param values: values at the positions, shape (n,)
-    :param model: variogram model
     """
     diagonal = float(np.hypot(*np.ptp(xy, axis=0)))
     sill = max(float(np.var(values)), 1e-6)
@@ -153,7 +150,6 @@ def kriged_grid(xy: Array, rate_cps: Array, variogram: Variogram, extent: Extent
     :param xy: distinct positions, shape (n, 2) [m]
     :param rate_cps: rates at the positions [counts/s], shape (n,), > 0
     :param variogram: variogram model of the rate
-    :param extent: box of the field
     :raises ValueError: as :func:`krige`, or if the extrapolated rate is not positive somewhere
     """
     x, y = extent.axes()

@@ -332,8 +332,6 @@ class Layer:
 
 def read_points(path: Path, least: int = 3) -> Table:
     """Read a CSV with the columns x_m, y_m and rate_cps or vwc; other columns and lines with ``#`` are ignored.
-
-    :param path: file
     :param least: minimum number of points
     :raises InputError: with every mistake: a missing column, a value that is not a number or out of range, a
         duplicate position, too few points
@@ -345,8 +343,6 @@ def read_grid(path: Path, cells: Array) -> Layer:
     """Read a CSV in the format of :func:`read_points` with the nodes of a regular grid, in any order.
 
     The spacing may differ between x and y. Outside the field, nodes may be missing or have no value.
-
-    :param path: file
     :param cells: cell centres inside the field, shape (g, 2) [m]
     :raises InputError: with every mistake in the file, or if the positions do not form a regular grid
     """
@@ -372,8 +368,6 @@ def read_geotiff(path: Path, band: str | None, frame: LocalFrame, extent: Extent
     :param path: file, in any coordinate reference system
     :param band: name of the band; if ``None``, the one named ``rate``, else the first. A name that
         contains ``vwc`` means soil moisture [m^3/m^3], any other name the corrected rate [counts/s]
-    :param frame: plane of the field
-    :param extent: box of the field
     :param cells: cell centres inside the field, shape (g, 2) [m]
     :raises InputError: if the file cannot be read, lacks its CRS or the band, or has a value that is not positive
     """

@@ -209,13 +209,10 @@ class MappedProperty:
 @dataclass(frozen=True, eq=False)
 class MissionResult:
     """Result of a mission.
-
-    :param settings: settings of the mission
     :param series: state over time, in order; the last row is the end of the mission
     :param visits: visits in the order in which they finished
     :param tracks: corner points of each robot's path [m], shape (p, 2)
     :param properties: mapped properties; the first belongs to the mission field
-    :param frame: plane of the field
     :param ended: reason for the end
     :param motion: what the planner of each robot has learned of its motion
     :param log: lines of the mission log

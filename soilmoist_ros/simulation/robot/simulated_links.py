@@ -55,10 +55,7 @@ class Reachable:
 
 class FaultyLink:
     """One connection with faults. Times count from the start of the simulation.
-
-    :param name: name of the connection
     :param faults: outages and damages to simulate
-    :param rng: source of all randomness
     """
 
     def __init__(self, name: str, faults: LinkFaults, rng: np.random.Generator) -> None:
@@ -79,8 +76,6 @@ class FaultyLink:
 
     def send(self, now_s: float, lines: Sequence[str], spoilt: int = -1) -> bool:
         """Send a message; returns whether it arrives whole and at once.
-
-        :param now_s: time [s]
         :param lines: lines of the message, without line ends
         :param spoilt: index of the line that a damage affects
         """

@@ -144,8 +144,6 @@ def awaited(progress: RobotProgress) -> Awaited | None:
     """What simulated time waits for at a robot, ``None`` for nothing.
 
     A mission that is paused or has not started, and a robot on its way do not stop the time.
-
-    :param progress: how far robot and planner are
     """
     match progress.phase:
         case Phase.PLANNING:

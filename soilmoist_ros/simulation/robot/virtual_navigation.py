@@ -107,9 +107,7 @@ class VirtualNavigation:
     navigation server exists now.
 
     :param travel: travel graph, and how the robot moves on it
-    :param robot: the robot
     :param faults: faults to simulate
-    :param rng: source of all randomness
     """
 
     def __init__(
@@ -141,8 +139,6 @@ class VirtualNavigation:
 
     def accept(self, now_s: float, target: str) -> int | None:
         """Accept a goal; an active goal is replaced.
-
-        :param now_s: time [s]
         :param target: name of the node to go to
         :returns: number of the goal, ``None`` if it is rejected
         """
@@ -163,10 +159,6 @@ class VirtualNavigation:
 
     def accept_pose(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> int | None:
         """Accept a goal off the graph; an active goal is replaced.
-
-        :param now_s: time [s]
-        :param xy: where to go [m]
-        :param travel: travel model for the route
         :returns: number of the goal, ``None`` if it is rejected
         """
         fault = self._next_fault() if self.present else None
@@ -209,10 +201,6 @@ class VirtualNavigation:
 
     def drive(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> float | None:
         """Drive to a position off the graph, without a goal; an active goal is replaced.
-
-        :param now_s: time [s]
-        :param xy: target position [m]
-        :param travel: travel model for the route
         :returns: time of arrival [s], ``None`` if it cannot be reached
         """
         try:
@@ -345,8 +333,6 @@ class VirtualRobot:
 
     def go(self, now_s: float, way: Array) -> float:
         """Start a route from the current position; the previous route ends there.
-
-        :param now_s: time [s]
         :param way: corners of the route, shape (p, 2), from the position of the robot [m]
         :returns: time of arrival including the stop overhead [s]
         """
