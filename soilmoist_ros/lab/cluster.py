@@ -34,12 +34,9 @@ from soilmoist_ros.lab.mission_store import code_version
 
 IN_FLIGHT = 3
 """Batches in flight for each thread of the cluster: one runs, the others bridge the way to the scheduler."""
-MAX_BATCH = 16
-"""Maximum number of missions in a batch."""
-BATCH_S = 1.0
-"""A batch begins no mission after this time [s]; the rest of it is submitted again."""
-LOOK_S = 2.0
-"""Time between two looks at the number of workers [s]."""
+MAX_BATCH = 16  # maximum number of missions in a batch
+BATCH_S = 1.0  # a batch begins no mission after this time [s]; the rest of it is submitted again
+LOOK_S = 2.0  # time between two looks at the number of workers [s]
 NAME: Final = "soilmoist_ros-campaign"
 SAMPLING: Final = ("profile", "profile-cycle")
 """What Dask calls 100 times a second to see where its tasks are, which takes some of the worker's time."""

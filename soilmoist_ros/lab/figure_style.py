@@ -20,13 +20,10 @@ if TYPE_CHECKING:
 
 INK, SOFT, FAINT = "#22303c", "#5d6b78", "#d5dbe1"
 BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
-SMALL, NORMAL = 8.5, 9.5
-"""Sizes of text [pt]."""
+SMALL, NORMAL = 8.5, 9.5  # sizes of text [pt]
 PNG_DPI = 190
-LARGEST_SVG = 250_000
-"""Larger drawings become pictures of pixels [bytes]."""
-TEXT_IN = 174 / 25.4
-"""Width of the text of a journal page [in]."""
+LARGEST_SVG = 250_000  # larger drawings become pictures of pixels [bytes]
+TEXT_IN = 174 / 25.4  # width of the text of a journal page [in]
 HEIGHTENED, ENLARGED = 1.12, 1.07
 """Height and text of a figure grow by more than the share of the width, to be read on paper."""
 

@@ -41,18 +41,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-Look = tuple[str, Any, float]
-"""Colour, dashes and width of a line."""
-EndName = tuple[float, str, str]
-"""Last value of a line, its name and its colour."""
+Look = tuple[str, Any, float]  # colour, dashes and width of a line
+EndName = tuple[float, str, str]  # last value of a line, its name and its colour
 
 WIDTH_IN = 10.0
 OTHER: Look = (INK, "-.", 1.5)
 ERROR = "Mean squared error [(counts/s)²]"
 MAX_EXAMPLES = 5
 KEYS_PER_ROW = 5
-KEY_IN = 0.55
-"""Height of the strip below the examples [in]."""
+KEY_IN = 0.55  # height of the strip below the examples [in]
 
 
 def _look(strategy: str) -> Look:

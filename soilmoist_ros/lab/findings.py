@@ -24,12 +24,9 @@ Verdict = Literal["confirmed", "partly", "not seen", "not tested"]
 Reasons = Mapping[FindingKey, str]
 
 MIN_RUNS = 3
-LITTLE = 0.20
-"""Largest difference that counts as little, as a share of the mean squared error."""
-FAR_LESS = 0.25
-"""Smallest saving that counts as far less driving, as a share of the distance."""
-SLIGHTLY = 0.50
-"""Largest increase that counts as slightly higher, as a share of the error."""
+LITTLE = 0.20  # largest difference that counts as little, as a share of the mean squared error
+FAR_LESS = 0.25  # smallest saving that counts as far less driving, as a share of the distance
+SLIGHTLY = 0.50  # largest increase that counts as slightly higher, as a share of the error
 
 
 @dataclass(frozen=True)
@@ -209,8 +206,7 @@ def _border(data: CampaignData) -> Iterator[Comparison]:
             yield _compared(case.title, "Greedy against Monte Carlo", quantity, greedy, other, _higher)
 
 
-_Judge = Callable[[float, float, float], Outcome]
-"""Outcome of (difference, standard error, reference)."""
+_Judge = Callable[[float, float, float], Outcome]  # outcome of (difference, standard error, reference)
 
 
 def _compared(

@@ -22,14 +22,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
-Combination = tuple[str, str]
-"""Names of a strategy and a dwell rule."""
+Combination = tuple[str, str]  # names of a strategy and a dwell rule
 
-LATTICE_DWELLS = ("fmi:10", "fmi:20", "fmi:30", "fmi:60")
-"""Dwells from which hindsight chooses."""
+LATTICE_DWELLS = ("fmi:10", "fmi:20", "fmi:30", "fmi:60")  # dwells from which hindsight chooses
 LATTICES: tuple[Combination, ...] = tuple(("lattice", dwell) for dwell in LATTICE_DWELLS)
-QUARTER = 0.25
-"""Share of the mission time at which strategies are compared, in addition to the end."""
+QUARTER = 0.25  # share of the mission time at which strategies are compared, in addition to the end
 
 
 class Outcome(NamedTuple):

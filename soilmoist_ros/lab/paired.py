@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LEVEL = 0.95
-"""Share of intervals that cover the true mean difference."""
+LEVEL = 0.95  # share of intervals that cover the true mean difference
 QUANTITIES = ("mse", "mse_quarter", "vwc_rmse", "distance_m")
 """What is compared of missions: columns of ``missions``."""
 

@@ -29,8 +29,7 @@ Array = NDArray[np.float64]
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
 """Columns of the mission and its first property; columns of additional properties end in their names."""
 
-COMPARED = ("strategy", "dwell", "seed")
-"""Settings that may differ between the missions of a case."""
+COMPARED = ("strategy", "dwell", "seed")  # settings that may differ between the missions of a case
 CASE = tuple(name for name in SETTINGS if name not in COMPARED)
 """Settings that are equal for all missions of a case."""
 

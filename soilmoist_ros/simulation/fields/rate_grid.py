@@ -17,12 +17,9 @@ from soilmoist_ros.mapping import ModelName, Variogram, correlation_model
 
 Array = NDArray[np.float64]
 
-MARGIN_M = 10.0
-"""Margin of the grid around the box of the field [m]; robots and footprints may cross the boundary."""
-MAX_NODES = 1_000_000
-"""Maximum number of nodes of a grid; the step is doubled until the grid fits."""
-MAX_POINTS = 1000
-"""Maximum number of points; with more, the dense kriging system of PyKrige takes too long."""
+MARGIN_M = 10.0  # margin of the grid around the box of the field [m]; robots and footprints may cross the boundary
+MAX_NODES = 1_000_000  # maximum number of nodes of a grid; the step is doubled until the grid fits
+MAX_POINTS = 1000  # maximum number of points; with more, the dense kriging system of PyKrige takes too long
 NUMBERS_AT_ONCE = 4_000_000
 
 

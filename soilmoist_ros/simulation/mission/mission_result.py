@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _COVERAGE_SD = 1.959964
-SHARES = (0.0, 0.25, 0.5, 0.75)
-"""Shares of the mission time at which forecasts are reported."""
+SHARES = (0.0, 0.25, 0.5, 0.75)  # shares of the mission time at which forecasts are reported
 
 
 class MapErrors(NamedTuple):
@@ -295,5 +294,4 @@ class Moment:
     soil_map: Callable[[], SoilMap | None]
 
 
-Watch = Callable[[Moment], bool]
-"""Receives the moments of a mission; false ends the mission as an operator would."""
+Watch = Callable[[Moment], bool]  # receives the moments of a mission; false ends the mission as an operator would

@@ -30,16 +30,14 @@ from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
 
 Array = NDArray[np.float64]
 
-STOPS = 100
-"""Approximate number of stops of an earlier survey."""
+STOPS = 100  # approximate number of stops of an earlier survey
 STOP_RECORDS = 7
 """Records of 10 s at each of them: what a robot counts in two hours, which it does on the way, too."""
 RECORD_S = 10.0
 MEAN_SD = 0.08
 """Standard deviation of the mean rates of surveys, as a share of the present mean: wet and dry weather."""
 _MAX_PAIR_PLACES = 400
-FOLLOWS = "simulated"
-"""Name of the covariate that follows the truth."""
+FOLLOWS = "simulated"  # name of the covariate that follows the truth
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,7 @@ SPLIT_DELAY_S = 0.5
 GARBAGE_BYTES = 40
 _LINE_END = "\r\n"
 LOG = logging.getLogger(__name__)
-LARGEST_BACKLOG = 1 << 20
-"""Maximum bytes that may wait for a client; a client with more is disconnected."""
+LARGEST_BACKLOG = 1 << 20  # maximum bytes that may wait for a client; a client with more is disconnected
 
 
 @dataclass(frozen=True, slots=True)

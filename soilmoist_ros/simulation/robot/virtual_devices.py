@@ -32,8 +32,7 @@ Array = NDArray[np.float64]
 RINGS, PLACES_PER_RING = 12, 8
 NO_FAULTS = SensorFaults()
 _NOWHERE = (math.nan, math.nan)
-ALTITUDE_M = 30.0
-"""Altitude of every surrogate field above mean sea level [m]."""
+ALTITUDE_M = 30.0  # altitude of every surrogate field above mean sea level [m]
 
 
 @dataclass(frozen=True, slots=True)

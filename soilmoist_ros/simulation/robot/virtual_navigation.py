@@ -28,10 +28,8 @@ from soilmoist_ros.simulation.robot.scenario import GoalFault, NavigationFaults
 
 Array = NDArray[np.float64]
 
-NOWHERE = "none"
-"""Value of ``current_node`` between nodes."""
-REACTION_S = 1.0
-"""Time until the end of a goal that needs no motion [s]."""
+NOWHERE = "none"  # value of ``current_node`` between nodes
+REACTION_S = 1.0  # time until the end of a goal that needs no motion [s]
 NO_VALID_PATH = 208
 """Error code of Nav2 for a pose to which no path leads."""
 
