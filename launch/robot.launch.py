@@ -20,7 +20,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from soilmoist_ros.exploration.planning.property_names import property_weights
-from soilmoist_ros.nodes.system.launching import (
+from soilmoist_ros.nodes.launching import (
     TOPICS,
     LastWords,
     enclave,

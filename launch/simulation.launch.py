@@ -31,13 +31,13 @@ from launch_ros.actions import Node
 
 from soilmoist_ros.console.invitations import PORT
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.system.demo_configuration import (
+from soilmoist_ros.nodes.demo import (
     DemoSettings,
     node_name,
     shared_mapper,
     write_configuration,
 )
-from soilmoist_ros.nodes.system.launching import (
+from soilmoist_ros.nodes.launching import (
     LastWords,
     enclave,
     foxglove_bridge,

@@ -20,7 +20,7 @@ from disturbed_nodes import Disturber, judged, scenario_of
 from real_nodes import ON_ROBOT, NodesSettings, RealNodes
 
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.loopback import free_domain
+from soilmoist_ros.nodes.process_group import free_domain
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Span
 

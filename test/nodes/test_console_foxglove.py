@@ -23,7 +23,7 @@ from std_msgs.msg import String
 
 from msg_adapters.point_cloud import points_to_message
 from soilmoist_ros.mapping.cells import CELL
-from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR, VISITS
+from soilmoist_ros.nodes.topics import LATCHED, SENSOR, VISITS
 
 MESSAGE = 1
 

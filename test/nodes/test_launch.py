@@ -21,8 +21,8 @@ from rclpy.node import Node
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.nodes.launching import parameters_from
 from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.system.launching import parameters_from
 from soilmoist_ros.recording.map_sources import SESSION
 from soilmoist_ros.sensing.moisture.site import load_site
 

@@ -21,18 +21,16 @@ from soilmoist_msgs.msg import MapSummary, Mission
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from msg_adapters.counts import counts_from_message, counts_to_message
-from msg_adapters.diagnostics import diagnostics_from_message
+from msg_adapters.counts import counts_from_message, counts_to_message, samples_from_message
+from msg_adapters.environment import diagnostics_from_message
 from msg_adapters.model import model_from_message
-from msg_adapters.point_cloud import FRAME
-from msg_adapters.samples import samples_from_message
+from msg_adapters.point_cloud import FRAME, to_seconds
 from msg_adapters.soil_map import change_from_message, soil_map_from_message, uncertainty_from_message
-from msg_adapters.soilmoist.map_summary import map_summary_to_message
-from msg_adapters.stamps import to_seconds
+from msg_adapters.soilmoist_types import map_summary_to_message
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.cells import map_cells
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.nodes import topics as qos
 from soilmoist_ros.reporting.earlier.run_change import run_change
 from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.records import NAN, CountRecord

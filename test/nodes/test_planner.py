@@ -21,15 +21,14 @@ from topological_navigation_msgs.action import GotoNode
 from virtual_navigation import FIELD, STOPS, VirtualNavigation, World, make_map
 from visualization_msgs.msg import MarkerArray
 
-from msg_adapters.counts import counts_to_message
+from msg_adapters.counts import counts_to_message, samples_from_message
 from msg_adapters.mission import mission_from_message, mission_to_message
-from msg_adapters.plan import path_to_places
-from msg_adapters.samples import samples_from_message
+from msg_adapters.places import path_to_places
 from soilmoist_ros.exploration.mission.journal import VISIT
 from soilmoist_ros.exploration.mission.stored import visit_from_dict
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.mission.visit import VisitEnd
-from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, VISITS
+from soilmoist_ros.nodes.topics import LATCHED, RECORDS, VISITS
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.journal import load_journal
 from soilmoist_ros.sensing.records import CountRecord
@@ -128,7 +127,7 @@ def test_abort_is_not_behind_a_flood_of_records(ros, tmp_path):
 def test_every_visit_is_published_and_recorded_as_the_mission_had_it(ros, tmp_path):
     from soilmoist_msgs.msg import Visit as VisitMessage
 
-    from msg_adapters.soilmoist.visits import visit_from_message
+    from msg_adapters.soilmoist_types import visit_from_message
 
     recorder = ros.start("recorder", params={"out": str(tmp_path), "name": "bag"}, namespace="/robot_1")
     published = ros.collect(VisitMessage, "/robot_1/visits", VISITS)

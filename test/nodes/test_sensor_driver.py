@@ -22,15 +22,13 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
 from std_msgs.msg import Float64, String
 
-from msg_adapters.counts import counts_from_message, counts_to_message
-from msg_adapters.diagnostics import diagnostics_from_message
-from msg_adapters.environment import fix_to_message, weather_from_message
-from msg_adapters.raw_line import line_from_message
-from msg_adapters.stamps import to_seconds, to_time
+from msg_adapters.counts import counts_from_message, counts_to_message, line_from_message
+from msg_adapters.environment import diagnostics_from_message, fix_to_message, weather_from_message
+from msg_adapters.point_cloud import to_seconds, to_time
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.nodes.runtime import qos
-from soilmoist_ros.nodes.wiring.driver_header import NAME
+from soilmoist_ros.nodes import topics as qos
+from soilmoist_ros.nodes.sensor_driver import NAME
 from soilmoist_ros.recording.record_log import DRIVER, RecordTail
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from soilmoist_ros.nodes.parameters.parameter import Parameter
+from soilmoist_ros.nodes.parameters.declaration import Parameter
 
 PARAMETERS: Final = (
     Parameter(name="field", default="", description="field file, or name of a shipped one"),

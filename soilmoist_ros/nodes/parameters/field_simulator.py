@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.parameter import Parameter, of_setting
+from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters, of_setting
 from soilmoist_ros.simulation import MissionSettings, PropertySettings
 
 PARAMETERS = (

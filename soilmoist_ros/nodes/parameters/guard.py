@@ -8,8 +8,7 @@ from typing import Any, Final
 
 from soilmoist_ros.exploration import FAILSAFES, LIMITS, POSES_FROZEN_S, Cause, Response, Watch, WatchLimits
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.parameter import Parameter, Value
+from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters, Value
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.sensing import PlaceLimits
 

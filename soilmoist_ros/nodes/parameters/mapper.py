@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from soilmoist_ros.nodes.parameters.parameter import COVARIATES, EARLIER, Parameter, of_setting
+from soilmoist_ros.nodes.parameters.declaration import COVARIATES, EARLIER, Parameter, of_setting
 from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS
 
 PARAMETERS: Final = (

@@ -33,10 +33,16 @@ from soilmoist_ros.mapping import (
     load_field,
     read_covariates,
 )
-from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameters.declaration import (
+    COVARIATES,
+    EARLIER,
+    Parameter,
+    Parameters,
+    Value,
+    of_setting,
+)
 from soilmoist_ros.nodes.parameters.guard import WATCH_PARAMETERS
 from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA
-from soilmoist_ros.nodes.parameters.parameter import COVARIATES, EARLIER, Parameter, Value, of_setting
 from soilmoist_ros.reporting import Target, read_earlier_runs
 from soilmoist_ros.sensing import MoistureCurve, load_site
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from soilmoist_ros.nodes.parameters.declaration import Parameter
 from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA, SENSOR
-from soilmoist_ros.nodes.parameters.parameter import Parameter
 from soilmoist_ros.sensing import FORMAT_NAME
 
 PARAMETERS: Final = (

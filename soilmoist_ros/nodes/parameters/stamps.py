@@ -7,8 +7,7 @@ from __future__ import annotations
 from typing import Final
 
 from soilmoist_ros.mapping import StampLimits
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.parameter import Parameter
+from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters
 
 _DEFAULTS = StampLimits()
 

@@ -15,8 +15,7 @@ from rclpy.subscription import Subscription
 from msg_adapters import offered_qos, requested_qos
 from soilmoist_ros.console import BACKLOG, FoxgloveServer
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.nodes.runtime.quiet_node import quiet_node
-from soilmoist_ros.nodes.runtime.topic_types import interface_class
+from soilmoist_ros.nodes.topics import interface_class, quiet_node
 from soilmoist_ros.recording import Request, TopicChoice, find_definition, request_for
 
 STEP_S: Final = 0.05

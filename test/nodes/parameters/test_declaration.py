@@ -14,8 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.parameter import Parameter, check_values
+from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters, check_values
 
 TABLE = (
     Parameter(name="field", default="", description="field file"),

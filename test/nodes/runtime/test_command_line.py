@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("rclpy")
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameters.declaration import NODES
-from soilmoist_ros.nodes.runtime.command_line import check_arguments, help_of
+from soilmoist_ros.nodes.run import check_arguments, help_of
 
 SHOWN = {
     "console": ["subscribes to: /diagnostics,", "port (integer, default 8050, 0 to 65535"],

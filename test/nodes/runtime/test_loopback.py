@@ -9,13 +9,13 @@ import sys
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.runtime import loopback
-from soilmoist_ros.nodes.runtime.loopback import DOMAINS, LAST_PORT, PORTS_EACH, free_domain, loopback_environment
+from soilmoist_ros.nodes import process_group as loopback
+from soilmoist_ros.nodes.process_group import DOMAINS, LAST_PORT, PORTS_EACH, free_domain, loopback_environment
 
 HOLD = """
 import sys
-from soilmoist_ros.nodes.runtime import loopback
-from soilmoist_ros.nodes.runtime.loopback import free_domain
+from soilmoist_ros.nodes import process_group as loopback
+from soilmoist_ros.nodes.process_group import free_domain
 loopback.DOMAINS = [*map(int, sys.argv[1:])] or loopback.DOMAINS
 with free_domain() as domain:
     print(domain, flush=True)

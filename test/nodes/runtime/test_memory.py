@@ -11,7 +11,7 @@ import pytest
 WORK = """
 import re, threading
 import numpy as np
-from soilmoist_ros.nodes.runtime.memory import return_memory
+from soilmoist_ros.nodes.run import return_memory
 
 def resident_mb():
     return int(re.search(r"VmRSS:\\s+(\\d+)", open("/proc/self/status").read())[1]) / 1024

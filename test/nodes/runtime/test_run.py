@@ -17,10 +17,10 @@ from rclpy.logging import get_logger
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Empty, Trigger
 
-from msg_adapters.stamps import to_time
-from soilmoist_ros.nodes.runtime.qos import CLOCK
-from soilmoist_ros.nodes.runtime.qos import VISITS as ROSOUT
-from soilmoist_ros.nodes.runtime.run import _name_callers
+from msg_adapters.point_cloud import to_time
+from soilmoist_ros.nodes.run import _name_callers
+from soilmoist_ros.nodes.topics import CLOCK
+from soilmoist_ros.nodes.topics import VISITS as ROSOUT
 
 NODE = """
 import logging, sys, threading, time
@@ -28,10 +28,10 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Empty, Trigger
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.runtime.aside import Aside
-from soilmoist_ros.nodes.runtime.qos import RECORDS
-from soilmoist_ros.nodes.runtime.run import run
-from soilmoist_ros.nodes.runtime.soon import Soon
+from soilmoist_ros.nodes.aside import Aside
+from soilmoist_ros.nodes.topics import RECORDS
+from soilmoist_ros.nodes.run import run
+from soilmoist_ros.nodes.aside import Soon
 
 class Example(Node):
     finished = False
@@ -278,7 +278,7 @@ def test_the_first_message_searches_no_modules(monkeypatch):
 def test_libraries_load_less_in_a_node():
     code = """
 import sys
-from soilmoist_ros.nodes.runtime.run import _load_less
+from soilmoist_ros.nodes.run import _load_less
 _load_less()
 import scipy.linalg
 from std_msgs.msg import String

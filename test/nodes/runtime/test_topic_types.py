@@ -13,8 +13,8 @@ from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import String
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.navigation.action_navigator import action_class
-from soilmoist_ros.nodes.runtime.topic_types import interface_class, other_type
+from soilmoist_ros.nodes.action_navigator import action_class
+from soilmoist_ros.nodes.topics import interface_class, other_type
 
 # As rosidl generates a class, without the C library beside it.
 GENERATED = """

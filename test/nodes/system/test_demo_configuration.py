@@ -11,7 +11,7 @@ pytest.importorskip("rclpy")
 
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.nodes.system.demo_configuration import DemoSettings, write_configuration
+from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
 from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters
 from soilmoist_ros.simulation import MissionSettings, PropertySettings, surrogate_field
 

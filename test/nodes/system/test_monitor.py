@@ -10,14 +10,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
 
+from msg_adapters.counts import samples_to_message
 from msg_adapters.mission import mission_to_message
-from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping import Samples
-from soilmoist_ros.nodes.runtime import qos
-from soilmoist_ros.nodes.system.monitor import Monitor
+from soilmoist_ros.nodes import topics as qos
+from soilmoist_ros.nodes.command_nodes import Monitor
 from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.sensing.records import CountRecord

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from soilmoist_ros.nodes.system import process_group
-from soilmoist_ros.nodes.system.process_group import ProcessGroup
+from soilmoist_ros.nodes import process_group
+from soilmoist_ros.nodes.process_group import ProcessGroup
 
 LIMIT_S = 20.0
 NODES = {
@@ -208,7 +208,7 @@ def test_a_name_is_started_once(journal, tmp_path):
 PROGRAM = """
 import signal, sys, time
 from pathlib import Path
-from soilmoist_ros.nodes.system.process_group import ProcessGroup
+from soilmoist_ros.nodes.process_group import ProcessGroup
 if "background" in sys.argv:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for `program &`
 with ProcessGroup({"PYTHONPATH": sys.argv[1]}, Path(sys.argv[1]) / "log") as nodes:

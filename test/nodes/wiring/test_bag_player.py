@@ -22,12 +22,11 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from msg_adapters.counts import counts_from_message
-from msg_adapters.qos_of_endpoints import published_qos
+from msg_adapters.point_cloud import to_seconds, to_time
 from msg_adapters.soil_map import soil_map_from_message
-from msg_adapters.stamps import to_seconds, to_time
 from soilmoist_ros.mapping.cells import map_cells
-from soilmoist_ros.nodes.runtime.key_press import on_space
-from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
+from soilmoist_ros.nodes.command_nodes import on_space
+from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, published_qos
 from soilmoist_ros.pipeline import replay_bag
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.writer import BagWriter

@@ -14,7 +14,7 @@ from rclpy.task import Future
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.plane_move import move_between
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.nodes.wiring.planner_frames import PlannerFrames
+from soilmoist_ros.nodes.planner_inputs import PlannerFrames
 
 FIELD = Field("test", LocalFrame(52.0, 13.0), np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]))
 DATUM = LocalFrame(52.001, 13.002)
@@ -88,7 +88,7 @@ def test_the_service_is_asked_until_it_answers(planner, monkeypatch):
     frames.tick()
     frames.tick()
     assert len(service.questions) == 3, "one set of questions at a time"
-    monkeypatch.setattr("soilmoist_ros.nodes.wiring.planner_frames.ASK_AGAIN_S", -1.0)
+    monkeypatch.setattr("soilmoist_ros.nodes.planner_inputs.ASK_AGAIN_S", -1.0)
     frames.tick()
     assert service.forgotten == 3
     monkeypatch.undo()

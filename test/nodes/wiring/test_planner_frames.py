@@ -20,14 +20,14 @@ from tf2_msgs.msg import TFMessage
 from virtual_navigation import FRAME, START_S, VirtualNavigation, World, make_map
 
 from msg_adapters.counts import counts_to_message
-from msg_adapters.diagnostics import diagnostics_from_message
-from msg_adapters.stamps import to_time
+from msg_adapters.environment import diagnostics_from_message
+from msg_adapters.point_cloud import to_time
 from soilmoist_ros.exploration.guard.frames import datum_text
 from soilmoist_ros.exploration.guard.transforms import yaw_rotation
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.foundation.plane_move import PlaneMove
-from soilmoist_ros.nodes.runtime.qos import DEFAULT, RECORDS, TF, TF_STATIC
+from soilmoist_ros.nodes.topics import DEFAULT, RECORDS, TF, TF_STATIC
 from soilmoist_ros.sensing.records import CountRecord
 
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -27,7 +27,7 @@ from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.nodes.wiring.planner_inputs import PlannerInputs
+from soilmoist_ros.nodes.planner_inputs import PlannerInputs
 
 SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])
 FIT = estimate_variogram(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s, extent_m=20.0)

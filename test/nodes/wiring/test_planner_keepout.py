@@ -10,7 +10,7 @@ pytest.importorskip("nav2_msgs")
 from nav2_msgs.msg import CostmapFilterInfo
 from nav_msgs.msg import OccupancyGrid
 
-from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.nodes.topics import LATCHED
 
 FIELD = """
 datum: {latitude_deg: 53.0, longitude_deg: -0.5}
