@@ -53,9 +53,6 @@ if TYPE_CHECKING:
     from msg_adapters.soilmoist_types import survey_from_message as survey_from_message
     from msg_adapters.soilmoist_types import visit_from_message as visit_from_message
     from msg_adapters.soilmoist_types import visit_to_message as visit_to_message
-    from soilmoist_ros.nodes.topics import offered_qos as offered_qos
-    from soilmoist_ros.nodes.topics import published_qos as published_qos
-    from soilmoist_ros.nodes.topics import requested_qos as requested_qos
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,

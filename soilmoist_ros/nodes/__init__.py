@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.nodes.demo import run_demo as run_demo
     from soilmoist_ros.nodes.field_simulator import FieldSimulator as FieldSimulator
     from soilmoist_ros.nodes.mapper import Mapper as Mapper
-    from soilmoist_ros.nodes.parameters.declaration import Parameter as Parameter
-    from soilmoist_ros.nodes.parameters.declaration import Parameters as Parameters
+    from soilmoist_ros.nodes.parameters import Parameter as Parameter
+    from soilmoist_ros.nodes.parameters import Parameters as Parameters
     from soilmoist_ros.nodes.planner import Planner as Planner
     from soilmoist_ros.nodes.recorder import Recorder as Recorder
     from soilmoist_ros.nodes.run import run as run
@@ -33,7 +33,7 @@ __getattr__, __dir__, __all__ = open_door(
         "demo": "DemoSettings run_demo",
         "field_simulator": "FieldSimulator",
         "mapper": "Mapper",
-        "parameters.declaration": "Parameter Parameters",
+        "parameters": "Parameter Parameters",
         "planner": "Planner",
         "recorder": "Recorder",
         "run": "run",

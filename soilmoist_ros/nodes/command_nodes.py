@@ -33,14 +33,13 @@ from msg_adapters import (
     diagnostics_from_message,
     health_from_status,
     mission_from_message,
-    published_qos,
     samples_from_message,
     soil_map_from_message,
     to_time,
 )
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.mapping import MAP_PART, RAIN
-from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, SENSOR, interface_class
+from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, SENSOR, interface_class, published_qos
 from soilmoist_ros.recording import BagReader, Pacer, Playback
 from soilmoist_ros.reporting import LiveMap, LiveMission, LiveRobot
 from soilmoist_ros.sensing import logger_fault

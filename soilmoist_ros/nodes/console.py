@@ -58,11 +58,10 @@ from soilmoist_ros.console import (
 from soilmoist_ros.exploration import TRIGGERS, OperatorRequest, Reply, ReplyCode, Verb, parse_topological_map
 from soilmoist_ros.foundation import Health, InputError, Level, foreign_text, resource
 from soilmoist_ros.mapping import load_field
-from soilmoist_ros.nodes.parameters.console import PARAMETERS
-from soilmoist_ros.nodes.parameters.declaration import Parameters
+from soilmoist_ros.nodes.parameter_tables import CONSOLE as PARAMETERS
+from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, SENSOR, VISITS, interface_class
-from soilmoist_ros.nodes.wiring.console_foxglove import FoxgloveView
 from soilmoist_ros.sensing import fix_from_message
 
 __all__ = ["PARAMETERS", "Console", "main"]
@@ -114,8 +113,6 @@ class Console(Node):
             self._walks,
             background and str(Path(background).expanduser().absolute()),
         )
-        fox = values.whole("foxglove_port")
-        self._viewers = FoxgloveView(self, host, fox) if fox else None
         port = self._server.start(host, values.whole("port"))
         self._page = public or f"http://{reachable(host)}:{port}/"
         self.get_logger().info(f"console: {self._page}")
@@ -123,10 +120,8 @@ class Console(Node):
         self.create_timer(SHOW_S, self._show_health, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
-        """End the servers."""
+        """End the server."""
         self._server.close()
-        if self._viewers is not None:
-            self._viewers.close()
 
     def _subscribe(self, robots: list[str], map_topic: str) -> None:
         for robot in robots:
@@ -299,15 +294,6 @@ class Console(Node):
             self.get_logger().error(f"{what} cannot be used: {error}")
 
 
-def main() -> None:
-    """Run the console."""
-    run(Console)
-
-
-if __name__ == "__main__":
-    main()
-
-
 # Commands from the operator's page to the planners, and the emergency stop --------------------------------------
 
 REPEAT_S: Final = 0.5
@@ -409,3 +395,12 @@ class ConsoleSteering:
             robot: self._node.create_client(kind, f"{name}planner/command") for robot, name in below.items()
         }
         return clients, (request_to_message, reply_from_message)
+
+
+def main() -> None:
+    """Run the console."""
+    run(Console)
+
+
+if __name__ == "__main__":
+    main()

@@ -31,8 +31,9 @@ from msg_adapters import (
 )
 from soilmoist_ros.exploration import PLACE_TIME, RECORD_STAMP
 from soilmoist_ros.foundation import Level
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.field_simulator import PARAMETERS, mission_settings
+from soilmoist_ros.nodes.parameter_tables import FIELD_SIMULATOR as PARAMETERS
+from soilmoist_ros.nodes.parameter_tables import mission_settings
+from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS
 from soilmoist_ros.nodes.virtual_navigation import MAP_FRAME, NavigateToPoseServer, navigation_servers
@@ -166,15 +167,6 @@ class FieldSimulator(Node):
         self._noted = health.message
         now_s, name = self._system.stamp_s, self.get_fully_qualified_name()
         self._diagnostics.publish(diagnostics_to_message([health], now_s, name))
-
-
-def main() -> None:
-    """Start the node. Its action servers disappear and return, which crashes the executor of the other nodes."""
-    run(FieldSimulator, SingleThreadedExecutor)
-
-
-if __name__ == "__main__":
-    main()
 
 
 # Topics, action and TCP ports of a simulated robot --------------------------------------------------------------
@@ -336,3 +328,12 @@ def _port(given: Parameters, number: int, name: str) -> int:
     """Port of a device: that of robot 0 is the parameter, each further one is two higher; 0 for a free one."""
     port = given.whole(name)
     return port + 2 * number if port else 0
+
+
+def main() -> None:
+    """Start the node. Its action servers disappear and return, which crashes the executor of the other nodes."""
+    run(FieldSimulator, SingleThreadedExecutor)
+
+
+if __name__ == "__main__":
+    main()

@@ -14,7 +14,7 @@ from typing import Any, Final
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from soilmoist_ros.foundation import InputError, Mistake, did_you_mean, parse_yaml
-from soilmoist_ros.nodes.parameters.declaration import Value, check_values
+from soilmoist_ros.nodes.parameters import Value, check_values
 
 TOPICS: Final = {
     "fix_topic": ("fix", "fixes of the robot (sensor_msgs/NavSatFix), such as /gps/fix"),
@@ -187,18 +187,18 @@ def enclave(prefix: str, namespace: str, node: str) -> list[str]:
     )
 
 
-def foxglove_server(choice: str, console: bool) -> str:
-    """What serves the viewer Foxglove: ``bridge``, ``console``, or nothing if empty.
+def foxglove_wanted(choice: str) -> bool:
+    """Whether ``foxglove_bridge`` is to serve the viewer Foxglove.
 
     :param choice: the argument ``foxglove``
-    :param console: whether the console is started
-    :raises InputError: if the argument is invalid, or the console is not started
+    :raises InputError: if the argument is invalid
     """
-    wanted = {"false": "", "0": "", "true": "bridge", "1": "bridge", "console": "console"}.get(choice.lower())
+    wanted = {"false": False, "0": False, "true": True, "1": True}.get(choice.lower())
     if wanted is None:
-        raise InputError(f"foxglove: {choice!r} is no choice", "choose true (foxglove_bridge), console or false")
-    if wanted == "console" and not console:
-        raise InputError("foxglove:=console needs the operator's page", "add console:=true")
+        raise InputError(
+            f"foxglove: {choice!r} is no choice",
+            "choose true (the node foxglove_bridge serves the viewer) or false; the console serves it no longer",
+        )
     return wanted
 
 
@@ -214,7 +214,7 @@ def foxglove_bridge(host: str, port: str) -> dict[str, Value]:
     except (PackageNotFoundError, OSError):  # OSError: no AMENT_PREFIX_PATH
         raise InputError(
             "foxglove:=true needs the package foxglove_bridge, which is not installed",
-            "sudo apt install ros-jazzy-foxglove-bridge, or use console:=true foxglove:=console",
+            "sudo apt install ros-jazzy-foxglove-bridge",
         ) from None
     return {"address": host, "port": tcp_port(port)}
 

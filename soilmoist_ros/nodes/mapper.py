@@ -37,13 +37,12 @@ from msg_adapters import (
 )
 from soilmoist_ros.foundation import Batches, Health, InputError, Level, foreign_text, other_datum, read_json
 from soilmoist_ros.mapping import Field, MapState, MapWorker, Skip, SoilMap, drifting, map_health
-from soilmoist_ros.nodes import topics as qos
 from soilmoist_ros.nodes.aside import Aside
-from soilmoist_ros.nodes.parameters.declaration import Parameters, Value, other_namespaces
-from soilmoist_ros.nodes.parameters.mapper import PARAMETERS
-from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
+from soilmoist_ros.nodes.parameter_tables import MAPPER as PARAMETERS
+from soilmoist_ros.nodes.parameter_tables import STAMP_LIMITS, stamp_limits
+from soilmoist_ros.nodes.parameters import Parameters, Value, other_namespaces
 from soilmoist_ros.nodes.run import run
-from soilmoist_ros.nodes.topics import LATCHED, RECORDS, interface_class
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, VISITS, interface_class
 from soilmoist_ros.recording import (
     HELD,
     LIST_S,
@@ -94,11 +93,11 @@ class Mapper(Node):
         self._chosen: dict[str, Any] = {}
         self._refused = ""
         self._guard = threading.Lock()  # records are added in one thread and saved in another
-        self._samples = self.create_publisher(PointCloud2, "samples", qos.LATCHED)
-        self._model = self.create_publisher(String, "model", qos.LATCHED)
-        self._soil_map = self.create_publisher(PointCloud2, "soil_map", qos.LATCHED)
-        self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", qos.LATCHED)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+        self._samples = self.create_publisher(PointCloud2, "samples", LATCHED)
+        self._model = self.create_publisher(String, "model", LATCHED)
+        self._soil_map = self.create_publisher(PointCloud2, "soil_map", LATCHED)
+        self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", LATCHED)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         self._publish_summary = self._summary_publisher()
         self._change = ChangeOutput(self, self._survey, self._frame)
         self._worker = MapWorker(self._online.compute, self._publish)
@@ -125,7 +124,7 @@ class Mapper(Node):
         self._arrived = Batches(self._add, "records", _POLL_S)
         for robot, topic in zip(("", *others), topics, strict=True):
             for name in (topic, quarantined_topic(topic)):
-                self.create_subscription(PointCloud2, name, partial(self._put, robot), qos.RECORDS)
+                self.create_subscription(PointCloud2, name, partial(self._put, robot), RECORDS)
         self._aside = Aside(self)  # a save takes seconds
         self._aside.offer(Trigger, "~/reset", self._on_reset)
         self._aside.offer(Trigger, "~/save", self._on_save)
@@ -135,7 +134,7 @@ class Mapper(Node):
         for robot in ("", *others):
             below = f"{robot}/" if robot else above[0] if above else ""
             self.create_subscription(
-                String, f"{below}{DOUBTS}", partial(self._put, robot if others else None), qos.VISITS
+                String, f"{below}{DOUBTS}", partial(self._put, robot if others else None), VISITS
             )
         # Steady time gives one report a second even if simulated time runs fast or stands still.
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -149,7 +148,7 @@ class Mapper(Node):
         except ImportError:
             return
         for robot in below:
-            self.create_subscription(kind, f"{robot}mission_state", partial(self._on_mission, robot), qos.LATCHED)
+            self.create_subscription(kind, f"{robot}mission_state", partial(self._on_mission, robot), LATCHED)
 
     def _on_mission(self, robot: str, message: Any) -> None:
         from msg_adapters import survey_from_message
@@ -272,7 +271,7 @@ class Mapper(Node):
             return lambda _state, _soil_map: None
         from msg_adapters import map_summary_to_message
 
-        summaries = self.create_publisher(kind, "map_summary", qos.LATCHED)
+        summaries = self.create_publisher(kind, "map_summary", LATCHED)
         return lambda state, soil_map: summaries.publish(map_summary_to_message(state, soil_map, self._frame))
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -316,15 +315,6 @@ class Mapper(Node):
         self._worker.close()
         self._change.close()
         self._sources.close()
-
-
-def main() -> None:
-    """Run the node."""
-    run(Mapper)
-
-
-if __name__ == "__main__":
-    main()
 
 
 # The change of the field since an earlier survey, while the map grows: the topic ``change`` of a mapper ---------
@@ -498,3 +488,12 @@ class MapperExchange:
             self._missed.publish(part)
         if missed:
             self._node.get_logger().info(f"{len(missed)} records sent that {name} may have missed")
+
+
+def main() -> None:
+    """Run the node."""
+    run(Mapper)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The node that the robot passes, from the feedback of a goal or from a plain topic."""
+"""Navigators: nodes of a topological map (GotoNode), Nav2 (NavigateToPose), and plain poses (goal_pose)."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from threading import Lock
 from typing import Any, Final
 
@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 
-from msg_adapters import FRAME, offered_qos, pose_stamped, requested_qos
+from msg_adapters import FRAME, pose_stamped
 from soilmoist_ros.exploration import (
     CancelAll,
     Cause,
@@ -39,13 +39,25 @@ from soilmoist_ros.exploration import (
     way_points,
 )
 from soilmoist_ros.foundation import InputError, foreign_text
-from soilmoist_ros.nodes.action_navigator import ActionNavigator, action_class
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.guard import failsafe_name
-from soilmoist_ros.nodes.topics import DEFAULT, NO_EVENTS, interface_class
+from soilmoist_ros.nodes.action_navigator import LOOK_EVERY_S, ActionNavigator, action_class
+from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.nodes.planner_parameters import failsafe_name
+from soilmoist_ros.nodes.topics import DEFAULT, NO_EVENTS, interface_class, offered_qos, requested_qos
 from soilmoist_ros.recording import request_for
 
-LOOK_EVERY_S = 1.0
+GOTO_NODE: Final = "topological_navigation"
+GOTO_NODE_TYPE: Final = "topological_navigation_msgs/action/GotoNode"
+NAVIGATE_TO_POSE: Final = "navigate_to_pose"
+NAVIGATE_TO_POSE_TYPE: Final = "nav2_msgs/action/NavigateToPose"
+TOPIC: Final = "goal_pose"
+KEPT_POSES: Final = 100
+"""Own poses that are recognised when they come back."""
+POSE_OBSERVERS: Final = (
+    "recorder*", "rosbag2*", "_ros2cli*", "rviz*", "rqt*", "foxglove*", "rosbridge*", "plotjuggler*",
+)  # fmt: skip
+"""Nodes that subscribe to poses but drive no robot, as patterns; all others pass for a navigation."""
+SETTLE_S: Final = 5.0
+"""Standstill that counts as arrival where the navigation gives no result [s]: five fixes of a usual receiver."""
 
 
 class RouteFeedback:
@@ -111,23 +123,12 @@ class RouteFeedback:
 
 # Navigation over a topological map by the action ``GotoNode`` ---------------------------------------------------
 
-GOTO_NODE: Final = "topological_navigation"
-GOTO_NODE_TYPE: Final = "topological_navigation_msgs/action/GotoNode"
-GOTO_NODE_FIELD: Final = "target"
-
 
 class GotoNodeNavigator(ActionNavigator):
-    """A :class:`Navigator` that is a client of ``GotoNode``. The server finds the route by itself.
+    """A client of ``GotoNode``. The server finds the route; some abort a goal where the robot stands already.
 
-    :param node: node of the client
-    :param name: name of the action
-    :param kind: class of the action
-    :param feedback_topic: plain topic on which some versions publish the node that the robot passes
-    :param client: decides on goals
-    :param track: recent places of the robot
-    :param there_m: a robot that stands this close to a stop is there already [m]; some servers abort such a goal
-    :param report: called at the end of each goal
-    :param yields: whether no goal is sent while another client drives the robot
+    :param feedback_topic: plain topic on which some versions publish the node that the robot passes; for the other
+        parameters see :class:`ActionNavigator`
     """
 
     def __init__(
@@ -194,25 +195,13 @@ class GotoNodeNavigator(ActionNavigator):
 
 # Navigation by Nav2's action ``NavigateToPose``: poses with answers, feedback and cancellation ------------------
 
-NAVIGATE_TO_POSE: Final = "navigate_to_pose"
-NAVIGATE_TO_POSE_TYPE: Final = "nav2_msgs/action/NavigateToPose"
-NAVIGATE_TO_POSE_FIELD: Final = "pose"
-
 
 class NavigateToPoseNavigator(ActionNavigator):
-    """A :class:`Navigator` that is a client of ``NavigateToPose``.
+    """A client of ``NavigateToPose``.
 
     The result has no flag of success: its status says it. Older versions have no error code either.
 
-    :param node: node of the client
-    :param name: name of the action
-    :param kind: class of the action
-    :param client: decides on goals
-    :param track: recent places of the robot
-    :param there_m: a robot that stands this close to a stop is there already [m]
-    :param report: called at the end of each goal
-    :param frame: frame of the navigation
-    :param yields: whether no goal is sent while another client drives the robot
+    :param frame: frame of the navigation; for the other parameters see :class:`ActionNavigator`
     """
 
     def __init__(
@@ -262,17 +251,12 @@ class NavigateToPoseNavigator(ActionNavigator):
 
 # Navigation by ``geometry_msgs/PoseStamped`` on ``goal_pose``, which RViz publishes and Nav2 accepts ------------
 
-TOPIC: Final = "goal_pose"
-KEPT_POSES: Final = 100
-"""Own poses that are recognised when they come back."""
-
 
 class GoalPoseNavigator:
     """A :class:`Navigator` that publishes poses.
 
     :param node: the node that publishes
     :param action: name of the action by which the same navigation can be stopped, if it has one
-    :param observers: nodes that subscribe to poses but drive no robot, patterns of names
     :param client: decides on arrival and stops
     :param report: called at the end of each goal
     :param frame: frame of the navigation
@@ -283,7 +267,6 @@ class GoalPoseNavigator:
         self,
         node: Node,
         action: str,
-        observers: Sequence[str],
         client: PoseClient,
         report: Callable[[Ended], None],
         frame: str = FRAME,
@@ -291,7 +274,6 @@ class GoalPoseNavigator:
     ) -> None:
         self._node = node
         self._frame = frame
-        self._observers = tuple(observers)
         self._client = client
         self._report = report
         self._lock = Lock()
@@ -312,7 +294,7 @@ class GoalPoseNavigator:
         own = self._node.get_name(), self._node.get_namespace()
         infos = self._node.get_subscriptions_info_by_topic(self._poses.topic_name)
         heard_by = [info.node_name for info in infos if (info.node_name, info.node_namespace) != own]
-        if drivers(heard_by, self._observers):
+        if drivers(heard_by, POSE_OBSERVERS):
             return ""
         only = f"; {', '.join(sorted(heard_by))} drive no robot" if heard_by else ""
         return f"a navigation that subscribes to {self._poses.topic_name}{only}"
@@ -389,14 +371,9 @@ class GoalPoseNavigator:
                         self._sent.append(pose)
                     self._poses.publish(pose)
                 case CancelAll():
-                    self._asked = self._cancels.call_async(
-                        CancelGoal.Request()
-                    )  # without an id it cancels all goals
+                    self._asked = self._cancels.call_async(CancelGoal.Request())  # without an id: all goals
                 case Ended():
                     self._report(request)
-
-
-# The navigator that the parameters of the planner ask for -------------------------------------------------------
 
 
 def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], None]) -> Navigator:
@@ -413,18 +390,18 @@ def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], Non
     response = Response(text(failsafe_name(Cause.OTHER_CLIENT)))
     yields = response not in (Response.IGNORE, Response.WARN)
     if text("navigator") == "goal_pose":
-        poses = PoseClient(radius_m, number("settle_s"), speed_mps)
+        poses = PoseClient(radius_m, SETTLE_S, speed_mps)
         action = text("action_name") or NAVIGATE_TO_POSE
-        return GoalPoseNavigator(node, action, values.texts("pose_observers"), poses, report, frame, yields)
-    client = GoalClient(radius_m, GoalLimits(start_s=number("navigation_wait_s")))
+        return GoalPoseNavigator(node, action, poses, report, frame, yields)
+    client = GoalClient(radius_m, GoalLimits())
     track = Track(speed_mps, radius_m)
     if text("navigator") == "navigate_to_pose":
-        kind = action_class(text("action_type") or NAVIGATE_TO_POSE_TYPE, NAVIGATE_TO_POSE_FIELD)
+        kind = action_class(text("action_type") or NAVIGATE_TO_POSE_TYPE, "pose")
         name = text("action_name") or NAVIGATE_TO_POSE
         return NavigateToPoseNavigator(node, name, kind, client, track, track.still_m, report, frame, yields)
     if text("graph") == "free":
         raise InputError("goto_node goes to nodes of a map, but graph is free", "set graph: topic, or a map file")
-    kind = action_class(text("action_type") or GOTO_NODE_TYPE, GOTO_NODE_FIELD)
+    kind = action_class(text("action_type") or GOTO_NODE_TYPE, "target")
     name = text("action_name") or GOTO_NODE
     feedback = text("feedback_topic")
     return GotoNodeNavigator(node, name, kind, feedback, client, track, radius_m, report, yields)

@@ -33,11 +33,10 @@ from soilmoist_ros.exploration import (
     read_topological_map,
 )
 from soilmoist_ros.nodes.navigators import make_navigator
-from soilmoist_ros.nodes.parameters.declaration import Parameters, Value
-from soilmoist_ros.nodes.parameters.guard import make_watch
-from soilmoist_ros.nodes.parameters.planner import PARAMETERS, chosen_survey, make_team, mission_rules
+from soilmoist_ros.nodes.parameters import Parameters, Value
 from soilmoist_ros.nodes.planner_inputs import PlannerFrames, PlannerInputs
 from soilmoist_ros.nodes.planner_outputs import PlannerKeepout, PlannerOutputs
+from soilmoist_ros.nodes.planner_parameters import PARAMETERS, chosen_survey, make_team, make_watch, mission_rules
 from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import LATCHED, NO_EVENTS, SENSOR, interface_class
 from soilmoist_ros.recording import StoredMission
@@ -47,6 +46,8 @@ __all__ = ["PARAMETERS", "Planner", "main"]
 MISSION_TICK_S: Final = 1.0
 TICK_S: Final = 0.2
 SHOW_S: Final = 1.0
+MAP_WAIT_S: Final = 20.0
+"""Longest wait for the mapper before the next stop is chosen [s]; a map of a large field takes some seconds."""
 
 
 class Planner(Node):
@@ -81,7 +82,7 @@ class Planner(Node):
             settings,
             rules,
             self._values.text("home"),
-            self._values.number("map_wait_s"),
+            MAP_WAIT_S,
             lambda report: FramedNavigator(make_navigator(self, self._values, report), self._frames.robot),
             self._outputs,
             MissionJournal(self._stored.journal),
@@ -153,15 +154,6 @@ class Planner(Node):
         self._keepout.tick(self._control.fence, self._frames.robot.move)
         self._control.show()
         self._outputs.diagnose([*self._control.health(), self._frames.health()])
-
-
-def main() -> None:
-    """Run the planner."""
-    run(Planner)
-
-
-if __name__ == "__main__":
-    main()
 
 
 # Commands of an operator to the planner: services, live parameters, and emergency stops -------------------------
@@ -277,3 +269,12 @@ class PlannerCommands:
         else:
             self._node.get_logger().warning("the emergency stop is released: resume or abort")
         self._control.emergency(pressed, self._source)
+
+
+def main() -> None:
+    """Run the planner."""
+    run(Planner)
+
+
+if __name__ == "__main__":
+    main()

@@ -49,7 +49,7 @@ from soilmoist_ros.exploration import (
 from soilmoist_ros.foundation import Health, InputError, read_json
 from soilmoist_ros.mapping import Field
 from soilmoist_ros.nodes.aside import Soon
-from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespaces
+from soilmoist_ros.nodes.parameters import Parameters, other_namespaces
 from soilmoist_ros.nodes.topics import (
     DEFAULT,
     LATCHED,
@@ -66,6 +66,15 @@ from soilmoist_ros.sensing import FIX_TYPE, CountRecord, Fix, LeverArms, fix_fro
 
 _AGAIN_TICKS: Final = 10
 """Seconds after which a map of the navigation that could not be used is tried again."""
+SLICE: Final = 100
+"""Records that are taken at a time; some 20 ms of work."""
+PAUSE_S: Final = 0.05
+"""Shortest time between the slices of different messages [s]: each costs a sync of the disk."""
+MAX_MESSAGES: Final = 20_000
+ASK_AGAIN_S: Final = 5.0
+DATUM_TYPE: Final = "robot_localization/srv/ToLL"
+"""Service of navsat_transform that gives the latitude and longitude of a place in the frame of the navigation."""
+DATUM_SERVICE: Final = "toLL"
 
 
 class PlannerInputs:
@@ -258,15 +267,6 @@ class PlannerInputs:
             self._node.get_logger().error(f"{what} cannot be used: {error}")
 
 
-# Records of the planner, in slices, so that no flood of them delays a command -----------------------------------
-
-SLICE: Final = 100
-"""Records that are taken at a time; some 20 ms of work."""
-PAUSE_S: Final = 0.05
-"""Shortest time between the slices of different messages [s]: each costs a sync of the disk."""
-MAX_MESSAGES: Final = 20_000
-
-
 class PlannerRecords:
     """Passes the records of messages to the control.
 
@@ -318,13 +318,6 @@ class PlannerRecords:
             self._continue.ask()
 
 
-# Frames of the planner: TF and the datum service come in, the robot's pose in the plane of the field goes out ---
-
-ASK_AGAIN_S: Final = 5.0
-DATUM_TYPE: Final = "robot_localization/srv/ToLL"
-"""Service of navsat_transform that gives the latitude and longitude of a place in the frame of the navigation."""
-
-
 class PlannerFrames:
     """Listens to TF if its message type is installed, and publishes ``robot_pose`` with each fix.
 
@@ -344,7 +337,7 @@ class PlannerFrames:
         self.settings = frame_settings(values)
         self.robot = RobotFrames(field, self.settings)
         self._poses = node.create_publisher(PoseWithCovarianceStamped, "robot_pose", DEFAULT)
-        self._ask = self._datum_client(values.text("datum_service"))
+        self._ask = self._datum_client()
         self._listener: _Listener | None = None
         try:
             kind = interface_class("tf2_msgs/msg/TFMessage")
@@ -390,7 +383,7 @@ class PlannerFrames:
     def _now_s(self) -> float:
         return float(self._node.get_clock().now().nanoseconds * 1e-9)
 
-    def _datum_client(self, service: str) -> Callable[[], None]:
+    def _datum_client(self) -> Callable[[], None]:
         """Function that asks the robot's datum service, if the datum comes from the robot."""
         if self.settings.datum != ROBOT:
             return lambda: None
@@ -401,7 +394,7 @@ class PlannerFrames:
                 f"{DATUM_TYPE} is not installed, so the datum of the navigation is found from a drive ({error})"
             )
             return lambda: None
-        client = self._node.create_client(kind, service)
+        client = self._node.create_client(kind, DATUM_SERVICE)
         asked: list[tuple[float, list[Future]]] = []
 
         def ask() -> None:

@@ -22,14 +22,14 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from msg_adapters import diagnostics_to_message, offered_qos, requested_qos
+from msg_adapters import diagnostics_to_message
 from soilmoist_ros.exploration import property_weights
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.aside import Aside
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.recorder import PARAMETERS
+from soilmoist_ros.nodes.parameter_tables import RECORDER as PARAMETERS
+from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.run import run
-from soilmoist_ros.nodes.topics import DEFAULT, interface_class, quiet_node
+from soilmoist_ros.nodes.topics import DEFAULT, interface_class, offered_qos, quiet_node, requested_qos
 from soilmoist_ros.recording import (
     CLOSED_S,
     BagRecorder,
@@ -288,15 +288,6 @@ class Recorder(Node):
         self._topics[name] = (topic, wanted, subscription)
 
 
-def main() -> None:
-    """Run the node."""
-    run(Recorder)
-
-
-if __name__ == "__main__":
-    main()
-
-
 # Requests the parameters of other nodes regularly, without waiting for the answers ------------------------------
 
 _ASK_S: Final = 1.0
@@ -369,3 +360,12 @@ class ParameterCollector:
     def _on_values(self, names: list[str], name: str, answer: Any) -> None:
         values = map(parameter_value_to_python, answer.values)
         self._take(name, {key: value for key, value in zip(names, values, strict=False) if value is not None})
+
+
+def main() -> None:
+    """Run the node."""
+    run(Recorder)
+
+
+if __name__ == "__main__":
+    main()

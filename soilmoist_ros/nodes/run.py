@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Run a node as a process, and end it cleanly."""
+"""A node as a process: its command line, its log, its memory, and a clean end."""
 
 from __future__ import annotations
 
 import ctypes
-import inspect
 import json
 import logging
 import os
@@ -15,7 +14,6 @@ import textwrap
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from itertools import takewhile
 from pathlib import Path
 from types import FrameType
@@ -32,8 +30,9 @@ from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-from soilmoist_ros.foundation import InputError, SoilmoistError, config_folder, load_when_used, printable
-from soilmoist_ros.nodes.parameters.declaration import NODES
+from soilmoist_ros.foundation import InputError, SoilmoistError, config_folder, printable
+from soilmoist_ros.nodes.parameter_tables import table_of
+from soilmoist_ros.nodes.parameters import NODES
 
 _SWITCH_S: Final = 5e-4
 """Longest wait of a callback for Python's lock while another thread computes [s]; each takes it several times, and
@@ -52,6 +51,25 @@ _PERMISSIONS: Final = (
     "if Fast DDS names a topic above, the permissions of this node's enclave lack it: add it to the policy, and "
     "make the keystore again (docs/safety.md)"
 )
+HELP = ("-h", "--help")
+_WIDTH = 100
+_KINDS = {
+    ("topics", "publish"): "publishes",
+    ("topics", "subscribe"): "subscribes to",
+    ("services", "reply"): "services",
+    ("services", "request"): "calls services",
+    ("actions", "execute"): "actions",
+    ("actions", "call"): "calls actions",
+}
+_OF_EVERY_NODE = (
+    "_parameters", "_parameter_types", "_parameters_atomically", "_type_description", "/rosout", "_events",
+)  # fmt: skip
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+"""Names in ``malloc.h`` of the limits below."""
+_KEPT_BYTES: Final = 2 << 20
+"""Free memory at the end of a heap above which it goes back to the system [bytes]."""
+_MAPPED_BYTES: Final = 1 << 20
+"""Size from which an array has memory of its own, which goes back when it is freed [bytes]."""
 
 
 def _secured() -> bool:
@@ -68,27 +86,6 @@ def _without_ros(error: Exception) -> int:
         remedy = f" -> {_PERMISSIONS}"
     print(f"ROS cannot start the node: {text}{remedy}", file=sys.stderr, flush=True)
     return BAD_INPUT
-
-
-def _name_callers() -> None:
-    """Spare rclpy's logger a search through all modules at the first message: 27 ms at the start of each node.
-
-    The logger asks Python's ``inspect`` for the module of each file that a message may come from.
-    """
-    for name, module in list(sys.modules.items()):
-        if name.startswith(("soilmoist_ros.", "rclpy.", "__main__")) and getattr(module, "__file__", None):
-            inspect.modulesbyfile.setdefault(str(module.__file__), name)
-
-
-def _load_less() -> None:
-    """Spare the process modules that libraries import and no node uses.
-
-    The messages of ROS load the generator of messages with its parser; they do without if it is missing. SciPy
-    copies the names of NumPy, and so loads its compiler of Fortran and its test tools.
-    """
-    sys.modules.setdefault("rosidl_generator_py.generate_py_impl", None)  # type: ignore[arg-type]
-    for name in ("numpy.f2py", "numpy.testing"):
-        load_when_used(name)
 
 
 def _spin(node: Node, executor: Executor, timeout_s: float) -> None:
@@ -153,9 +150,7 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
         print(help_of(name, (module.__doc__ or "").partition("\n\n")[0]))
         sys.exit(0)
     sys.setswitchinterval(_SWITCH_S)
-    _load_less()
     return_memory()
-    _name_callers()
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     except _RCL_ERROR as error:
@@ -204,26 +199,7 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     sys.exit(code)
 
 
-# The command line of a node: its help, and arguments that ROS would ignore --------------------------------------
-
-HELP = ("-h", "--help")
-_WIDTH = 100
-_KINDS = {
-    ("topics", "publish"): "publishes",
-    ("topics", "subscribe"): "subscribes to",
-    ("services", "reply"): "services",
-    ("services", "request"): "calls services",
-    ("actions", "execute"): "actions",
-    ("actions", "call"): "calls actions",
-}
-_OF_EVERY_NODE = (
-    "_parameters",
-    "_parameter_types",
-    "_parameters_atomically",
-    "_type_description",
-    "/rosout",
-    "_events",
-)
+# Command line ----------------------------------------------------------------------------------------------------
 
 
 def check_arguments(arguments: Sequence[str], node: str) -> None:
@@ -233,7 +209,7 @@ def check_arguments(arguments: Sequence[str], node: str) -> None:
     :param node: name of the node
     :raises InputError: if there is one, other than an old rule
     """
-    names = {row.name for row in import_module(f"soilmoist_ros.nodes.parameters.{node}").PARAMETERS}
+    names = {row.name for row in table_of(node)}
     for word in takewhile(lambda word: word != "--ros-args", arguments[1:]):
         if ":=" in word and word.partition(":=")[0] not in names:
             continue
@@ -260,7 +236,7 @@ def help_of(node: str, about: str) -> str:
     for what, names in _interfaces(node).items():
         lines += _wrapped(f"{what}: {', '.join(sorted(names))}", "  ", "      ")
     lines += ["", "Parameters (also use_sim_time, as every node; docs/parameters.md has the same)"]
-    for row in import_module(f"soilmoist_ros.nodes.parameters.{node}").PARAMETERS:
+    for row in table_of(node):
         values = row.limits.replace("..", "to")
         default = f"default {json.dumps(row.default, ensure_ascii=False)}"
         facts = filter(
@@ -293,7 +269,7 @@ def _wrapped(text: str, first: str, further: str) -> list[str]:
     return textwrap.wrap(text, _WIDTH, initial_indent=first, subsequent_indent=further, break_on_hyphens=False)
 
 
-# Messages of the folders without ROS in the log of a node: on the terminal, in ``/rosout`` and in recordings ----
+# Log and memory --------------------------------------------------------------------------------------------------
 
 
 class CoreLog(logging.Handler):
@@ -324,16 +300,6 @@ class CoreLog(logging.Handler):
         """Stop."""
         self._core.removeHandler(self)
         super().close()
-
-
-# Memory of processes that last for weeks ------------------------------------------------------------------------
-
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
-"""Names in ``malloc.h`` of the limits below."""
-_KEPT_BYTES: Final = 2 << 20
-"""Free memory at the end of a heap above which it goes back to the system [bytes]."""
-_MAPPED_BYTES: Final = 1 << 20
-"""Size from which an array has memory of its own, which goes back when it is freed [bytes]."""
 
 
 def return_memory() -> bool:

@@ -31,12 +31,12 @@ from msg_adapters import (
 )
 from soilmoist_ros.foundation import InputError, LatLon, resource
 from soilmoist_ros.mapping import load_field
-from soilmoist_ros.nodes import topics as qos
 from soilmoist_ros.nodes.aside import Soon
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.sensor_driver import PARAMETERS, SETTINGS
+from soilmoist_ros.nodes.parameter_tables import DRIVER_SETTINGS
+from soilmoist_ros.nodes.parameter_tables import SENSOR_DRIVER as PARAMETERS
+from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.run import run
-from soilmoist_ros.nodes.topics import other_type
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, SENSOR, VISITS, other_type
 from soilmoist_ros.recording import DRIVER, QUARANTINED, RecordLog, write_whole
 from soilmoist_ros.sensing import (
     DOUBTS,
@@ -68,14 +68,14 @@ class SensorDriver(LifecycleNode):
         self._fault: InputError | None = None
         text = self._given.text
         if not text("gnss_uri"):
-            self.create_subscription(NavSatFix, "fix", self._on_fix, qos.SENSOR)
-        self.create_subscription(String, DOUBTS, self._on_doubt, qos.VISITS)
+            self.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
+        self.create_subscription(String, DOUBTS, self._on_doubt, VISITS)
         self._outputs = DriverOutputs(self, self._given)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         self._intensity = LatestIntensity()
         if topic := text("intensity_topic"):
             # A latched subscription has the value from before this start, but of latched publishers only.
-            for profile in (qos.DEFAULT, qos.LATCHED):
+            for profile in (DEFAULT, LATCHED):
                 self.create_subscription(Float64, topic, self._on_intensity, profile)
         self._arrived = Soon(self, self._step)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
@@ -135,7 +135,7 @@ class SensorDriver(LifecycleNode):
                 "intensity_topic is given, but the site file has no reference for the intensity",
                 "write 'intensity: {reference: 150.0, constant: 150.0}' under 'corrections' in the site file",
             )
-        settings: dict[str, Any] = {name: options[name] for name in SETTINGS}
+        settings: dict[str, Any] = {name: options[name] for name in DRIVER_SETTINGS}
         settings["arms"] = LeverArms.of(options)
         self._driver = Driver(DriverSettings(**settings), sensor, field.frame, self._now_s())
         if self._given.text("intensity_topic"):
@@ -188,15 +188,6 @@ class SensorDriver(LifecycleNode):
             self._diagnostics.publish(diagnostics_to_message(parts, now_s, name, serial))
 
 
-def main() -> None:
-    """Run the node."""
-    run(SensorDriver)
-
-
-if __name__ == "__main__":
-    main()
-
-
 # What the driver publishes and stores: records, fixes, weather and the lines of the devices ---------------------
 
 
@@ -221,15 +212,15 @@ class DriverOutputs:
         self._log: RecordLog | None = None
         self._header: StoredHeader | None = None
         topics: dict[str, tuple[type, Any]] = {
-            "counts": (PointCloud2, qos.RECORDS),
-            QUARANTINED: (PointCloud2, qos.RECORDS),
-            "pressure": (FluidPressure, qos.SENSOR),
-            "temperature": (Temperature, qos.SENSOR),
-            "relative_humidity": (RelativeHumidity, qos.SENSOR),
-            "raw/logger": (String, qos.RECORDS),
+            "counts": (PointCloud2, RECORDS),
+            QUARANTINED: (PointCloud2, RECORDS),
+            "pressure": (FluidPressure, SENSOR),
+            "temperature": (Temperature, SENSOR),
+            "relative_humidity": (RelativeHumidity, SENSOR),
+            "raw/logger": (String, RECORDS),
         }
         if given.text("gnss_uri"):
-            topics |= {"fix": (NavSatFix, qos.SENSOR), "raw/gnss": (String, qos.RECORDS)}
+            topics |= {"fix": (NavSatFix, SENSOR), "raw/gnss": (String, RECORDS)}
         self._publishers = {
             name: node.create_publisher(kind, name, profile) for name, (kind, profile) in topics.items()
         }
@@ -334,3 +325,12 @@ class StoredHeader:
         except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             _log.warning("%s is ignored, it cannot be read: %s", self._path, error)
             return None
+
+
+def main() -> None:
+    """Run the node."""
+    run(SensorDriver)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Quality of service of the topics, with the reason for each profile."""
+"""Topics: quality of service with the reason for each profile, types found at run time, nodes without executor."""
 
 from __future__ import annotations
 
@@ -15,45 +15,32 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from soilmoist_ros.foundation import listing
 from soilmoist_ros.recording import Qos, Request
 
-RECORDS: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.RELIABLE)
+
+def _profile(depth: int, latched: bool = False, reliable: bool = True) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+RECORDS: Final = _profile(100)
 """Records: none may be lost, even if a receiver is busy for a quarter of an hour."""
-
-SENSOR: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+SENSOR: Final = _profile(5, reliable=False)
 """Fixes and weather: only the latest matters, and drivers of other makers use this profile."""
-
-LATCHED: Final = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+LATCHED: Final = _profile(1, latched=True)
 """Maps, plans and states: a late receiver gets the last one."""
-
-VISITS: Final = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=100,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+VISITS: Final = _profile(100, latched=True)
 """Visits: a late receiver gets the visits of the last hours."""
-
-DEFAULT: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE)
+DEFAULT: Final = _profile(10)
 """``/diagnostics`` and goal poses: other tools expect this profile."""
-
-TF: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.RELIABLE)
+TF: Final = _profile(100)
 """``/tf``: the profile of tf2; several nodes publish parts of the tree at high rates."""
-
-TF_STATIC: Final = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=100,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+TF_STATIC: Final = _profile(100, latched=True)
 """``/tf_static``: each publisher sends its transforms once."""
-
-CLOCK: Final = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+CLOCK: Final = _profile(1, reliable=False)
 """Simulated time: only the latest matters."""
-
 NO_EVENTS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
 """For subscriptions whose publishers may offer less: no warning, and none of the callbacks with which the executor
 may crash when the subscription is destroyed."""
@@ -123,12 +110,7 @@ def offered_qos(profile: QoSProfile) -> Qos:
 
 def requested_qos(request: Request) -> QoSProfile:
     """Profile of a subscription."""
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=request.depth,
-        reliability=ReliabilityPolicy.RELIABLE if request.reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if request.latched else DurabilityPolicy.VOLATILE,
-    )
+    return _profile(request.depth, request.latched, request.reliable)
 
 
 def published_qos(recorded: Sequence[Qos]) -> QoSProfile:
@@ -140,12 +122,7 @@ def published_qos(recorded: Sequence[Qos]) -> QoSProfile:
     reliable = latched or not recorded or any(qos.reliability != "best_effort" for qos in recorded)
     # Fast DDS hides the depth of other publishers. A late subscription needs a latched topic's last message.
     depth = max((qos.depth for qos in recorded), default=0) or (1 if latched else _KEEP)
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
+    return _profile(depth, latched, reliable)
 
 
 # Nodes without an executor --------------------------------------------------------------------------------------

@@ -46,7 +46,7 @@ class Planning:
         given = {
             "use_sim_time": True, "field": str(folder / "field.yaml"), "dwell": "fmi:20", "hours": 0.1,
             "speed_mps": 1.0, "stop_overhead_s": 2.0, "min_dwell_s": 20.0, "return_margin_s": 10.0,
-            "strategy": "greedy", "arrival_radius_m": 2.0, "cancel_limit_s": 120.0, "fix_frozen_s": 0.0, **params,
+            "strategy": "greedy", "arrival_radius_m": 2.0, "fix_frozen_s": 0.0, **params,
         }  # fmt: skip
         self.messages = ros.collect(DiagnosticStatus, f"{namespace}/mission", LATCHED)
         self.process = ros.start("planner", params=given, namespace=namespace, remaps=remaps)
@@ -219,7 +219,7 @@ def test_pause_resume_skip_and_abort(ros, tmp_path):
 def test_stops_that_cannot_be_reached_are_ruled_out(ros, tmp_path):
     with World(ros) as world, VirtualNavigation(ros, world) as navigation:
         navigation.blocked = {stop.name for stop in STOPS if stop.name not in ("n00", "n31")}
-        planning = Planning(ros, tmp_path, strategy="random", seed=3, failures_to_pause=100, hours=2.0, retries=0)
+        planning = Planning(ros, tmp_path, strategy="random", seed=3, failures_to_pause=100, hours=2.0)
         planning.wait(lambda status: "waiting for start" in status.reason)
         planning.call("start")
         planning.wait(lambda status: status.samples >= 1)

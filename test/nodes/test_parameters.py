@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.parameters.declaration import Parameter, Parameters, check_values
+from soilmoist_ros.nodes.parameters import Parameter, Parameters, check_values
 
 TABLE = (
     Parameter(name="field", default="", description="field file"),

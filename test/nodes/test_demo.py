@@ -8,17 +8,21 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import rasterio
 
 pytest.importorskip("rclpy")
-from soilmoist_ros.console.invitations import free_port
+from soilmoist_ros.mapping.covariates.source import CovariateSource
+from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
 from soilmoist_ros.recording.bag.point_cloud import points
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.run_folder import read_parameters
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters
+from soilmoist_ros.simulation import MissionSettings, PropertySettings, surrogate_field
 
 LIMIT_S = 480.0
 """Longest wait for a demonstration that takes a minute on an idle machine [s]."""
@@ -35,7 +39,6 @@ def run_demo(out, *options):
 
 def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(tmp_path):
     out = tmp_path / "run"
-    port = free_port(0)  # another demonstration on this machine may take the usual one at the same moment
     said = run_demo(
         out,
         "--field",
@@ -48,14 +51,8 @@ def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(t
         "60",
         "--strategy",
         "ivr",
-        "--foxglove",
-        str(port),
     )
     assert said.startswith("console    http://127.0.0.1:")
-    assert f"\nfoxglove   Open connection, Foxglove WebSocket: ws://127.0.0.1:{port}\n" in said
-    assert f"\nfoxglove   Import layout: {out / 'viewers' / 'foxglove.json'}\n" in said
-    assert "/rough/soil_map" in (out / "viewers" / "foxglove.json").read_text()
-    assert f"live view for Foxglove: ws://127.0.0.1:{port}" in (out / "log" / "console.log").read_text()
     assert said.count("map        equals the robot's last one, bit for bit") == 2
 
     with BagReader(out / "bag") as bag:
@@ -131,3 +128,31 @@ def test_several_robots_share_a_map_and_keep_apart(tmp_path):
     assert len(rows) == about["final"]["samples"] >= 4
     assert set(robots) == {"1", "2"}
     assert "There were 2 robots" in (out / "report.html").read_text()
+
+
+# Demo configuration ---------------------------------------------------------------------------------------------
+
+
+def test_mapper_and_planner_know_the_same_earlier_runs_and_other_properties_have_none(tmp_path):
+    mission = MissionSettings(field="smooth", properties=(PropertySettings("rough"),))
+    settings = DemoSettings(tmp_path, mission, earlier=(tmp_path / "may", tmp_path / "june"))
+    write_configuration(settings, surrogate_field("smooth"), tmp_path)
+    wanted = [str(tmp_path / "may"), str(tmp_path / "june")]
+    for node, expected in (("mapper", wanted), ("planner", wanted), ("rough/mapper", None)):
+        assert read_parameters(tmp_path / CONFIGURATION, node).get("earlier") == expected
+
+
+def test_all_mappers_and_planners_know_the_covariates(tmp_path):
+    settings = DemoSettings(
+        tmp_path,
+        MissionSettings(field="smooth", properties=(PropertySettings("rough"),)),
+        covariates=(CovariateSource(tmp_path / "relief.tif", "slope"),),
+    )
+    field = surrogate_field("smooth")
+    of_field = CovariateSource(tmp_path / "image.tif", "2", name="ndvi")
+    field = replace(field, field=replace(field.field, covariates=(of_field,)))
+    write_configuration(settings, field, tmp_path)
+    for node in ("mapper", "planner", "rough/mapper"):
+        had = read_parameters(tmp_path / CONFIGURATION, node)
+        assert had["covariates"] == [f"{tmp_path / 'relief.tif'}:slope"]
+        assert load_field(Path(had["field"])).covariates == (of_field,)

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-import inspect
+import ctypes
 import signal
 import subprocess
 import sys
@@ -13,12 +13,14 @@ import pytest
 
 pytest.importorskip("rclpy")
 from rcl_interfaces.msg import Log
-from rclpy.logging import get_logger
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Empty, Trigger
 
 from msg_adapters.point_cloud import to_time
-from soilmoist_ros.nodes.run import _name_callers
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.parameter_tables import table_of
+from soilmoist_ros.nodes.parameters import NODES
+from soilmoist_ros.nodes.run import check_arguments, help_of
 from soilmoist_ros.nodes.topics import CLOCK
 from soilmoist_ros.nodes.topics import VISITS as ROSOUT
 
@@ -257,34 +259,80 @@ def test_bad_input_is_reported_without_a_traceback(example):
     assert process.output().strip() == "the field has no corners -> draw some"
 
 
-def test_the_first_message_searches_no_modules(monkeypatch):
-    looked_at = []
-    is_module = inspect.ismodule
+# Help of the nodes, and arguments that ROS would ignore ---------------------------------------------------------
 
-    def noted(one):
-        looked_at.append(one)
-        return is_module(one)
+SHOWN = {
+    "console": ["subscribes to: /diagnostics,", "port (integer, default 8050, 0 to 65535"],
+    "field_simulator": ["actions: navigate_to_pose, topological_navigation", "speed (double, default"],
+    "mapper": ["services: mapper/reset, mapper/save", "merge_radius_m (double, default 0.0, in m, 0 to 1000"],
+    "planner": ["calls actions: navigate_to_pose,", 'strategy (string, default "gcb", greedy | monte_carlo'],
+    "recorder": ["subscribes to: /*", "keep_days (double, default 0.0, in d, >= 0)"],
+    "sensor_driver": ["publishes: /diagnostics, counts, fix,", "silence_limit_s (double, default 35.0, in s,"],
+}
 
-    monkeypatch.setattr(inspect, "ismodule", noted)
-    monkeypatch.setattr(inspect, "modulesbyfile", {})
-    monkeypatch.setitem(sys.modules, f"soilmoist_ros.{__name__}", sys.modules[__name__])
-    _name_callers()
-    get_logger("test").info("a message")
-    assert looked_at
-    assert not any(map(is_module, looked_at))
+
+@pytest.mark.parametrize("node", NODES)
+def test_help_names_topics_and_every_parameter(node):
+    text = help_of(node, "about it")
+    lines = text.splitlines()
+    assert lines[0] == f"{node}: about it"
+    assert max(map(len, lines)) <= 115
+    for row in table_of(node):
+        assert f"\n  {row.name} ({row.kind}, default " in text
+        assert " ".join(row.description.split()) in " ".join(text.split())
+    for words in SHOWN[node]:
+        assert words in " ".join(text.split())
+    assert "rosout" not in text
+    assert "get_parameters" not in text.replace("mapper/get_parameters", "")
 
 
 @pytest.mark.process
-def test_libraries_load_less_in_a_node():
-    code = """
-import sys
-from soilmoist_ros.nodes.run import _load_less
-_load_less()
-import scipy.linalg
-from std_msgs.msg import String
-String.__class__.__import_type_support__()
-assert String.__class__._TYPE_SUPPORT is not None
-print([name for name in ("lark", "em", "numpy.f2py.f2py2e", "unittest") if name in sys.modules])
+def test_a_node_shows_its_help_without_starting():
+    shown = subprocess.run(
+        [sys.executable, "-m", "soilmoist_ros.nodes.mapper", "--help"], capture_output=True, text=True
+    )
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert shown.stdout.startswith("mapper: Merges records to samples")
+
+
+def test_arguments_that_ros_ignores_are_refused():
+    check_arguments(["mapper", "old_name:=new_name", "__ns:=/r1", "--ros-args", "-p", "field:=x"], "mapper")
+    for word, remedy in (("field:=x", "-p field:=x"), ("--params", "-p NAME:=VALUE"), ("x.yaml", "--help lists")):
+        with pytest.raises(InputError, match=f"mapper has no argument '{word}' -> .*{remedy}"):
+            check_arguments(["mapper", word, "--ros-args", "-p", "site:=y"], "mapper")
+
+
+# Memory that was freed goes back to the system: memory.py -------------------------------------------------------
+
+WORK = """
+import re, threading
+import numpy as np
+from soilmoist_ros.nodes.run import return_memory
+
+def resident_mb():
+    return int(re.search(r"VmRSS:\\s+(\\d+)", open("/proc/self/status").read())[1]) / 1024
+
+def work():
+    np.ones(3_500_000)
+    arrays = [np.ones(500_000) for _ in range(8)]
+
+if {returned}:
+    assert return_memory()
+before_mb = resident_mb()
+thread = threading.Thread(target=work)
+thread.start()
+thread.join()
+print(resident_mb() - before_mb)
 """
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert result.stdout == "[]\n", result.stderr
+
+
+def growth_mb(returned: bool) -> float:
+    """How much a process grows by arrays that a thread has used and freed [MB]."""
+    command = [sys.executable, "-c", WORK.format(returned=returned)]
+    return float(subprocess.run(command, capture_output=True, check=True, timeout=60).stdout)
+
+
+@pytest.mark.process
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "gnu_get_libc_version"), reason="not the GNU C library")
+def test_what_a_thread_frees_goes_back():
+    assert growth_mb(True) < 10 < growth_mb(False)

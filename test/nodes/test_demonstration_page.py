@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("rclpy")
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 from browser import DESK, PHONE, Link, chromium, slide, tap
 from playwright.sync_api import expect
 
