@@ -249,10 +249,7 @@ def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None
     """
     values = settings.as_dict()
     digests = {} if digests is None else digests
-    paths = {
-        "field": _field_file(settings.field_name),
-        "graph": Path(settings.graph) if settings.graph else None,
-    }
+    paths = {"field": _field_file(settings.field_name), "graph": Path(settings.graph) if settings.graph else None}
 
     def digest(path: Path) -> str:
         if str(path) not in digests:

@@ -20,14 +20,7 @@ from distributed import WorkerPlugin
 
 from soilmoist_ros.foundation import InputError, connect
 from soilmoist_ros.lab.campaign_file import Mission
-from soilmoist_ros.lab.computing import (
-    Failure,
-    Finished,
-    Flow,
-    Simulate,
-    WorkersLostError,
-    compute,
-)
+from soilmoist_ros.lab.computing import Failure, Finished, Flow, Simulate, WorkersLostError, compute
 from soilmoist_ros.lab.mission_store import code_version
 
 IN_FLIGHT = 3
@@ -41,10 +34,7 @@ REMEDY = "install the same version of soilmoist_ros there, start its worker agai
 
 
 def on_cluster(
-    todo: Iterable[Mission],
-    simulate: Simulate,
-    scheduler: str,
-    waits: Callable[[str], None] = lambda note: None,
+    todo: Iterable[Mission], simulate: Simulate, scheduler: str, waits: Callable[[str], None] = lambda note: None
 ) -> Flow:
     """Compute on the workers of a Dask cluster, which must have the same version of this package.
 

@@ -11,11 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.lab.campaign_data import (
-    CampaignData,
-    Case,
-    strategies_in,
-)
+from soilmoist_ros.lab.campaign_data import CampaignData, Case, strategies_in
 from soilmoist_ros.lab.figure_style import (
     BLUE,
     FAINT,

@@ -71,11 +71,7 @@ class Pace:
     """
 
     def __init__(
-        self,
-        total: int,
-        todo: Iterable[Mission],
-        progress: Progress,
-        clock: Callable[[], float] = time.monotonic,
+        self, total: int, todo: Iterable[Mission], progress: Progress, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._left = Counter(_combination(mission) for mission in todo)
         self._taken: dict[MissionSettings, tuple[int, float]] = {}

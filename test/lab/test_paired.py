@@ -11,12 +11,7 @@ import pandas as pd
 import pytest
 from scipy.stats import ttest_rel
 
-from soilmoist_ros.lab.paired import (
-    QUANTITIES,
-    difference_interval,
-    paired_differences,
-    paired_table,
-)
+from soilmoist_ros.lab.paired import QUANTITIES, difference_interval, paired_differences, paired_table
 
 
 def missions(values, field="smooth"):

@@ -59,13 +59,7 @@ def crafted(mission, mse=None, distance=None, border=None):
     error = 0.1 * (1 + 0.01 * s.seed) * (mse(s) if mse else 1.0)
     driven = (distance(s) if distance else 500.0) + s.seed
     series = tuple(
-        SeriesRow(
-            t,
-            driven * t / 3600,
-            int(t // 300),
-            t / 2,
-            (MapErrors(error if t else np.nan, 0.02, 0.9),),
-        )
+        SeriesRow(t, driven * t / 3600, int(t // 300), t / 2, (MapErrors(error if t else np.nan, 0.02, 0.9),))
         for t in np.arange(0.0, 3601, 300)
     )
     axis = np.arange(0.5, 20)
