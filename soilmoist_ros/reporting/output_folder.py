@@ -107,7 +107,7 @@ def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
     """
     if crs is None:
         return
-    from soilmoist_ros.reporting.files.geotiff import export_crs
+    from soilmoist_ros.reporting.geotiff import export_crs
 
     target = export_crs(frame or LocalFrame(0.0, 0.0), crs)
     if not (target.is_projected or target.is_geographic):

@@ -17,8 +17,7 @@ from soilmoist_ros.reporting.campaign.data import (
     strategies_in,
 )
 from soilmoist_ros.reporting.colours import RATE, UNCERTAIN
-from soilmoist_ros.reporting.figures.style import of_text_width
-from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text, strategy_traits
+from soilmoist_ros.reporting.page.numbers import dwell_text, strategy_text, strategy_traits
 from soilmoist_ros.reporting.page.style import (
     BLUE,
     FAINT,
@@ -35,6 +34,7 @@ from soilmoist_ros.reporting.page.style import (
     plain,
     robust_range,
 )
+from soilmoist_ros.reporting.paper_figures import of_text_width
 from soilmoist_ros.simulation import StoredMission
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.campaign.data import CampaignData
-from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
-from soilmoist_ros.reporting.page.numbers import percent
+from soilmoist_ros.reporting.page.numbers import dwell_text, percent, strategy_text
 from soilmoist_ros.simulation import FindingKey
 
 if TYPE_CHECKING:

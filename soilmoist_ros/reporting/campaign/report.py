@@ -17,8 +17,7 @@ from soilmoist_ros.reporting.campaign import figures as figures
 from soilmoist_ros.reporting.campaign.data import CampaignData, Case
 from soilmoist_ros.reporting.campaign.findings import Comparison, findings
 from soilmoist_ros.reporting.page.frame import render_page
-from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
-from soilmoist_ros.reporting.page.numbers import length, number, plain
+from soilmoist_ros.reporting.page.numbers import dwell_text, length, number, plain, strategy_text
 from soilmoist_ros.reporting.page.style import Section, picture
 from soilmoist_ros.simulation import (
     LATTICES,

@@ -12,7 +12,7 @@ import numpy as np
 from soilmoist_ros.foundation import __version__
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource
-from soilmoist_ros.reporting.files.geotiff import BANDS
+from soilmoist_ros.reporting.geotiff import BANDS
 
 if TYPE_CHECKING:
     from scipy.io import netcdf_file

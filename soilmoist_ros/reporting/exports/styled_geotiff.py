@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.reporting.colours import colour_ramp
-from soilmoist_ros.reporting.exports.classes import round_step, shown_range
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource
+from soilmoist_ros.reporting.exports.zones import round_step, shown_range
 
 NODATA = 255
 MAX_VALUE = 254

@@ -23,7 +23,7 @@ from soilmoist_ros.reporting.campaign.data import CampaignData
 from soilmoist_ros.reporting.campaign.figures import spaced
 from soilmoist_ros.reporting.campaign.findings import findings
 from soilmoist_ros.reporting.campaign.report import mean_sd_text, render_campaign_report, write_campaign_report
-from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
+from soilmoist_ros.reporting.page.numbers import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.style import Picture
 from soilmoist_ros.simulation.campaign.campaign import Failure, load_campaign, missions, run_campaign
 from soilmoist_ros.simulation.campaign.campaign_file import Campaign

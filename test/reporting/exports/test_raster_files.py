@@ -19,11 +19,11 @@ from scipy.io import netcdf_file
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.reporting.colours import colour_ramp
-from soilmoist_ros.reporting.exports.classes import shown_range
 from soilmoist_ros.reporting.exports.kmz import KML, write_kmz
 from soilmoist_ros.reporting.exports.netcdf import write_netcdf
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.exports.styled_geotiff import write_styled
+from soilmoist_ros.reporting.exports.zones import shown_range
 
 pytestmark = pytest.mark.slow  # the run that all export takes long to make
 
