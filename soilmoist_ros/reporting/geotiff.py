@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Maps and rasters of cells as georeferenced GeoTIFFs."""
+"""Maps, and other rasters of a field's cells, as cloud-optimised GeoTIFFs."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,10 +19,10 @@ from soilmoist_ros.reporting.geometry import field_polygon, inside_field
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
-    from rasterio import Affine
 
     from soilmoist_ros.mapping import SoilMap
 
+Array = NDArray[np.float64]
 
 BANDS: dict[str, tuple[str, str]] = {
     "vwc": ("m3/m3", "volumetric water content of the soil"),
@@ -36,6 +36,37 @@ BANDS: dict[str, tuple[str, str]] = {
 CELLS_AT_ONCE = 2**20
 """Many, since tiles of a large map that lie in two parts are computed twice."""
 MAX_CELLS = 25_000_000
+
+
+class CellBand(NamedTuple):
+    """A band: values, shape (ny, nx), their unit and what they are."""
+
+    values: NDArray[np.floating]
+    unit: str
+    meaning: str
+
+
+class Target(NamedTuple):
+    """The cells of a raster in a reference system that cover a field, north up.
+
+    :param crs: reference system
+    :param x: centres of the columns, ascending, shape (nx,)
+    :param y: centres of the rows, descending, shape (ny,)
+    :param step: size of a cell (x, y) in the unit of the reference system
+    :param to_local: from the reference system to the plane of the field
+    """
+
+    crs: CRS
+    x: Array
+    y: Array
+    step: tuple[float, float]
+    to_local: Transformer
+
+    def local(self, start: int = 0, stop: int | None = None) -> Array:
+        """Places of some cells of the flattened raster in the plane of the field, shape (n, 2) [m]."""
+        cells = self.x.size * self.y.size
+        row, column = np.divmod(np.arange(start, min(stop or cells, cells)), self.x.size)
+        return np.column_stack(self.to_local.transform(self.x[column], self.y[row]))
 
 
 def write_geotiff(
@@ -59,36 +90,74 @@ def write_geotiff(
     :returns: ``path``
     :raises InputError: if the field has no place in ``crs``, or no raster of sensible size
     """
+    known = tags or {}
+    names = [name for name in BANDS if soil_map.curve is not None or name.startswith("rate")]
+    target = target_cells(soil_map, frame, export_crs(frame, crs))
+    layers = np.full((len(names), target.y.size * target.x.size), np.nan, np.float32)
+    for start in range(0, layers.shape[1], CELLS_AT_ONCE):
+        local = target.local(start, start + CELLS_AT_ONCE)
+        inside = inside_field(soil_map, local)
+        if inside.any():
+            found = soil_map.evaluate(local[inside])
+            layers[:, start + np.flatnonzero(inside)] = np.stack([getattr(found, name) for name in names])
+    bands = {}
+    for name, values in zip(names, layers.reshape(-1, target.y.size, target.x.size), strict=True):
+        unit, meaning = BANDS[name]
+        if known.get(CALIBRATION_TAG) == ILLUSTRATIVE and name.startswith("vwc"):
+            meaning = f"{meaning}, {ILLUSTRATIVE}"
+        bands[name] = CellBand(values, unit, meaning)
+    support = {"support": known["SOILMOIST_SUPPORT"]} if known.get("SOILMOIST_SUPPORT") else {}
+    return _write(path, target, bands, {**_map_tags(soil_map, frame), **known}, support, "average")
+
+
+def write_cell_raster(
+    path: Path,
+    soil_map: SoilMap,
+    frame: LocalFrame,
+    crs: CRS,
+    bands: Mapping[str, CellBand],
+    tags: Mapping[str, str] | None = None,
+) -> Path:
+    """Write rasters of a field's cells: each cell of the file has the value of the cell at its centre.
+
+    :param path: file to write
+    :param soil_map: a map of the field, for its cells
+    :param frame: local frame of the map
+    :param crs: reference system of the file
+    :param bands: the bands by name, in order
+    :param tags: tags of the file
+    """
+    target = target_cells(soil_map, frame, crs)
+    cell = _cell_index(soil_map.grid, target.local()).reshape(target.y.size, target.x.size)
+    placed = {
+        name: band._replace(values=np.append(band.values.ravel(), np.nan)[cell].astype(np.float32))
+        for name, band in bands.items()
+    }
+    return _write(path, target, placed, {"AREA_OR_POINT": "Area", **(tags or {})}, {}, "nearest")
+
+
+def _write(
+    path: Path, target: Target, bands: Mapping[str, CellBand], tags: Mapping[str, str],
+    band_tags: Mapping[str, str], overviews: str,
+) -> Path:  # fmt: skip
     import rasterio
 
-    target = export_crs(frame, crs)
-    x, y, step = export_axes(soil_map, frame, target)
+    x, y, step = target.x, target.y, target.step
     transform = rasterio.Affine(step[0], 0, x[0] - step[0] / 2, 0, -step[1], y[0] + step[1] / 2)
-    names = [name for name in BANDS if soil_map.curve is not None or name.startswith("rate")]
     profile = {
-        "driver": "COG", "dtype": "float32", "count": len(names), "width": x.size, "height": y.size,
-        "crs": rasterio.crs.CRS.from_wkt(target.to_wkt()), "transform": transform, "nodata": float("nan"),
+        "driver": "COG", "dtype": "float32", "count": len(bands), "width": x.size, "height": y.size,
+        "crs": rasterio.crs.CRS.from_wkt(target.crs.to_wkt()), "transform": transform, "nodata": float("nan"),
         "compress": "deflate", "predictor": "floating_point", "blocksize": 256,
-        "overview_resampling": "average", "bigtiff": "IF_SAFER",
+        "overview_resampling": overviews, "bigtiff": "IF_SAFER",
     }  # fmt: skip
-    layers = _evaluate(soil_map, names, to_local(frame, target), x, y)
     with rasterio.open(path, "w", **profile) as raster:
-        raster.write(layers)
-        for band, name in enumerate(names, start=1):
-            unit, meaning = BANDS[name]
-            if (tags or {}).get(CALIBRATION_TAG) == ILLUSTRATIVE and name.startswith("vwc"):
-                meaning = f"{meaning}, {ILLUSTRATIVE}"
-            raster.set_band_description(band, name)
-            raster.set_band_unit(band, unit)
-            raster.update_tags(band, long_name=meaning, units=unit, **_support(tags))
-        raster.update_tags(**{**_tags(soil_map, frame), **(tags or {})})
+        raster.write(np.stack([band.values for band in bands.values()]))
+        for number, (name, band) in enumerate(bands.items(), start=1):
+            raster.set_band_description(number, name)
+            raster.set_band_unit(number, band.unit)
+            raster.update_tags(number, long_name=band.meaning, units=band.unit, **band_tags)
+        raster.update_tags(**tags)
     return path
-
-
-def _support(tags: Mapping[str, str] | None) -> dict[str, str]:
-    """The area that each value of a band is of, if the tags of the file say it."""
-    known = (tags or {}).get("SOILMOIST_SUPPORT")
-    return {"support": known} if known else {}
 
 
 def export_crs(frame: LocalFrame, crs: CRS | str | int | None = None) -> CRS:
@@ -122,58 +191,49 @@ def model_parameters(soil_map: SoilMap) -> dict[str, str | float]:
     }
 
 
-def _tags(soil_map: SoilMap, frame: LocalFrame) -> dict[str, str]:
-    curve = soil_map.curve
+def _map_tags(soil_map: SoilMap, frame: LocalFrame) -> dict[str, str]:
+    """Origin of the map, the limits of the soil, and what the interval of the moisture contains."""
+    curve, limits = soil_map.curve, soil_map.limits
     parameters: dict[str, object] = {
         "datum": {"latitude_deg": frame.latitude_deg, "longitude_deg": frame.longitude_deg},
         "map_cell_m": float(soil_map.grid.cell_m),
         "n_samples": len(soil_map.samples.xy),
         "calibration": None if curve is None else curve.parameters,
     }
-    return {
+    tags = {
         "AREA_OR_POINT": "Area",
         "TIFFTAG_SOFTWARE": f"soilmoist_ros {__version__}",
         "TIFFTAG_IMAGEDESCRIPTION": "Soil moisture map from cosmic-ray neutron counts, by Poisson kriging",
         "SOILMOIST_MODEL": json.dumps(model_parameters(soil_map)),
         "SOILMOIST_PARAMETERS": json.dumps(parameters),
-        **_moisture_tags(soil_map),
     }
+    if limits is not None:
+        tags["SOILMOIST_LIMITS"] = json.dumps(dict(zip(("dryness", "saturation"), limits, strict=True)))
+        tags["SOILMOIST_INTERVAL"] = (
+            "vwc_p05 to vwc_p95 holds the true moisture of 90 in 100 places: counting, interpolation, and the "
+            "calibration as far as its standard deviations are known; cut at the limits of the soil. vwc_sd "
+            "leaves the calibration out, which all places have in common"
+        )
+    return tags
 
 
-def _moisture_tags(soil_map: SoilMap) -> dict[str, str]:
-    """The limits of the soil, and what the interval of the moisture contains."""
-    if soil_map.limits is None:
-        return {}
-    return {
-        "SOILMOIST_LIMITS": json.dumps(dict(zip(("dryness", "saturation"), soil_map.limits, strict=True))),
-        "SOILMOIST_INTERVAL": "vwc_p05 to vwc_p95 holds the true moisture of 90 in 100 places: counting, "
-        "interpolation, and the calibration as far as its standard deviations are known; cut at the limits of the "
-        "soil. vwc_sd leaves the calibration out, which all places have in common",
-    }
+def target_cells(soil_map: SoilMap, frame: LocalFrame, crs: CRS) -> Target:
+    """Cells of a raster in a reference system that cover the field, about as large as those of the map.
 
-
-def to_local(frame: LocalFrame, crs: CRS) -> Transformer:
-    """From a reference system to the local frame, longitude or east first."""
+    :raises InputError: if the field has no place in ``crs``, or no raster of sensible size
+    """
     from pyproj import Transformer
-
-    return Transformer.from_crs(crs, frame.crs, always_xy=True)
-
-
-def export_axes(
-    soil_map: SoilMap, frame: LocalFrame, crs: CRS
-) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[float, float]]:
-    """Cell centres (x ascending, y descending: north up) and cell size of the exported raster."""
     from shapely import get_coordinates
 
+    to_local = Transformer.from_crs(crs, frame.crs, always_xy=True)
     local = get_coordinates(field_polygon(soil_map).segmentize(soil_map.grid.cell_m))
-    back = to_local(frame, crs)
-    there = np.column_stack(back.transform(local[:, 0], local[:, 1], direction="INVERSE"))
+    there = np.column_stack(to_local.transform(local[:, 0], local[:, 1], direction="INVERSE"))
     if not np.isfinite(there).all():
         raise InputError(
             f"the field has no place in the coordinate reference system '{crs.name}'",
             "choose one that covers the field, or none for the UTM zone of the field",
         )
-    step = _cell_size(soil_map.grid.cell_m, local.mean(axis=0), back, crs)
+    step = _cell_size(soil_map.grid.cell_m, local.mean(axis=0), to_local, crs)
     first = np.floor(there.min(axis=0) / step + 1e-9)
     last = np.ceil(there.max(axis=0) / step - 1e-9)
     shape = np.maximum(last - first, 1)
@@ -184,124 +244,23 @@ def export_axes(
         )
     x = (first[0] + np.arange(shape[0]) + 0.5) * step[0]
     y = (first[1] + shape[1] - np.arange(shape[1]) - 0.5) * step[1]
-    return x, y, (float(step[0]), float(step[1]))
+    return Target(crs, x, y, (float(step[0]), float(step[1])), to_local)
 
 
-def _cell_size(cell_m: float, centre: NDArray[np.float64], back: Transformer, crs: CRS) -> NDArray[np.float64]:
+def _cell_size(cell_m: float, centre: Array, to_local: Transformer, crs: CRS) -> Array:
     """About ``cell_m`` in the unit of the coordinate reference system, (x, y)."""
     if crs.is_projected:
         return np.full(2, cell_m / crs.axis_info[0].unit_conversion_factor)
     x0, y0 = centre
-    x, y = back.transform([x0, x0 + cell_m, x0], [y0, y0, y0 + cell_m], direction="INVERSE")
+    x, y = to_local.transform([x0, x0 + cell_m, x0], [y0, y0, y0 + cell_m], direction="INVERSE")
     return np.array([np.hypot(x[1] - x[0], y[1] - y[0]), np.hypot(x[2] - x[0], y[2] - y[0])])
 
 
-def _evaluate(
-    soil_map: SoilMap, names: Sequence[str], to_local: Transformer, x: NDArray[np.float64], y: NDArray[np.float64]
-) -> NDArray[np.float32]:
-    """The named bands on the exported raster, shape (bands, rows, columns), NaN outside the field."""
-    layers = np.full((len(names), y.size * x.size), np.nan, np.float32)
-    for start in range(0, layers.shape[1], CELLS_AT_ONCE):
-        index = np.arange(start, min(start + CELLS_AT_ONCE, layers.shape[1]))
-        local = np.column_stack(to_local.transform(x[index % x.size], y[index // x.size]))
-        inside = inside_field(soil_map, local)
-        if inside.any():
-            bands = soil_map.evaluate(local[inside])
-            layers[:, index[inside]] = np.stack([getattr(bands, name) for name in names])
-    return layers.reshape(len(names), y.size, x.size)
-
-
-# Rasters of a field's cells as a GeoTIFF: each cell of the file has the value of the cell at its centre ---------
-
-Array = NDArray[np.float64]
-
-
-class CellBand(NamedTuple):
-    """A band.
-
-    :param values: values of the cells, shape (ny, nx)
-    :param unit: their unit
-    :param meaning: what they are
-    """
-
-    values: Array
-    unit: str
-    meaning: str
-
-
-class Placed(NamedTuple):
-    """The cells of a projected raster, north up.
-
-    :param transform: affine transform
-    :param x: centres of the columns, shape (nx,)
-    :param y: centres of the rows, from north to south, shape (ny,)
-    :param cell: index of the field's cell at each centre in its flattened raster, -1 outside, shape (ny, nx)
-    """
-
-    transform: Affine
-    x: Array
-    y: Array
-    cell: NDArray[np.intp]
-
-    def values(self, raster: Array) -> NDArray[np.float32]:
-        """A raster of the field's cells on these cells, NaN outside."""
-        flat = np.append(raster.ravel(), np.nan)
-        return flat[self.cell].astype(np.float32)
-
-
-def place_cells(soil_map: SoilMap, frame: LocalFrame, crs: CRS) -> Placed:
-    """Cells of a raster in a reference system that cover the field."""
-    import rasterio
-
-    x, y, step = export_axes(soil_map, frame, crs)
-    transform = rasterio.Affine(step[0], 0, x[0] - step[0] / 2, 0, -step[1], y[0] + step[1] / 2)
-    across, up = np.meshgrid(x, y)
-    local = np.column_stack(to_local(frame, crs).transform(across.ravel(), up.ravel()))
-    return Placed(transform, x, y, _index(soil_map.grid, local).reshape(across.shape))
-
-
-def _index(grid: FieldGrid, xy: Array) -> NDArray[np.intp]:
+def _cell_index(grid: FieldGrid, xy: Array) -> NDArray[np.intp]:
     """Index of the cell inside the field that holds each place, -1 without one, shape (n,)."""
     column = np.rint((xy[:, 0] - grid.x_m[0]) / grid.cell_m).astype(int)
     row = np.rint((xy[:, 1] - grid.y_m[0]) / grid.cell_m).astype(int)
     rows, columns = grid.shape
     good = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    found = np.full(len(xy), -1)
-    found[good] = row[good] * columns + column[good]
-    found[good] = np.where(grid.mask.ravel()[found[good]], found[good], -1)
-    return found
-
-
-def write_cell_raster(
-    path: Path,
-    soil_map: SoilMap,
-    frame: LocalFrame,
-    crs: CRS,
-    bands: Mapping[str, CellBand],
-    tags: Mapping[str, str] | None = None,
-) -> Path:
-    """Write rasters of a field's cells as a cloud-optimised GeoTIFF, north up.
-
-    :param path: file to write
-    :param soil_map: a map of the field, for its cells
-    :param frame: local frame of the map
-    :param crs: reference system of the file
-    :param bands: the bands by name, in order
-    :param tags: tags of the file
-    """
-    import rasterio
-
-    placed = place_cells(soil_map, frame, crs)
-    profile = {
-        "driver": "COG", "dtype": "float32", "count": len(bands), "width": placed.x.size, "height": placed.y.size,
-        "crs": rasterio.crs.CRS.from_wkt(crs.to_wkt()), "transform": placed.transform, "nodata": float("nan"),
-        "compress": "deflate", "predictor": "floating_point", "blocksize": 256, "overview_resampling": "nearest",
-    }  # fmt: skip
-    with rasterio.open(path, "w", **profile) as raster:
-        raster.write(np.stack([placed.values(band.values) for band in bands.values()]))
-        for number, (name, band) in enumerate(bands.items(), start=1):
-            raster.set_band_description(number, name)
-            raster.set_band_unit(number, band.unit)
-            raster.update_tags(number, long_name=band.meaning, units=band.unit)
-        raster.update_tags(AREA_OR_POINT="Area", **(tags or {}))
-    return path
+    found = np.where(good, row * columns + column, -1)
+    return np.where(good & grid.mask.ravel()[found], found, -1)

@@ -24,7 +24,11 @@ MISSION_NAMES = ("series.csv", "visits.csv")
 SERIES_NAME = "moisture.csv"
 MAX_BEYOND_AREA_DEG = 6.0
 """Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
-_NEEDS = {".tif": ("pyproj", "rasterio"), ".qgs": ("pyproj", "rasterio", "jinja2"), ".html": ("jinja2", "matplotlib")}
+_NEEDS = {
+    ".tif": ("pyproj", "rasterio"),
+    ".qgs": ("pyproj", "rasterio", "jinja2"),
+    ".html": ("jinja2", "matplotlib"),
+}
 """Modules of the extra ``reports`` that write a file, by its ending."""
 _LOG = logging.getLogger(__name__)
 _WORKSHOP = ".writing-"

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,33 +19,32 @@ from soilmoist_ros.foundation import __version__, csv_text
 from soilmoist_ros.mapping import FALSE_SHARE, Estimate
 from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
-from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
+from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
+from soilmoist_ros.reporting.netcdf import CLOCK, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.output_folder import replaced_together
 from soilmoist_ros.reporting.page import numbers
-from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, limits_of, round_ticks
+from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, limits_of
 from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.viewer import (
+    FIXED_VWC,
     PERCENT,
-    STOPS,
     colour_limits,
+    grid_data,
     pack,
     pack_bits,
+    place_data,
     rounded,
+    shown_as,
     thinning,
 )
 from soilmoist_ros.reporting.season import Season, SeasonSurvey
 from soilmoist_ros.reporting.survey_times import local_time
 from soilmoist_ros.reporting.text_files import write_json
 
-if TYPE_CHECKING:
-    from scipy.io import netcdf_file
-
 Array = NDArray[np.float64]
 
 NAMES = (SUMMARY, "report.html", "season.nc", "season.csv")
-FILL = np.float32(9.96921e36)
-"""Value of cells outside the field: the default of NetCDF."""
 _MOISTURE = ("vwc", "vwc_sd", "vwc_p05", "vwc_p95", "vwc_change", "vwc_change_sd")
 LAYERS = {
     "vwc": ("1", "volumetric water content of the soil"),
@@ -178,51 +177,30 @@ def _write_table(path: Path, season: Season) -> None:
 
 
 def write_stack(path: Path, season: Season) -> Path:
-    """Write all maps as NetCDF-3 by the CF conventions, over (time, y, x) in the field's own plane.
+    """Write all maps as NetCDF over (time, y, x) in the field's own plane.
 
     ``lat`` and ``lon`` have the place of each cell on earth.
     """
-    from scipy.io import netcdf_file
-
     grid = season.grid
-    with netcdf_file(path, "w", version=2) as file:
-        file.Conventions = "CF-1.8"
-        file.title = season.title
-        file.calibration = _calibration(season)
-        kind = "simulation" if season.simulated else "surface observation"
-        file.source = f"{kind}: cosmic-ray neutron counts, joint Poisson kriging by soilmoist_ros {__version__}"
-        for name, size in (("time", len(season.surveys)), ("y", grid.y_m.size), ("x", grid.x_m.size)):
-            file.createDimension(name, size)
-        stamps = np.array([survey.run.survey.stamp_s for survey in season.surveys])
-        clock = "" if season.surveys[0].run.date else "; the clock had no date"
-        _put(file, "time", stamps, ("time",), standard_name="time", long_name=f"end of the survey{clock}",
-             units="seconds since 1970-01-01 00:00:00", calendar="standard", axis="T")  # fmt: skip
-        for name, axis in (("x", grid.x_m), ("y", grid.y_m)):
-            _put(file, name, axis, (name,), standard_name=f"projection_{name}_coordinate", units="m",
-                 axis=name.upper())  # fmt: skip
-        across, up = np.meshgrid(grid.x_m, grid.y_m)
-        places = season.frame.to_geographic(np.column_stack([across.ravel(), up.ravel()]))
-        earthly = (("lat", "latitude", "degrees_north"), ("lon", "longitude", "degrees_east"))
-        for (name, standard, unit), values in zip(earthly, places.T, strict=True):
-            _put(file, name, values.reshape(across.shape), ("y", "x"), standard_name=standard, units=unit)
-        mapping = season.frame.crs.to_cf().items()
-        _put(
-            file,
-            "crs",
-            np.int32(0),
-            (),
-            **{key: one for key, one in mapping if one not in (None, "", "undefined")},
-        )
-        for name, (unit, meaning) in LAYERS.items():
-            if season.curve is None and name in _MOISTURE:
-                continue
-            if season.illustrative and name in _MOISTURE:
-                meaning = f"{meaning}, {ILLUSTRATIVE}"
+    kind = "simulation" if season.simulated else "surface observation"
+    about = {
+        "title": season.title,
+        "calibration": _calibration(season),
+        "source": f"{kind}: cosmic-ray neutron counts, joint Poisson kriging by soilmoist_ros {__version__}",
+    }
+    across, up = np.meshgrid(grid.x_m, grid.y_m)
+    places = season.frame.to_geographic(np.column_stack([across.ravel(), up.ravel()]))
+    stamps = np.array([survey.run.survey.stamp_s for survey in season.surveys])
+    clock = "" if season.surveys[0].run.date else "; the clock had no date"
+    of_time = {"standard_name": "time", "long_name": f"end of the survey{clock}", **CLOCK, "axis": "T"}
+    variables: dict[str, Variable] = {"time": (stamps, ("time",), of_time)}
+    variables |= axes(grid.x_m, grid.y_m, season.frame.crs, places)
+    for name, (unit, meaning) in LAYERS.items():
+        if season.curve is not None or name not in _MOISTURE:
+            guessed = f", {ILLUSTRATIVE}" if season.illustrative and name in _MOISTURE else ""
             stack = np.stack([layer(survey, name) for survey in season.surveys])
-            raster = np.where(np.isfinite(stack), stack, FILL).astype(np.float32)
-            _put(file, name, raster, ("time", "y", "x"), long_name=meaning, units=unit, grid_mapping="crs",
-                 coordinates="lat lon", _FillValue=FILL)  # fmt: skip
-    return path
+            variables[name] = raster(stack, ("time", "y", "x"), unit, meaning + guessed, coordinates="lat lon")
+    return write_netcdf_file(path, variables, about)
 
 
 def layer(survey: SeasonSurvey, name: str) -> Array:
@@ -233,15 +211,6 @@ def layer(survey: SeasonSurvey, name: str) -> Array:
     if change is None:
         return np.full(survey.bands.rate.shape, np.nan)
     return np.asarray(getattr(change, name.replace("_change", "")), float)
-
-
-def _put(file: netcdf_file, name: str, values: Any, dimensions: Sequence[str], **attributes: Any) -> None:
-    """A variable with its attributes."""
-    array = np.asarray(values)
-    variable = file.createVariable(name, array.dtype, tuple(dimensions))
-    variable[...] = array
-    for key, value in attributes.items():
-        setattr(variable, key, value)
 
 
 # The page of a season: maps with a time slider, the course of the mean, and the course at a chosen place --------
@@ -271,83 +240,72 @@ def render_season(season: Season) -> str:
         rows=list(_rows(season)),
         moist=season.curve is not None,
         dated=any(survey.run.date for survey in season.surveys),
-        false_share=numbers.percent(FALSE_SHARE),
     )
 
 
 def season_data(season: Season) -> dict[str, Any]:
-    """Everything that the page's script draws, as plain JSON values."""
+    """Everything that the map viewer draws, as plain JSON values."""
     grid = season.grid
-    step = thinning((len(season.surveys), *grid.mask.shape)[-2:])
-    shape = grid.mask[::step, ::step].shape
+    x, y = ((float(axis[0] - grid.cell_m), float(axis[-1] + grid.cell_m)) for axis in (grid.x_m, grid.y_m))
+    reach_m = max(x[1] - x[0], y[1] - y[0]) / 2
     return {
-        "grid": {
-            "x0": float(grid.x_m[0]), "y0": float(grid.y_m[0]), "cell": float(grid.cell_m * step),
-            "nx": shape[1], "ny": shape[0],
-        },
-        "edge": [rounded(np.asarray(ring)) for ring in grid.polygons],
-        "holes": [rounded(np.asarray(ring)) for ring in grid.holes],
+        "view": [round(edge, 2) for edge in (*x, *y)],
+        "place": place_data(season.frame, sum(x) / 2, sum(y) / 2, reach_m),
+        "rootDepth": 0,
+        "grids": [grid_data(grid)],
+        "layers": list(_layers(season)),
+        "edge": [rounded(np.vstack([ring, ring[:1]])) for ring in grid.polygons],
+        "noGo": [rounded(np.asarray(ring)) for ring in grid.holes],
+        **{name: [] for name in ("zones", "samples", "robots", "paths", "visits", "quarantined")},
         "labels": season.labels,
         "days": [round(float(day), 3) for day in season.days],
-        "layers": list(_layers(season, step)),
-    }  # fmt: skip
+    }
 
 
-def _layers(season: Season, step: int) -> Iterator[dict[str, Any]]:
+def _layers(season: Season) -> Iterator[dict[str, Any]]:
     """The layers; each has a raster for every survey, in one scale of colours."""
-    surveys = season.surveys
-    if season.curve is not None:
-        vwc = np.stack([100 * one.bands.vwc for one in surveys])
-        sd = np.stack([100 * one.bands.vwc_sd for one in surveys])
-        unit = f"{PERCENT}, {ILLUSTRATIVE}" if season.illustrative else PERCENT
-        yield _layer(season, step, "vwc", "Soil moisture", unit, 1, WATER, vwc, colour_limits(vwc, sd), sd=sd)
-    rate = np.stack([one.bands.rate for one in surveys])
-    rate_sd = np.stack([one.bands.rate_sd for one in surveys])
-    limits = colour_limits(rate, rate_sd)
-    yield _layer(season, step, "rate", "Neutron rate", "counts/s", 2, RATE, rate, limits, sd=rate_sd)
+    surveys, mask = season.surveys, season.grid.mask
+    step = thinning(mask.shape)
+
+    def layer(key: str, stack: Array, **more: Any) -> dict[str, Any]:
+        rasters = np.where(mask, stack, np.nan)[:, ::step, ::step]
+        return {"key": key, "grid": 0, "maps": [pack(one) for one in rasters], **more}
+
+    rate, rate_sd = (np.stack([getattr(one.bands, name) for one in surveys]) for name in ("rate", "rate_sd"))
+    about_sd = "One standard deviation: dark is unsure."
     moist = season.curve is not None
-    nothing = np.full(season.grid.mask.shape, np.nan)
-    change = np.stack([_change(one, moist, nothing) for one in surveys])
+    if moist:
+        vwc, sd = (100 * np.stack([getattr(one.bands, name) for one in surveys]) for name in ("vwc", "vwc_sd"))
+        unit = f"{PERCENT}, {ILLUSTRATIVE}" if season.illustrative else PERCENT
+        look = shown_as("Soil moisture", unit, 1, WATER, colour_limits(vwc, sd))
+        yield layer("vwc", vwc, **look, sd="vwc_sd", fixed=FIXED_VWC, about="Pale is dry, dark blue is wet.")
+    look = shown_as("Neutron rate", "counts/s", 2, RATE, colour_limits(rate, rate_sd))
+    yield layer("rate", rate, **look, sd="rate_sd", about="More neutrons mean drier soil.")
+    change = np.stack([_change(one, moist, np.full(mask.shape, np.nan)) for one in surveys])
     if np.isfinite(change).any():
         most = colour_limits(np.abs(change))[1]
-        unit, digits = (PERCENT, 1) if moist else ("counts/s", 2)
-        name = DIFFERENCE if moist else f"{DIFFERENCE}_r"
-        unsure = [
-            pack_bits((one.change.significant == 0)[::step, ::step]) if one.change is not None else ""
-            for one in surveys
-        ]
-        yield {
-            **_layer(
-                season, step, "change", "Change since the survey before", unit, digits, name, change, (-most, most)
-            ),
-            "hatch": unsure,
-        }
-    shown, unit, digits = (sd, PERCENT, 1) if moist else (rate_sd, "counts/s", 3)
-    yield _layer(season, step, "sd", "Uncertainty", unit, digits, UNCERTAIN, shown, (0.0, colour_limits(shown)[1]))
+        style = (PERCENT, 1, DIFFERENCE) if moist else ("counts/s", 2, f"{DIFFERENCE}_r")
+        look = shown_as("Change since the survey before", *style, (-most, most))
+        found = layer("change", change, **look, hatchText="not significant",
+                      about="In the change, brown is drier and green wetter. Hatched: the change is not "
+                      f"significant (false discovery rate {numbers.percent(FALSE_SHARE)}).")  # fmt: skip
+        for raster, one in zip(found["maps"], surveys, strict=True):
+            if one.change is not None:
+                raster["hatch"] = pack_bits((one.change.significant == 0)[::step, ::step])
+        yield found
+    if moist:
+        look = shown_as("Uncertainty", PERCENT, 1, UNCERTAIN, (0.0, colour_limits(sd)[1]))
+        yield layer("vwc_sd", sd, **look, about=about_sd)
+        yield layer("rate_sd", rate_sd)
+    else:
+        look = shown_as("Uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(rate_sd)[1]))
+        yield layer("rate_sd", rate_sd, **look, about=about_sd)
 
 
 def _change(survey: SeasonSurvey, moist: bool, nothing: Array) -> Array:
     if survey.change is None:
         return nothing
     return 100 * survey.change.vwc if moist else survey.change.rate
-
-
-def _layer(
-    season: Season, step: int, key: str, title: str, unit: str, digits: int, colour_map: str, stack: Array,
-    limits: tuple[float, float], sd: Array | None = None,
-) -> dict[str, Any]:  # fmt: skip
-    """A layer with a raster of shape (ny, nx) for every survey."""
-
-    def packed(values: Array) -> list[dict[str, Any]]:
-        inside = np.where(season.grid.mask, values, np.nan)
-        return [pack(one[::step, ::step]) for one in inside]
-
-    low, high = limits
-    return {
-        "key": key, "title": title, "unit": unit, "digits": digits, "colours": hex_ramp(colour_map, STOPS),
-        "from": low, "to": high, "ticks": [value for value, _ in round_ticks(low, high, 5)],
-        "maps": packed(stack), "sds": [] if sd is None else packed(sd),
-    }  # fmt: skip
 
 
 def mean_chart(season: Season) -> Chart:

@@ -1,6 +1,5 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-""""""
 
 from __future__ import annotations
 
@@ -172,8 +171,6 @@ def test_a_narrow_console_cuts_the_picture_and_keeps_its_lines():
     assert len(blocks) == 4
     assert all(line.strip() == "▀▀▀▀▀" for line in blocks)
 
-
-#  ---------------------------------------------------------------------------------------------------------------
 
 BANDS = ("x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd")
 STATUS = {

@@ -1,6 +1,5 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-""""""
 
 from __future__ import annotations
 
@@ -13,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.io import netcdf_file
 
+from soilmoist_ros.reporting.netcdf import FILL
 from soilmoist_ros.reporting.page.viewer import unpack, unpack_bits
 from soilmoist_ros.reporting.season_outputs import (
-    FILL,
     NAMES,
     estimate_text,
     mean_chart,
@@ -78,9 +77,6 @@ def test_without_a_calibration_there_is_no_moisture(season, tmp_path):
     assert "% by volume" in estimate_text(season.surveys[1])
 
 
-#  ---------------------------------------------------------------------------------------------------------------
-
-
 def test_the_page_asks_for_nothing_from_elsewhere_and_names_every_survey(season):
     page = render_season(season)
     assert not re.search(r"""(src|href)=["']?(https?:)?//""", page)
@@ -92,22 +88,22 @@ def test_the_page_asks_for_nothing_from_elsewhere_and_names_every_survey(season)
 
 def test_layers_have_a_map_of_every_survey_in_one_scale(season):
     data = season_data(season)
-    assert [layer["key"] for layer in data["layers"]] == ["vwc", "rate", "change", "sd"]
-    shape = (data["grid"]["ny"], data["grid"]["nx"])
+    assert [layer["key"] for layer in data["layers"]] == ["vwc", "rate", "change", "vwc_sd", "rate_sd"]
+    shape = (data["grids"][0]["ny"], data["grids"][0]["nx"])
     for layer in data["layers"]:
         assert len(layer["maps"]) == 3
-        assert layer["from"] < layer["to"]
+        assert "title" not in layer or layer["from"] < layer["to"]
     moisture = unpack(data["layers"][0]["maps"][1], shape)
     np.testing.assert_allclose(moisture, 100 * season.surveys[1].bands.vwc, atol=0.01)
     change = data["layers"][2]
     assert np.isnan(unpack(change["maps"][0], shape)).all()
-    unsure = unpack_bits(change["hatch"][1], shape)
+    unsure = unpack_bits(change["maps"][1]["hatch"], shape)
     np.testing.assert_array_equal(unsure, season.surveys[1].change.significant == 0)
 
 
 def test_without_a_calibration_the_page_shows_the_rate(season):
     bare = replace(season, curve=None, surveys=[replace(one, mean_vwc=None) for one in season.surveys])
-    assert [layer["key"] for layer in season_data(bare)["layers"]] == ["rate", "change", "sd"]
+    assert [layer["key"] for layer in season_data(bare)["layers"]] == ["rate", "change", "rate_sd"]
     assert "mean rate" in mean_chart(bare).y_label
     assert "counts/s" in render_season(bare)
 
@@ -130,7 +126,7 @@ def test_colours_of_the_change_are_as_the_page_says(season):
 def test_moisture_has_its_rate_in_brackets_and_the_map_comes_first(season):
     page = render_season(season)
     assert f"[{season.surveys[0].mean_rate.value:.3f} counts/s]" in page
-    assert page.index('id="season-map"') < page.index('class="lead"') < page.index('id="surveys"')
+    assert page.index('id="map"') < page.index('class="lead"') < page.index('id="surveys"')
     assert str(season.surveys[0].run.path.parent) not in page
 
 

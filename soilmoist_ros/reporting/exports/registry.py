@@ -59,7 +59,7 @@ BUILT_IN = {
         "field, no-go areas, samples, records, track, visits, contours and zones for any GIS", ".gpkg",
     ),
     "styled": Export(
-        _built_in("styled_geotiff", "write_styled"), "coloured GeoTIFF",
+        _built_in("rasters", "write_styled"), "coloured GeoTIFF",
         "one band with a colour table, for farm software that shows pictures", ".tif",
     ),
     "zones": Export(
@@ -71,11 +71,11 @@ BUILT_IN = {
         "lines of equal moisture at round values (zipped shapefile)", ".zip",
     ),
     "kmz": Export(
-        _built_in("kmz", "write_kmz"), "KMZ",
+        _built_in("rasters", "write_kmz"), "KMZ",
         "map and samples for Google Earth on a phone, without network", ".kmz",
     ),
     "netcdf": Export(
-        _built_in("netcdf", "write_netcdf"), "NetCDF",
+        _built_in("rasters", "write_netcdf"), "NetCDF",
         "maps by the CF conventions, for models and archives", ".nc",
     ),
 }  # fmt: skip

@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping import FieldChange
+from soilmoist_ros.foundation import LocalFrame
+from soilmoist_ros.mapping import FieldChange, FieldGrid
 from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, colour_ramp, coloured_png, hex_ramp
 from soilmoist_ros.reporting.geometry import map_extent, rings
@@ -99,9 +100,11 @@ def viewer_data(run: MapRun, found: Irrigation) -> dict[str, Any]:
     west, east, south, north = view(run)
     return {
         "view": [round(edge, 2) for edge in (west, east, south, north)],
-        "place": _place(run, (west + east) / 2, (south + north) / 2, max(east - west, north - south) / 2),
+        "place": place_data(
+            run.frame, (west + east) / 2, (south + north) / 2, max(east - west, north - south) / 2
+        ),
         "rootDepth": run.irrigation.root_depth_mm if has_level(run) else 0,
-        "grids": [_grid(one) for one in run.properties],
+        "grids": [grid_data(one.soil_map.grid) for one in run.properties],
         "layers": list(_layers(run, found)),
         "zones": [{"name": zone.name, "limits": zone.limits, "colour": zone.colour} for zone in found.zones],
         "edge": [rounded(ring) for ring in rings(run.soil_map)],
@@ -161,14 +164,12 @@ def colour_limits(
     return (low, high) if high > low else (low, low + step)
 
 
-def _grid(run: MapRun) -> dict[str, Any]:
-    grid = run.soil_map.grid
+def grid_data(grid: FieldGrid) -> dict[str, Any]:
+    """Place and size of the rasters of a grid."""
     step = thinning(grid.mask.shape)
-    shape = grid.mask[::step, ::step].shape
-    return {
-        "x0": float(grid.x_m[0]), "y0": float(grid.y_m[0]), "cell": float(grid.cell_m * step),
-        "nx": shape[1], "ny": shape[0],
-    }  # fmt: skip
+    ny, nx = grid.mask[::step, ::step].shape
+    place = {"x0": float(grid.x_m[0]), "y0": float(grid.y_m[0]), "cell": float(grid.cell_m * step)}
+    return {**place, "nx": nx, "ny": ny}
 
 
 def _layers(run: MapRun, found: Irrigation) -> Iterator[dict[str, Any]]:
@@ -203,7 +204,7 @@ def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]
         inside = soil_map.beyond_limits & soil_map.grid.mask
         yield {
             **_raster(run, index, f"vwc{suffix}", vwc),
-            **_shown(f"{name}Soil moisture", unit, 1, WATER, moisture_limits(run)),
+            **shown_as(f"{name}Soil moisture", unit, 1, WATER, moisture_limits(run)),
             "low": f"p05{suffix}", "high": f"p95{suffix}", "fixed": FIXED_VWC,
             "hatch": pack_bits(_cells(run, inside)),
             "hatchText": "very unsure: the interval reaches a limit of the soil",
@@ -212,7 +213,7 @@ def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]
         yield _raster(run, index, f"p05{suffix}", low)
         yield _raster(run, index, f"p95{suffix}", high)
         yield {
-            **_shown(f"{name}How sure", PERCENT, 1, UNCERTAIN, (0.0, colour_limits(interval_width(run))[1])),
+            **shown_as(f"{name}How sure", PERCENT, 1, UNCERTAIN, (0.0, colour_limits(interval_width(run))[1])),
             "grid": index, "key": f"width{suffix}", "minus": [f"p95{suffix}", f"p05{suffix}"],
             "name": "Width of the 90 % interval",
             "about": "Width of the 90 % interval of the moisture: dark is unsure. Measure there next.",
@@ -220,12 +221,12 @@ def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]
     rate, sd = soil_map.rate, soil_map.rate_sd
     yield {
         **_raster(run, index, f"rate{suffix}", rate),
-        **_shown(f"{name}Neutron rate", "counts/s", 2, RATE, colour_limits(rate, sd)), "sd": f"rate_sd{suffix}",
+        **shown_as(f"{name}Neutron rate", "counts/s", 2, RATE, colour_limits(rate, sd)), "sd": f"rate_sd{suffix}",
         "about": "What was measured, corrected for the atmosphere. More neutrons mean drier soil.",
     }  # fmt: skip
     yield {
         **_raster(run, index, f"rate_sd{suffix}", sd),
-        **_shown(f"{name}Rate uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(sd)[1])),
+        **shown_as(f"{name}Rate uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(sd)[1])),
         "about": "One standard deviation of the true rate, given all counts.",
     }  # fmt: skip
 
@@ -243,7 +244,7 @@ def _change(run: MapRun, change: FieldChange, index: int) -> Iterator[dict[str, 
     colour = DIFFERENCE if moist else f"{DIFFERENCE}_r"
     yield {
         **_raster(run, index, f"change{end}", values),
-        **_shown(f"{name}Change", unit, digits, colour, (-most, most)), "sd": f"change_sd{end}",
+        **shown_as(f"{name}Change", unit, digits, colour, (-most, most)), "sd": f"change_sd{end}",
         "hatch": pack_bits(_cells(run, unsure)), "hatchText": "not significant",
         "about": "Change since the latest earlier survey: brown is drier, green is wetter. Hatched: the change "
         "may be chance (false discovery rate 5 %).",
@@ -258,21 +259,23 @@ def _truth(run: MapRun, truth: Array, index: int) -> Iterator[dict[str, Any]]:
     most = colour_limits(np.abs(soil_map.rate - truth))[1]
     yield {
         **_raster(run, index, f"truth{end}", truth),
-        **_shown(f"{name}True rate", "counts/s", 2, RATE, colour_limits(soil_map.rate, soil_map.rate_sd)),
+        **shown_as(f"{name}True rate", "counts/s", 2, RATE, colour_limits(soil_map.rate, soil_map.rate_sd)),
         "about": "What the map of the rate should show, in the same colours.",
     }  # fmt: skip
     yield {
-        **_shown(f"{name}Error", "counts/s", 2, f"{DIFFERENCE}_r", (-most, most)),
+        **shown_as(f"{name}Error", "counts/s", 2, f"{DIFFERENCE}_r", (-most, most)),
         "grid": index, "key": f"error{end}", "minus": [f"rate{end}", f"truth{end}"], "name": "Map minus truth",
         "about": "Estimate minus truth: brown where the map is too dry, green where it is too wet.",
     }  # fmt: skip
 
 
-def _shown(title: str, unit: str, digits: int, colour_map: str, limits: tuple[float, float]) -> dict[str, Any]:
+def shown_as(title: str, unit: str, digits: int, colour_map: str, limits: tuple[float, float]) -> dict[str, Any]:
+    """Name, unit and colours of a layer."""
     low, high = limits
     ticks = [value for value, _ in round_ticks(low, high, 5)]
+    colours = hex_ramp(colour_map, STOPS)
     return {
-        "title": title, "unit": unit, "digits": digits, "colours": hex_ramp(colour_map, STOPS),
+        "title": title, "unit": unit, "digits": digits, "colours": colours,
         "from": low, "to": high, "ticks": ticks,
     }  # fmt: skip
 
@@ -288,11 +291,11 @@ def _raster(run: MapRun, index: int, key: str, values: Array) -> dict[str, Any]:
     return {"key": key, "grid": index, **pack(_cells(run, inside))}
 
 
-def _place(run: MapRun, x_m: float, y_m: float, reach_m: float) -> dict[str, Any]:
+def place_data(frame: LocalFrame, x_m: float, y_m: float, reach_m: float) -> dict[str, Any]:
     """Latitude and longitude as quadratic polynomials of local kilometres about the middle of the view."""
     steps = np.linspace(-reach_m, reach_m, 5)
     dx, dy = (axis.ravel() / 1000 for axis in np.meshgrid(steps, steps))
-    places = run.frame.to_geographic(np.column_stack([x_m + 1000 * dx, y_m + 1000 * dy]))
+    places = frame.to_geographic(np.column_stack([x_m + 1000 * dx, y_m + 1000 * dy]))
     terms = np.column_stack([np.ones_like(dx), dx, dy, dx * dx, dx * dy, dy * dy])
     weights = np.linalg.lstsq(terms, places, rcond=None)[0]
     return {"x": x_m, "y": y_m, "latitude": weights[:, 0].tolist(), "longitude": weights[:, 1].tolist()}
