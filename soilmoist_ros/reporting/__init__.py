@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs and their outputs: report, GeoTIFF, GeoJSON, tables and summary."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.reporting.campaign.data import CampaignData as CampaignData
-    from soilmoist_ros.reporting.campaign.figures import campaign_figures as campaign_figures
-    from soilmoist_ros.reporting.campaign.report import write_campaign_report as write_campaign_report
+    from soilmoist_ros.reporting.colours import RATE as RATE
+    from soilmoist_ros.reporting.colours import UNCERTAIN as UNCERTAIN
     from soilmoist_ros.reporting.colours import between as between
+    from soilmoist_ros.reporting.colours import colour_ramp as colour_ramp
     from soilmoist_ros.reporting.colours import palette_png as palette_png
     from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun as EarlierRun
     from soilmoist_ros.reporting.earlier.earlier_runs import Target as Target
@@ -57,9 +58,17 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.outputs import write_failed as write_failed
     from soilmoist_ros.reporting.outputs import write_mission as write_mission
     from soilmoist_ros.reporting.outputs import write_outputs as write_outputs
+    from soilmoist_ros.reporting.page.frame import render_page as render_page
     from soilmoist_ros.reporting.page.notes import notes as notes
     from soilmoist_ros.reporting.page.numbers import area as area
     from soilmoist_ros.reporting.page.numbers import duration as duration
+    from soilmoist_ros.reporting.page.numbers import dwell_text as dwell_text
+    from soilmoist_ros.reporting.page.numbers import length as length
+    from soilmoist_ros.reporting.page.numbers import number as number
+    from soilmoist_ros.reporting.page.numbers import percent as percent
+    from soilmoist_ros.reporting.page.numbers import plain as plain
+    from soilmoist_ros.reporting.page.numbers import strategy_text as strategy_text
+    from soilmoist_ros.reporting.page.numbers import strategy_traits as strategy_traits
     from soilmoist_ros.reporting.page.report import write_report as write_report
     from soilmoist_ros.reporting.page.sections import change_amount as change_amount
     from soilmoist_ros.reporting.page.sections import change_since as change_since
@@ -69,6 +78,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance
     from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture
     from soilmoist_ros.reporting.page.statistics import truth_score as truth_score
+    from soilmoist_ros.reporting.page.style import robust_range as robust_range
     from soilmoist_ros.reporting.paper_figures import run_figures as run_figures
     from soilmoist_ros.reporting.paper_figures import season_figures as season_figures
     from soilmoist_ros.reporting.paper_figures import write_figures as write_figures
@@ -89,13 +99,10 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.text_files import jsonable as jsonable
     from soilmoist_ros.reporting.text_files import write_samples as write_samples
 
-__getattr__, __dir__, __all__ = open_door(
+_open, __dir__, __all__ = open_door(
     __name__,
     {
-        "campaign.data": "CampaignData",
-        "campaign.figures": "campaign_figures",
-        "campaign.report": "write_campaign_report",
-        "colours": "between palette_png",
+        "colours": "RATE UNCERTAIN between colour_ramp palette_png",
         "earlier.earlier_runs": "EarlierRun Target read_earlier_runs require_other same_survey",
         "earlier.mission_earlier": "mission_earlier",
         "earlier.results": "read_summary",
@@ -113,11 +120,13 @@ __getattr__, __dir__, __all__ = open_door(
         "opened_run": "OpenedRun open_run",
         "output_folder": "earlier_outputs remove_earlier require_crs require_free require_writable results_in",
         "outputs": "mission_run write_failed write_mission write_outputs",
+        "page.frame": "render_page",
         "page.notes": "notes",
-        "page.numbers": "area duration",
+        "page.numbers": "area duration dwell_text length number percent plain strategy_text strategy_traits",
         "page.report": "write_report",
         "page.sections": "change_amount change_since change_summary dated relations",
         "page.statistics": "covariate_importance mean_moisture truth_score",
+        "page.style": "robust_range",
         "paper_figures": "run_figures season_figures write_figures",
         "run": "CorrectionRow InputFile LossRow MapRun Note NoteCode REFERENCE",
         "run_summary": "summary",
@@ -127,3 +136,10 @@ __getattr__, __dir__, __all__ = open_door(
         "text_files": "dumps jsonable write_samples",
     },
 )
+
+
+def __getattr__(name: str) -> object:
+    """Name of this door; campaigns have moved to ``soilmoist_ros.lab``, and are found here for one release."""
+    if name in ("write_campaign_report",):
+        return getattr(import_module("soilmoist_ros.lab"), name)
+    return _open(name)

@@ -13,7 +13,6 @@ import pytest
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, SoilMap, Variogram, make_soil_map
 from soilmoist_ros.reporting.outputs import write_mission
-from soilmoist_ros.reporting.page import style
 from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.reporting.season import SeasonSettings, make_season
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
@@ -43,12 +42,6 @@ def track(soil: SoilMap) -> list[CountRecord]:
         )
     ]
     return [*records, dataclasses.replace(records[-1], stamp_s=1.77e9, x_m=NAN, y_m=NAN)]
-
-
-@pytest.fixture(autouse=True)
-def _quick_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Coarse images; module-wide fixtures still render at full resolution."""
-    monkeypatch.setattr(style, "PNG_DPI", 30)
 
 
 @pytest.fixture(scope="session")
