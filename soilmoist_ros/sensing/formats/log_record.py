@@ -99,9 +99,6 @@ class FieldReader:
     def read(self, fields: Sequence[str], period_s: float | None, line: int) -> Reading:
         """Convert one line to a record.
 
-        :param fields: fields of the line, one for each name of the layout
-        :param period_s: nominal duration of a record [s], ``None`` if unknown
-        :param line: number of the line
         :raises LostRecordError: if the line has no usable record
         """
         self._notes = []
@@ -287,10 +284,7 @@ class FieldReader:
         return counts
 
     def _count(self, text: str, source: Source, live_s: float) -> float:
-        """Counts of one tube; NaN if it did not count.
-
-        :raises LostRecordError: if the field is damaged
-        """
+        """Counts of one tube; NaN if it did not count."""
         settings = self._logger.counts
         if self._is_missing(text):
             return NAN

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from soilmoist_ros.foundation import InputError, Mistake, listing, read_lines
-from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
+from soilmoist_ros.sensing.moisture.curve import soil_limits
 
 
 class _Quantity(NamedTuple):
@@ -333,10 +333,7 @@ def _canonical(name: str) -> str:
 
 
 def _meant(name: str, used: Collection[str] = ()) -> str:
-    """The known column that an unknown name probably means, with its unit; empty if there is none.
-
-    :param used: columns that the table has
-    """
+    """The known column that an unknown name probably means, with its unit; empty if there is none."""
     if _canonical(name) in _NAMES or _OTHER_QUANTITY.search(name):
         return ""
     quantity = next((known for part, known in _SIMILAR if part in name), "")
@@ -451,10 +448,7 @@ def _has_decimal_comma(
 
 
 def _of_days(rows: list[_Row], days: Sequence[str], path: Path) -> tuple[list[_Row], tuple[str, ...]]:
-    """Rows of the chosen days, and these days.
-
-    :raises InputError: if there are several days and none is chosen, or a chosen one is not there
-    """
+    """Rows of the chosen days, and these days."""
     written = [row.cells["date"] for row in rows if row.cells.get("date")]
     if not written:
         return rows, ()

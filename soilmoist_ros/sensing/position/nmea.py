@@ -18,10 +18,11 @@ from pathlib import Path
 import pynmea2
 
 from soilmoist_ros.foundation import DAY_S, InputError, Mistake
-from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.formats.log_values import read_number, read_time, strip_checksum
+from soilmoist_ros.sensing.formats.logger_reader import read_lines
 from soilmoist_ros.sensing.gnss import (
     DEFAULT_UERE_M,
+    EARLIEST_DATE_S,
     STATUS_OF_QUALITY,
     UNKNOWN_COVARIANCE,
     Covariance,
@@ -33,8 +34,8 @@ from soilmoist_ros.sensing.gnss import (
     diagonal_covariance,
     horizontal_sd,
     is_place,
+    utc_text,
 )
-from soilmoist_ros.sensing.position.heard import EARLIEST_DATE_S, utc_text
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
 
@@ -459,8 +460,6 @@ def read_nmea(path: Path | str, log_s: tuple[float, float] | None = None) -> tup
     Epochs before the first date are dated from the first date; without any date, from the times of a log. Other
     messages between the sentences are skipped, text is reported.
 
-    :param path: the file
-    :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
     :raises InputError: if the file cannot be read, has no NMEA sentence, or its day is not clear
     """
     path = Path(path)
@@ -539,11 +538,7 @@ def _iso_s(text: bytes) -> float:
 
 
 def _day_of(fixes_from: Callable[[float], list[Fix]], log_s: tuple[float, float], path: Path) -> int:
-    """The day after the first one of a log on which positions without a date were taken.
-
-    :param fixes_from: the fixes, dated from a time within 12 h of the first
-    :raises InputError: if there are several such days, or none
-    """
+    """The day after the first one of a log on which positions without a date were taken."""
     stamps = [fix.stamp_s for fix in fixes_from(log_s[0])]
     first_s, last_s = min(stamps), max(stamps)
     days = math.ceil((log_s[1] - log_s[0]) / DAY_S) + 1

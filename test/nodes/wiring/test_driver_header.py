@@ -7,7 +7,7 @@ import os
 import pytest
 
 from soilmoist_ros.nodes.wiring.driver_header import NAME, StoredHeader
-from soilmoist_ros.sensing.formats.log_header import Header
+from soilmoist_ros.sensing.formats.log_layout import Header
 
 LOGGER = ("tcp://192.168.1.20:5000", "hydroinnova_rover")
 HEADER = Header(("RecordNum", "Temp °C"), ("", "°C"), {"Recordperiod": "1 minutes."})

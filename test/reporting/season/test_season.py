@@ -15,8 +15,7 @@ from soilmoist_ros.reporting.season import season as module
 from soilmoist_ros.reporting.season.season import SeasonSettings, make_season
 from soilmoist_ros.reporting.season.season_files import summary
 from soilmoist_ros.reporting.season.season_page import render_season
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 pytestmark = pytest.mark.slow  # the season that all use takes long to make
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.checks.checks import RecordChecks
+from soilmoist_ros.sensing.checks.totals import RecordChecks
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind

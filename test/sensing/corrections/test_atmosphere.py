@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
 
-from soilmoist_ros.sensing.corrections.atmosphere import (
+from soilmoist_ros.sensing.corrections.factors import (
     atmospheric_depth_gcm2,
     barometric_coefficient,
     standard_pressure_hpa,

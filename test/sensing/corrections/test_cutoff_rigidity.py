@@ -5,8 +5,7 @@
 import numpy as np
 import pytest
 
-from soilmoist_ros.sensing.corrections.cutoff_rigidity import cutoff_rigidity_gv
-from soilmoist_ros.sensing.corrections.intensity import MONITORS
+from soilmoist_ros.sensing.corrections.intensity import MONITORS, cutoff_rigidity_gv
 
 
 @pytest.fixture(scope="module")

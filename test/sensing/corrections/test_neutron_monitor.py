@@ -8,8 +8,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing import LoggerRecord, Site
-from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor, read_neutron_monitor
-from soilmoist_ros.sensing.corrections.weather import Weather
+from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor, read_neutron_monitor
 from soilmoist_ros.sensing.survey.correction import UnusableRecordError, correct_record
 
 NOON = datetime(2018, 5, 1, 12, tzinfo=UTC).timestamp()
@@ -124,7 +123,7 @@ def test_a_record_outside_the_file_says_what_the_file_covers(tmp_path) -> None:
     site = Site(corrections={"intensity": {"reference": 150, "constant": 150}})
     record = LoggerRecord(NOON + 9 * HOUR, (700.0,), (HOUR,), 980.0, 20.0, 0.5)
     with pytest.raises(UnusableRecordError, match="2018-05-01 12:30 to 2018-05-01 14:30 UTC, has no rate at this"):
-        correct_record(record, Weather(980.0, 20.0, 0.5), site, monitor, np.ones(1))
+        correct_record(record, site, monitor, np.ones(1))
 
 
 def test_the_longest_gap_within_a_survey() -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.corrections.atmosphere import atmospheric_depth_gcm2, barometric_coefficient
+from soilmoist_ros.sensing.corrections.factors import atmospheric_depth_gcm2, barometric_coefficient
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 
 KANSAS = {"latitude_deg": 38.2346, "longitude_deg": -97.571, "altitude_m": 455}

@@ -1,17 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Plants and road: soilmoist_ros.sensing.corrections.surroundings."""
-
-import math
+"""Plants and road: soilmoist_ros.sensing.corrections.factors."""
 
 import numpy as np
 import pytest
 from crnpy import crnpy
 from pydantic import ValidationError
 
+from soilmoist_ros.sensing.corrections.factors import f_biomass, f_road
 from soilmoist_ros.sensing.corrections.settings import BiomassCorrection, CorrectionSettings
-from soilmoist_ros.sensing.corrections.surroundings import f_biomass, f_road
-from soilmoist_ros.sensing.corrections.weather import Weather
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.records import LoggerRecord
 from soilmoist_ros.sensing.survey.correction import correct_record
@@ -55,8 +52,7 @@ def test_impossible_biomass_is_refused(wrong, message):
 def test_plants_and_road_are_factors_of_the_effective_exposure_alone():
     surroundings = {"biomass": {"dry_kgm2": 2.0}, "road": {"width_m": 4.0, "vwc": 0.08}, "typical_vwc": 0.3}
     site = Site(corrections={"pressure": None, "humidity": None, **surroundings})
-    air = Weather(math.nan, math.nan, math.nan)
-    record = correct_record(LoggerRecord(0.0, (50.0,), (10.0,)), air, site, None, np.array([1.0]))
+    record = correct_record(LoggerRecord(0.0, (50.0,), (10.0,)), site, None, np.array([1.0]))
     factor = f_biomass(2.0, 0.009) * f_road(4.0, 0.08, 0.3)
     assert record.effective_exposure_s == pytest.approx(10.0 / factor)
     assert (record.raw_counts, record.f_pressure, record.f_humidity, record.f_intensity) == (50, 1.0, 1.0, 1.0)

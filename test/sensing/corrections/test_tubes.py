@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.sensing.corrections.tubes import RunningShares, combine_tubes, tube_shares
+from soilmoist_ros.sensing.checks.tubes import RunningShares, combine_tubes, tube_shares
 from soilmoist_ros.sensing.records import LoggerRecord
 
 NAN = math.nan

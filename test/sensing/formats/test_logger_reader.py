@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.corrections.tubes import combine_tubes, tube_shares
-from soilmoist_ros.sensing.formats.log_header import Header
+from soilmoist_ros.sensing.checks.tubes import combine_tubes, tube_shares
+from soilmoist_ros.sensing.formats.log_layout import Header
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import (
     REMEMBERED_RECORDS,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from soilmoist_ros.sensing.formats import units
+from soilmoist_ros.sensing.formats import log_values as units
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import Kind, LogFile, detect_format, read_log
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from soilmoist_ros.sensing.formats.units import canonical, converter, rate_of
+from soilmoist_ros.sensing.formats.log_values import canonical, converter, rate_of
 
 
 @pytest.mark.parametrize(

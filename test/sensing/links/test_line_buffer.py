@@ -5,7 +5,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.sensing.links.line_buffer import LineBuffer
+from soilmoist_ros.sensing.lines import LineBuffer
 
 
 @given(st.lists(st.binary(max_size=12)), st.data())

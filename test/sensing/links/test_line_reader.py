@@ -7,8 +7,8 @@ import time
 
 from scripted_server import LIMIT_S, QUICK, ScriptedServer, sends
 
-from soilmoist_ros.sensing.links import LinkState, open_source
-from soilmoist_ros.sensing.links.line_reader import MAX_WAITING, MAX_WAITING_BYTES, LineReader
+from soilmoist_ros.sensing.connections import open_source
+from soilmoist_ros.sensing.lines import MAX_WAITING, MAX_WAITING_BYTES, LineReader, LinkState
 
 
 def test_a_reader_returns_the_lines_of_its_thread_and_stops():

@@ -9,10 +9,9 @@ import pytest
 from scripted_server import ScriptedServer, opened, read, read_until, sends
 
 from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.sensing.links import LinkState
-from soilmoist_ros.sensing.links.networks import MAX_SENDERS, RECENT_S, Senders, parse_networks
-from soilmoist_ros.sensing.links.reconnecting import Retry
-from soilmoist_ros.sensing.survey.driver_health import link_health
+from soilmoist_ros.sensing.connections import MAX_SENDERS, RECENT_S, Retry, Senders, parse_networks
+from soilmoist_ros.sensing.lines import LinkState
+from soilmoist_ros.sensing.survey.driver import link_health
 
 RETRY = Retry(0.01, 0.05, silence_s=0.2)
 

@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scripted_server import LIMIT_S, ScriptedServer, opened, read, read_until, sends
 
-from soilmoist_ros.sensing.links import LinkState
-from soilmoist_ros.sensing.links.reconnecting import ReconnectingSource, Retry
+from soilmoist_ros.sensing.connections import ReconnectingSource, Retry
+from soilmoist_ros.sensing.lines import LinkState
 
 
 def test_split_packets_slow_drip_and_several_lines_at_once():

@@ -4,8 +4,7 @@
 
 from scripted_server import opened, read
 
-from soilmoist_ros.sensing.links import LinkState
-from soilmoist_ros.sensing.links.recording import PlaybackClock, RecordingSource
+from soilmoist_ros.sensing.lines import LinkState, PlaybackClock, RecordingSource
 
 
 def test_a_file_as_fast_as_possible_and_then_it_has_ended(tmp_path):

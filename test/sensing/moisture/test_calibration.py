@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.sensing.moisture.calibration import (
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
+from soilmoist_ros.sensing.moisture.site import (
+    Calibration,
     estimate_n0,
+    load_site,
     write_calibration,
 )
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.site import Calibration, load_site
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 
 UNIT = CalibrationCurve(1.0, 1.4, 0.02)
 

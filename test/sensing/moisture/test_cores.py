@@ -13,8 +13,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.moisture.core_mean import Surroundings, franz_depth_cm, mean_of_cores
 from soilmoist_ros.sensing.moisture.cores import SoilCore, read_soil_cores
+from soilmoist_ros.sensing.moisture.footprint import Surroundings, franz_depth_cm, mean_of_cores
 
 
 @pytest.fixture

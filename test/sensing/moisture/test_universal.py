@@ -12,10 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
-from soilmoist_ros.sensing.corrections.weather import Weather
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
+from soilmoist_ros.sensing.moisture.curve import (
+    MAX_HUMIDITY_GM3,
+    PARAMETER_SETS,
+    CalibrationCurve,
+    MoistureCurve,
+    UniversalCurve,
+)
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.moisture.universal import MAX_HUMIDITY_GM3, PARAMETER_SETS, UniversalCurve
 from soilmoist_ros.sensing.records import LoggerRecord
 from soilmoist_ros.sensing.survey.correction import correct_record
 
@@ -107,8 +111,8 @@ def test_humidity_is_corrected_once_and_exactly_at_the_typical_moisture():
     assert site.curve == CURVE
     humid = absolute_humidity_gm3(25.0, 0.6)
     rate = float(replace(CURVE, humidity_gm3=humid).rate_cps(0.25))
-    raw = LoggerRecord(0.0, (1000.0,), (1000.0 / rate,))
-    record = correct_record(raw, Weather(math.nan, 25.0, 0.6), site, None, np.array([1.0]))
+    raw = LoggerRecord(0.0, (1000.0,), (1000.0 / rate,), math.nan, 25.0, 0.6)
+    record = correct_record(raw, site, None, np.array([1.0]))
     assert humid > 13
     assert record.f_humidity > 1.03
     assert site.curve.vwc(record.corrected_rate) == pytest.approx(0.25, abs=1e-12)

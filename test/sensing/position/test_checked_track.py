@@ -10,7 +10,7 @@ import pytest
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.checked_track import CheckedTrack
+from soilmoist_ros.sensing.position.track import CheckedTrack
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.survey import Survey
 

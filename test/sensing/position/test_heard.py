@@ -7,8 +7,7 @@ import re
 
 import pytest
 
-from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace
-from soilmoist_ros.sensing.position.heard import Heard, clock_words
+from soilmoist_ros.sensing.gnss import Fix, FixStatus, Heard, NoPlace, clock_words
 from soilmoist_ros.sensing.records import Position
 
 T0 = 1_778_749_200.0  # 2026-05-14 09:00 UTC

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.lever_arms import Course, LeverArms
+from soilmoist_ros.sensing.position.track import Course, LeverArms
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.survey import Survey

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.sensing.position.place_ages import COMPARED, PlaceAges
+from soilmoist_ros.sensing.position.place_judge import COMPARED, PlaceAges
 
 
 def used(stamp_less_now_s=0.0, seconds=40):

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
-from soilmoist_ros.sensing.corrections.weather import Weather
+from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
@@ -22,19 +21,18 @@ from soilmoist_ros.sensing.survey.correction import (
 )
 
 NAN = math.nan
-AIR = Weather(1000.0, 20.0, 0.5)
 ONE = np.array([1.0])
 INTENSITY = Site(
     corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 100}}
 )
 
 
-def record(stamp_s: float, live_s: float = 10.0) -> LoggerRecord:
-    return LoggerRecord(stamp_s, (50.0,), (live_s,))
+def record(stamp_s: float, live_s: float = 10.0, pressure_hpa: float = 1000.0) -> LoggerRecord:
+    return LoggerRecord(stamp_s, (50.0,), (live_s,), pressure_hpa, 20.0, 0.5)
 
 
 def test_the_exposure_is_divided_by_the_product_of_the_factors() -> None:
-    found = correct_record(record(0.0), AIR, Site(), None, ONE)
+    found = correct_record(record(0.0), Site(), None, ONE)
     assert found.f_pressure == pytest.approx(math.exp(0.0077 * (1000 - 1013.25)))
     assert found.effective_exposure_s == pytest.approx(10.0 / (found.f_pressure * found.f_humidity))
     assert (found.raw_counts, found.exposure_s) == (50, 10.0)
@@ -43,20 +41,20 @@ def test_the_exposure_is_divided_by_the_product_of_the_factors() -> None:
 
 def test_the_intensity_is_constant_or_that_of_the_monitor_at_the_time() -> None:
     monitor = NeutronMonitor(np.array([0.0, 100.0]), np.array([100.0, 200.0]))
-    assert correct_record(record(50.0), AIR, INTENSITY, 75.0, ONE).f_intensity == 2.0
-    assert correct_record(record(50.0), AIR, INTENSITY, monitor, ONE).f_intensity == 1.0
+    assert correct_record(record(50.0), INTENSITY, 75.0, ONE).f_intensity == 2.0
+    assert correct_record(record(50.0), INTENSITY, monitor, ONE).f_intensity == 1.0
     with pytest.raises(UnusableRecordError, match=r"the neutron monitor.*has no rate at this time") as caught:
-        correct_record(record(101.0), AIR, INTENSITY, monitor, ONE)
+        correct_record(record(101.0), INTENSITY, monitor, ONE)
     assert caught.value.kind is Kind.NO_CORRECTION
 
 
 @pytest.mark.parametrize(
-    ("raw", "air", "kind"),
-    [(record(0.0, NAN), AIR, Kind.NO_COUNTS), (record(0.0), Weather(NAN, 20.0, 0.5), Kind.NO_CORRECTION)],
+    ("raw", "kind"),
+    [(record(0.0, NAN), Kind.NO_COUNTS), (record(0.0, pressure_hpa=NAN), Kind.NO_CORRECTION)],
 )
-def test_an_unusable_record_has_a_reason(raw, air, kind) -> None:
+def test_an_unusable_record_has_a_reason(raw, kind) -> None:
     with pytest.raises(UnusableRecordError) as caught:
-        correct_record(raw, air, Site(), None, ONE)
+        correct_record(raw, Site(), None, ONE)
     assert caught.value.kind is kind
 
 

@@ -9,15 +9,14 @@ import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
-from soilmoist_ros.sensing.formats.log_header import Header
+from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
+from soilmoist_ros.sensing.formats.log_layout import Header
 from soilmoist_ros.sensing.formats.robot_logger import format_record
-from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace
-from soilmoist_ros.sensing.links.line_source import LinkState, LinkStatus
+from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, utc_text
+from soilmoist_ros.sensing.lines import LinkState, LinkStatus
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.heard import utc_text
 from soilmoist_ros.sensing.records import LoggerRecord, Position
-from soilmoist_ros.sensing.survey.driver_health import fix_health, link_health, records_health
+from soilmoist_ros.sensing.survey.driver import fix_health, link_health, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream
 
 T0 = 1.78e9

@@ -8,7 +8,7 @@ from soilmoist_ros.sensing.checks.weather import unlikely_weather
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.survey.log_doubts import log_doubts
+from soilmoist_ros.sensing.survey.logs import log_doubts
 
 FINAPP = "Datetime,neutrons,integration_time(s),pressure(hPa)\n"
 CRS1000 = "//RecordNum,Date Time(UTC),P4_mb,T1_C,RH1,N1Cts,N2Cts,N1ET_sec,N2ET_sec\n"

@@ -11,8 +11,7 @@ from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.records import LoggerRecord
-from soilmoist_ros.sensing.survey.driver_health import NO_RECORD_S, records_health
-from soilmoist_ros.sensing.survey.logger_fault import logger_fault
+from soilmoist_ros.sensing.survey.driver import NO_RECORD_S, logger_fault, records_health
 from soilmoist_ros.sensing.survey.stream import SensorStream
 from soilmoist_ros.simulation.robot.virtual_gnss import sentences_without_fix
 

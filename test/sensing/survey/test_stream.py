@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
+from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
@@ -25,9 +25,8 @@ from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.logs import process_logs
-from soilmoist_ros.sensing.survey.places import MAX_FIXES
 from soilmoist_ros.sensing.survey.stream import SensorStream
-from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S
+from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S, MAX_FIXES
 from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences, sentences_without_fix
 from soilmoist_ros.simulation.robot.virtual_survey import START_S, write_survey
 

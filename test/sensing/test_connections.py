@@ -5,7 +5,7 @@
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.links import open_source
+from soilmoist_ros.sensing.connections import open_source
 
 
 @pytest.mark.parametrize(
