@@ -49,10 +49,7 @@ DEFAULT_BAUD = 115_200
 
 
 def open_source(
-    uri: str,
-    retry: Retry | None = None,
-    stamp_of: StampOf | None = None,
-    playback: PlaybackClock | None = None,
+    uri: str, retry: Retry | None = None, stamp_of: StampOf | None = None, playback: PlaybackClock | None = None
 ) -> LineSource:
     """Line source at an address; it connects at the first read.
 

@@ -16,12 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from soilmoist_ros.sensing.checks.tubes import (
-    BadTube,
-    TubeChecks,
-    alarm_probability,
-    tube_shares,
-)
+from soilmoist_ros.sensing.checks.tubes import BadTube, TubeChecks, alarm_probability, tube_shares
 from soilmoist_ros.sensing.checks.weather import WeatherChecks
 from soilmoist_ros.sensing.problems import Finding, Kind
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord

@@ -334,11 +334,7 @@ class TubeChecks:
     """
 
     def __init__(
-        self,
-        tubes: int,
-        shares: Array | None = None,
-        rate_cps: float = math.nan,
-        spans: Sequence[BadSpan] = (),
+        self, tubes: int, shares: Array | None = None, rate_cps: float = math.nan, spans: Sequence[BadSpan] = ()
     ) -> None:
         self.tubes = tubes
         self.spans: list[BadSpan] = []

@@ -245,11 +245,7 @@ class FieldReader:
         if live_s == 0:
             return NAN  # the tube did not count in this record
         if not low <= live_s <= high:
-            _lose(
-                Kind.OUT_OF_RANGE,
-                f"the live time {live_s:g} s is not within {low:g}..{high:g}",
-                source.name,
-            )
+            _lose(Kind.OUT_OF_RANGE, f"the live time {live_s:g} s is not within {low:g}..{high:g}", source.name)
         return live_s
 
     def _assumed_live_time(self, period_s: float | None, why: str) -> float:

@@ -1,240 +1,48 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Corrected neutron count rate <-> volumetric water content (VWC): the protocol, and the curve of Desilets.
+"""Corrected neutron count rate <-> volumetric water content (VWC), and the limits of the water in a soil.
 
 Desilets, Zreda & Ferre (2010), Water Resources Research 46, W11505:
 ``vwc = rho_b * (A0 / (N/N0 - A1) - A2 - w)`` with the lattice and organic water ``w`` subtracted.
+
+The universal transport solution of Köhli, Weimar, Schrön, Baatz & Schmidt (2021), Frontiers in Water 2:544847,
+equation 15, is the rate as a function of soil moisture and of absolute air humidity. With all water of the soil
+``w`` [m^3/m^3] at the density of the simulated soil, 1.43 g/cm^3, and the humidity ``h`` [g/m^3]::
+
+    N/N_D = (p1 + p2 w)/(p1 + w) * (p0 + p6 h + p7 h^2) + exp(-p3 w) (p4 + p5 h)
+
+``N_D`` is called N0 here: it is the one number to calibrate, and is not the N0 of another curve.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import floats
 
+Array = NDArray[np.float64]
 A0, A1, A2 = 0.0808, 0.372, 0.115
-_NEAR_POLE = 1.1
-
-
-class MoistureCurve(Protocol):
-    """The calibration of one sensor at one site: moisture as a decreasing function of the corrected rate.
-
-    Rates are proportional to N0 at a given moisture. All methods take arrays of any shape.
-    """
-
-    @property
-    def n0_cps(self) -> float:
-        """Count rate over dry soil, all tubes, corrected [counts/s]."""
-
-    @property
-    def bulk_density_gcm3(self) -> float:
-        """Dry bulk density of the soil [g/cm^3]."""
-
-    @property
-    def lattice_water(self) -> float:
-        """Gravimetric lattice water [g/g]."""
-
-    @property
-    def organic_water(self) -> float:
-        """Gravimetric water equivalent of soil organic matter [g/g]."""
-
-    @property
-    def n0_sd_cps(self) -> float:
-        """Standard deviation of N0 [counts/s]; 0 if unknown."""
-
-    @property
-    def bulk_density_sd_gcm3(self) -> float:
-        """Standard deviation of the bulk density [g/cm^3]; 0 if unknown."""
-
-    @property
-    def lowest_rate_cps(self) -> float:
-        """Rate at or below which VWC is undefined [counts/s]."""
-
-    @property
-    def parameters(self) -> dict[str, str | float]:
-        """Name and parameters of the curve, for files."""
-
-    def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
-        """Where a rate [counts/s] has a soil moisture."""
-
-    def vwc(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        """Volumetric water content [m^3/m^3] of corrected rates [counts/s]; NaN where not :meth:`valid`."""
-
-    def rate_cps(self, vwc: ArrayLike) -> NDArray[np.float64]:
-        """Corrected rate [counts/s] of a volumetric water content [m^3/m^3].
-
-        :raises ValueError: below the driest soil of the curve
-        """
-
-    def slope(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        """d(vwc)/d(rate) [m^3/m^3 per count/s], negative; NaN where not :meth:`valid`."""
-
-    def weight(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        """Factor from rate variance to VWC variance [(m^3/m^3 per count/s)^2], finite everywhere."""
-
-    def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> NDArray[np.float64]:
-        """Standard deviation of the VWC [m^3/m^3] from the one of the rate; order 1 or 3.
-
-        :raises ValueError: for another order
-        """
-
-    def vwc_and_sd(
-        self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """:meth:`vwc` and third-order :meth:`vwc_sd`, faster than two calls."""
-
-
-def check_parameters(curve: MoistureCurve, *more: str) -> None:
-    """Check the values that all curves have.
-
-    :raises ValueError: if N0 or the bulk density is not positive and finite, or another value is negative
-    """
-    for name in ("n0_cps", "bulk_density_gcm3"):
-        value = getattr(curve, name)
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be positive and finite, got {value}")
-    for name in ("lattice_water", "organic_water", "n0_sd_cps", "bulk_density_sd_gcm3", *more):
-        value = getattr(curve, name)
-        if not (np.isfinite(value) and value >= 0):
-            raise ValueError(f"{name} must be zero or positive and finite, got {value}")
-
-
-def sd_of_vwc(
-    curve: MoistureCurve, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int
-) -> NDArray[np.float64]:
-    """Standard deviation of the VWC of any curve, see :meth:`MoistureCurve.vwc_sd`.
-
-    :raises ValueError: for another order than 1 or 3
-    """
-    if order == 1:
-        return np.asarray(np.abs(curve.slope(rate_cps)) * floats(rate_sd_cps))
-    if order != 3:
-        raise ValueError(f"order must be 1 or 3, got {order}")
-    return curve.vwc_and_sd(rate_cps, rate_sd_cps)[1]
-
-
-@dataclass(frozen=True)
-class CalibrationCurve:
-    """The calibration of one sensor at one site with the curve of Desilets et al. (2010).
-
-    :param n0_cps: count rate over dry soil N0, all tubes, corrected [counts/s]
-    :param bulk_density_gcm3: dry bulk density of the soil [g/cm^3]
-    :param lattice_water: gravimetric lattice water [g/g]
-    :param organic_water: gravimetric water equivalent of soil organic matter [g/g]
-    :param n0_sd_cps: standard deviation of N0 [counts/s]; 0 if unknown
-    :param bulk_density_sd_gcm3: standard deviation of the bulk density [g/cm^3]; 0 if unknown
-    :raises ValueError: if N0 or the bulk density is not positive and finite, or another value is negative
-    """
-
-    n0_cps: float
-    bulk_density_gcm3: float
-    lattice_water: float = 0.0
-    organic_water: float = 0.0
-    n0_sd_cps: float = 0.0
-    bulk_density_sd_gcm3: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
-
-    @property
-    def lowest_rate_cps(self) -> float:
-        """Rate at which the curve diverges, ``A1 * N0`` [counts/s]; at or below it VWC is undefined."""
-        return A1 * self.n0_cps
-
-    @property
-    def parameters(self) -> dict[str, str | float]:
-        """Name and parameters of the curve, for files."""
-        return {"curve": "desilets", **asdict(self)}
-
-    def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
-        """Where a rate has a soil moisture: above ``A1 * N0``."""
-        return floats(rate_cps) / self.n0_cps > A1
-
-    def vwc(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        """Volumetric water content [m^3/m^3] of corrected rates [counts/s], any shape.
-
-        NaN where :meth:`valid` is false. Values below 0 are not clipped, because they show that N0 or the water
-        terms are wrong.
-        """
-        return self._vwc(self._excess(rate_cps))
-
-    def rate_cps(self, vwc: ArrayLike) -> NDArray[np.float64]:
-        """Corrected rate [counts/s] of a volumetric water content [m^3/m^3]; the inverse of :meth:`vwc`.
-
-        :raises ValueError: where ``vwc / rho_b + A2 + w`` is not positive
-        """
-        gravimetric = floats(vwc) / self.bulk_density_gcm3
-        total = gravimetric + A2 + self.lattice_water + self.organic_water
-        if np.any(total <= 0):
-            raise ValueError("soil moisture is below what the calibration curve can express")
-        return np.asarray(self.n0_cps * (A0 / total + A1))
-
-    def slope(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        """d(vwc)/d(rate) [m^3/m^3 per count/s], negative; NaN where :meth:`valid` is false."""
-        return -self.bulk_density_gcm3 * A0 / (self.n0_cps * self._excess(rate_cps) ** 2)
-
-    def weight(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        """Squared slope: factor from rate variance to VWC variance [(m^3/m^3 per count/s)^2].
-
-        Near and below its pole, the curve is so steep that one place would dominate a plan. Rates there are
-        raised to a tenth above the pole.
-        """
-        return self.slope(np.maximum(floats(rate_cps), _NEAR_POLE * self.lowest_rate_cps)) ** 2
-
-    def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> NDArray[np.float64]:
-        """Standard deviation of the VWC [m^3/m^3] from the standard deviation of the rate.
-
-        :param rate_cps: corrected rate [counts/s], any shape
-        :param rate_sd_cps: standard deviation of the rate [counts/s], same shape
-        :param order: 1, ``|d vwc/d rate| * sd``; or 3, the third-order expansion of Jakobi et al. (2020),
-            Frontiers in Water 2:10, which is larger where the noise reaches the curve's steep end
-        :raises ValueError: for another order
-        """
-        return sd_of_vwc(self, rate_cps, rate_sd_cps, order)
-
-    def vwc_and_sd(
-        self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """:meth:`vwc` and third-order :meth:`vwc_sd`, faster than two calls.
-
-        :param rate_cps: corrected rate [counts/s], any shape
-        :param rate_sd_cps: standard deviation of the rate [counts/s], same shape
-        """
-        excess = self._excess(rate_cps)
-        relative = floats(rate_sd_cps) / excess
-        relative /= self.n0_cps
-        ratio = relative * relative
-        series = 15.0 * ratio
-        series += 8.0
-        series *= ratio
-        series += 1.0
-        sd = np.sqrt(series)
-        sd *= relative
-        sd /= excess
-        sd *= self.bulk_density_gcm3 * A0
-        return self._vwc(excess), np.asarray(sd)
-
-    def _vwc(self, excess: NDArray[np.float64]) -> NDArray[np.float64]:
-        vwc = np.asarray(A0 / excess)
-        vwc -= A2 + self.lattice_water + self.organic_water
-        vwc *= self.bulk_density_gcm3
-        return vwc
-
-    def _excess(self, rate_cps: ArrayLike) -> NDArray[np.float64]:
-        excess = np.asarray(floats(rate_cps) / self.n0_cps)
-        excess -= A1
-        excess[~(excess > 0)] = np.nan
-        return excess
-
-
-# The least and the most water that a soil can hold --------------------------------------------------------------
-
+_NEAR_LIMIT = 1.1
 PARTICLE_DENSITY_GCM3 = 2.65
 """Density of soil minerals, mostly quartz [g/cm^3] (Danielson & Sutherland 1986, Methods of Soil Analysis 1)."""
+LATTICE_WATER_OF_CLAY = 0.097
+"""Lattice water of clay [g/g]: regression of Kansas State University, as documented by crnpy."""
+MATTER_OF_CARBON = 2.0
+"""Organic matter per organic carbon [g/g] (Pribyl 2010, Geoderma 156:75-83)."""
+WATER_OF_MATTER = 0.556
+"""Water equivalent of organic matter with the hydrogen of cellulose, five H2O in C6H10O5 [g/g]."""
+SIMULATED_DENSITY_GCM3 = 1.43
+"""Dry bulk density of the soil in the simulations behind the universal solution [g/cm^3]."""
+MAX_HUMIDITY_GM3 = 60.0
+"""Absolute humidity up to which every parameter set falls with moisture [g/m^3]."""
+_MAX_STEPS = 60
+_LAST_STEP = 1e-7
+"""Relative size of a step after which the error is that of rounding: Newton's method squares it."""
 
 
 class SoilLimits(NamedTuple):
@@ -259,37 +67,166 @@ def soil_limits(bulk_density_gcm3: float) -> SoilLimits:
     return SoilLimits(0.0, max(1 - bulk_density_gcm3 / PARTICLE_DENSITY_GCM3, 0.0))
 
 
-# Hydrogen in the soil that is not moisture, from clay and organic carbon, where it was not measured -------------
-
-LATTICE_WATER_OF_CLAY = 0.097
-"""Lattice water of clay [g/g]: regression of Kansas State University, as documented by crnpy."""
-MATTER_OF_CARBON = 2.0
-"""Organic matter per organic carbon [g/g] (Pribyl 2010, Geoderma 156:75-83)."""
-WATER_OF_MATTER = 0.556
-"""Water equivalent of organic matter with the hydrogen of cellulose, five H2O in C6H10O5 [g/g]."""
-
-
 def lattice_water(clay: float) -> float:
-    """Gravimetric lattice water [g/g]."""
+    """Gravimetric lattice water of a clay content [g/g], where it was not measured."""
     return LATTICE_WATER_OF_CLAY * clay
 
 
 def organic_water(organic_carbon: float) -> float:
-    """Gravimetric water equivalent of organic matter [g/g]."""
+    """Gravimetric water equivalent of the organic matter of an organic carbon content [g/g]."""
     return WATER_OF_MATTER * MATTER_OF_CARBON * organic_carbon
 
 
-# The universal transport solution: the rate as a function of soil moisture and of absolute air humidity ---------
+@dataclass(frozen=True)
+class MoistureCurve(ABC):
+    """The calibration of one sensor at one site: moisture as a decreasing function of the corrected rate.
 
-Array = NDArray[np.float64]
-SIMULATED_DENSITY_GCM3 = 1.43
-"""Dry bulk density of the soil in the simulations behind the solution [g/cm^3]."""
-MAX_HUMIDITY_GM3 = 60.0
-"""Absolute humidity up to which every parameter set falls with moisture [g/m^3]."""
-_NEAR_LIMIT = 1.1
-_MAX_STEPS = 60
-_LAST_STEP = 1e-7
-"""Relative size of a step after which the error is that of rounding: Newton's method squares it."""
+    Rates are proportional to N0 at a given moisture. All methods take arrays of any shape.
+
+    :param n0_cps: count rate over dry soil N0, all tubes, corrected [counts/s]
+    :param bulk_density_gcm3: dry bulk density of the soil [g/cm^3]
+    :param lattice_water: gravimetric lattice water [g/g]
+    :param organic_water: gravimetric water equivalent of soil organic matter [g/g]
+    :param n0_sd_cps: standard deviation of N0 [counts/s]; 0 if unknown
+    :param bulk_density_sd_gcm3: standard deviation of the bulk density [g/cm^3]; 0 if unknown
+    :raises ValueError: if N0 or the bulk density is not positive and finite, or another value is negative
+    """
+
+    n0_cps: float
+    bulk_density_gcm3: float
+    lattice_water: float = 0.0
+    organic_water: float = 0.0
+    n0_sd_cps: float = 0.0
+    bulk_density_sd_gcm3: float = 0.0
+    name: ClassVar[str]
+    """Name of the curve in files."""
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            positive = name in ("n0_cps", "bulk_density_gcm3")
+            if isinstance(value, str) or (np.isfinite(value) and (value > 0 if positive else value >= 0)):
+                continue
+            raise ValueError(f"{name} must be {'' if positive else 'zero or '}positive and finite, got {value}")
+
+    @property
+    def parameters(self) -> dict[str, str | float]:
+        """Name and parameters of the curve, for files."""
+        return {"curve": self.name, **asdict(self)}
+
+    @property
+    @abstractmethod
+    def lowest_rate_cps(self) -> float:
+        """Rate at or below which VWC is undefined [counts/s]."""
+
+    @abstractmethod
+    def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
+        """Where a rate [counts/s] has a soil moisture: above :attr:`lowest_rate_cps`."""
+
+    @abstractmethod
+    def vwc(self, rate_cps: ArrayLike) -> Array:
+        """Volumetric water content [m^3/m^3] of corrected rates [counts/s]; NaN where not :meth:`valid`.
+
+        Values below 0 are not clipped, because they show that N0 or the water terms are wrong.
+        """
+
+    @abstractmethod
+    def rate_cps(self, vwc: ArrayLike) -> Array:
+        """Corrected rate [counts/s] of a volumetric water content [m^3/m^3]; the inverse of :meth:`vwc`.
+
+        :raises ValueError: below the driest soil of the curve
+        """
+
+    @abstractmethod
+    def slope(self, rate_cps: ArrayLike) -> Array:
+        """d(vwc)/d(rate) [m^3/m^3 per count/s], negative; NaN where not :meth:`valid`."""
+
+    @abstractmethod
+    def vwc_and_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike) -> tuple[Array, Array]:
+        """:meth:`vwc`, and its standard deviation by the third-order expansion of a Gaussian rate.
+
+        The expansion of Jakobi et al. (2020), Frontiers in Water 2:10, is larger than the first order where the
+        noise reaches the curve's steep end.
+        """
+
+    def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> Array:
+        """Standard deviation of the VWC [m^3/m^3] from the one of the rate [counts/s].
+
+        :param order: 1, ``|d vwc/d rate| * sd``; or 3, see :meth:`vwc_and_sd`
+        :raises ValueError: for another order
+        """
+        if order == 1:
+            return np.asarray(np.abs(self.slope(rate_cps)) * floats(rate_sd_cps))
+        if order != 3:
+            raise ValueError(f"order must be 1 or 3, got {order}")
+        return self.vwc_and_sd(rate_cps, rate_sd_cps)[1]
+
+    def weight(self, rate_cps: ArrayLike) -> Array:
+        """Squared slope: factor from rate variance to VWC variance [(m^3/m^3 per count/s)^2], finite everywhere.
+
+        The curve is so steep near its lowest rate that one place would dominate a plan. Rates there are raised to
+        a tenth above the lowest.
+        """
+        return self.slope(np.maximum(floats(rate_cps), _NEAR_LIMIT * self.lowest_rate_cps)) ** 2
+
+
+@dataclass(frozen=True)
+class CalibrationCurve(MoistureCurve):
+    """The curve of Desilets et al. (2010); parameters of :class:`MoistureCurve`."""
+
+    name = "desilets"
+
+    @property
+    def lowest_rate_cps(self) -> float:
+        """Rate at which the curve diverges, ``A1 * N0`` [counts/s]."""
+        return A1 * self.n0_cps
+
+    def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
+        """Where a rate is above ``A1 * N0``."""
+        return floats(rate_cps) / self.n0_cps > A1
+
+    def vwc(self, rate_cps: ArrayLike) -> Array:
+        """Volumetric water content of corrected rates."""
+        return self._vwc(self._excess(rate_cps))
+
+    def rate_cps(self, vwc: ArrayLike) -> Array:
+        """Corrected rate of a volumetric water content, where ``vwc / rho_b + A2 + w`` is positive."""
+        gravimetric = floats(vwc) / self.bulk_density_gcm3
+        total = gravimetric + A2 + self.lattice_water + self.organic_water
+        if np.any(total <= 0):
+            raise ValueError("soil moisture is below what the calibration curve can express")
+        return np.asarray(self.n0_cps * (A0 / total + A1))
+
+    def slope(self, rate_cps: ArrayLike) -> Array:
+        """d(vwc)/d(rate), in closed form."""
+        return -self.bulk_density_gcm3 * A0 / (self.n0_cps * self._excess(rate_cps) ** 2)
+
+    def vwc_and_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike) -> tuple[Array, Array]:
+        """VWC and its third-order standard deviation; in place, for large maps."""
+        excess = self._excess(rate_cps)
+        relative = floats(rate_sd_cps) / excess
+        relative /= self.n0_cps
+        ratio = relative * relative
+        series = 15.0 * ratio
+        series += 8.0
+        series *= ratio
+        series += 1.0
+        sd = np.sqrt(series)
+        sd *= relative
+        sd /= excess
+        sd *= self.bulk_density_gcm3 * A0
+        return self._vwc(excess), np.asarray(sd)
+
+    def _vwc(self, excess: Array) -> Array:
+        vwc = np.asarray(A0 / excess)
+        vwc -= A2 + self.lattice_water + self.organic_water
+        vwc *= self.bulk_density_gcm3
+        return vwc
+
+    def _excess(self, rate_cps: ArrayLike) -> Array:
+        excess = np.asarray(floats(rate_cps) / self.n0_cps)
+        excess -= A1
+        excess[~(excess > 0)] = np.nan
+        return excess
 
 
 class UniversalParameters(NamedTuple):
@@ -335,34 +272,23 @@ def relative_rate(water: ArrayLike, humidity_gm3: float, parameters: UniversalPa
 
 
 @dataclass(frozen=True)
-class UniversalCurve:
-    """The calibration of one sensor at one site with the universal transport solution at one humidity.
+class UniversalCurve(MoistureCurve):
+    """The universal transport solution at one humidity; further parameters are those of :class:`MoistureCurve`.
 
     Counts at another humidity are corrected to this one by :meth:`humidity_response`. So corrected rate and curve
     belong together, and humidity is corrected once.
 
-    :param n0_cps: calibrated rate N_D of the solution, all tubes, corrected [counts/s]
-    :param bulk_density_gcm3: dry bulk density of the soil [g/cm^3]
-    :param lattice_water: gravimetric lattice water [g/g]
-    :param organic_water: gravimetric water equivalent of soil organic matter [g/g]
-    :param n0_sd_cps: standard deviation of N0 [counts/s]; 0 if unknown
-    :param bulk_density_sd_gcm3: standard deviation of the bulk density [g/cm^3]; 0 if unknown
     :param humidity_gm3: absolute humidity to which the rates are corrected [g/m^3]
     :param parameter_set: name in :data:`PARAMETER_SETS`
     :raises ValueError: if a value is not finite or out of range, or the set is unknown
     """
 
-    n0_cps: float
-    bulk_density_gcm3: float
-    lattice_water: float = 0.0
-    organic_water: float = 0.0
-    n0_sd_cps: float = 0.0
-    bulk_density_sd_gcm3: float = 0.0
     humidity_gm3: float = 0.0
     parameter_set: str = "mcnp_drf"
+    name = "universal"
 
     def __post_init__(self) -> None:
-        check_parameters(self, "humidity_gm3")
+        super().__post_init__()
         if self.humidity_gm3 > MAX_HUMIDITY_GM3:
             raise ValueError(f"humidity_gm3 must be at most {MAX_HUMIDITY_GM3:g}, got {self.humidity_gm3}")
         if self.parameter_set not in PARAMETER_SETS:
@@ -370,66 +296,32 @@ class UniversalCurve:
 
     @property
     def lowest_rate_cps(self) -> float:
-        """Rate over endless water [counts/s]; at or below it VWC is undefined."""
+        """Rate over endless water [counts/s]."""
         return self.n0_cps * self._set.p2 * self._amplitude
 
-    @property
-    def parameters(self) -> dict[str, str | float]:
-        """Name and parameters of the curve, for files."""
-        return {"curve": "universal", **asdict(self)}
-
     def valid(self, rate_cps: ArrayLike) -> NDArray[np.bool_]:
-        """Where a rate has a soil moisture: above :attr:`lowest_rate_cps`."""
+        """Where a rate is above that over endless water."""
         return floats(rate_cps) > self.lowest_rate_cps
 
     def vwc(self, rate_cps: ArrayLike) -> Array:
-        """Volumetric water content [m^3/m^3] of corrected rates [counts/s], any shape.
-
-        NaN where :meth:`valid` is false. Values below 0 are not clipped, because they show that N0 or the water
-        terms are wrong.
-        """
+        """Volumetric water content of corrected rates."""
         return self._vwc(self._water(rate_cps))
 
     def rate_cps(self, vwc: ArrayLike) -> Array:
-        """Corrected rate [counts/s] of a volumetric water content [m^3/m^3]; the inverse of :meth:`vwc`.
-
-        :raises ValueError: where all water of the soil is not above ``-p1``
-        """
+        """Corrected rate of a volumetric water content, where all water of the soil is above ``-p1``."""
         water = total_water(vwc, self.bulk_density_gcm3, self._bound)
         if np.any(water <= -self._set.p1):
             raise ValueError("soil moisture is below what the calibration curve can express")
         return np.asarray(self.n0_cps * relative_rate(water, self.humidity_gm3, self._set))
 
     def slope(self, rate_cps: ArrayLike) -> Array:
-        """d(vwc)/d(rate) [m^3/m^3 per count/s], negative; NaN where :meth:`valid` is false."""
+        """d(vwc)/d(rate), by the derivative of the solution."""
         return self._scale / (self.n0_cps * self._response(self._water(rate_cps), 1)[1])
 
-    def weight(self, rate_cps: ArrayLike) -> Array:
-        """Squared slope: factor from rate variance to VWC variance [(m^3/m^3 per count/s)^2].
-
-        The curve is so steep near its lowest rate that one place would dominate a plan. Rates there are raised to
-        a tenth above the lowest.
-        """
-        return self.slope(np.maximum(floats(rate_cps), _NEAR_LIMIT * self.lowest_rate_cps)) ** 2
-
-    def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> Array:
-        """Standard deviation of the VWC [m^3/m^3] from the standard deviation of the rate.
-
-        :param rate_cps: corrected rate [counts/s], any shape
-        :param rate_sd_cps: standard deviation of the rate [counts/s], same shape
-        :param order: 1, ``|d vwc/d rate| * sd``; or 3, see :meth:`vwc_and_sd`
-        :raises ValueError: for another order
-        """
-        return sd_of_vwc(self, rate_cps, rate_sd_cps, order)
-
     def vwc_and_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike) -> tuple[Array, Array]:
-        """:meth:`vwc` and its standard deviation from the third-order expansion of a Gaussian rate.
+        """VWC and its third-order standard deviation.
 
-        ``f'^2 s^2 + (f''^2/2 + f' f''') s^4 + 5/12 f'''^2 s^6`` with the derivatives of the inverse function: the
-        expansion of Jakobi et al. (2020), Frontiers in Water 2:10, for any curve.
-
-        :param rate_cps: corrected rate [counts/s], any shape
-        :param rate_sd_cps: standard deviation of the rate [counts/s], same shape
+        ``f'^2 s^2 + (f''^2/2 + f' f''') s^4 + 5/12 f'''^2 s^6`` with the derivatives of the inverse function.
         """
         water = self._water(rate_cps)
         _, d1, d2, d3 = self._response(water, 3)

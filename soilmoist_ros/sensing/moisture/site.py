@@ -21,12 +21,13 @@ from soilmoist_ros.foundation import InputError, Section, load_model, read_yaml,
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings, HumidityCorrection, Location
 from soilmoist_ros.sensing.formats.logger_format import ZoneName
-from soilmoist_ros.sensing.moisture import curve as bound_water
 from soilmoist_ros.sensing.moisture.curve import (
     SIMULATED_DENSITY_GCM3,
     CalibrationCurve,
     MoistureCurve,
     UniversalCurve,
+    lattice_water,
+    organic_water,
     soil_limits,
 )
 
@@ -59,8 +60,8 @@ class Soil(Section):
             return values
         known = dict(values)
         for water, source, of in (
-            ("lattice_water", "clay", bound_water.lattice_water),
-            ("organic_water", "organic_carbon", bound_water.organic_water),
+            ("lattice_water", "clay", lattice_water),
+            ("organic_water", "organic_carbon", organic_water),
         ):
             if isinstance(known.get(source), (int, float)):
                 known.setdefault(water, of(known[source]))
@@ -210,14 +211,10 @@ class Site(Section):
     def unused_keys(self) -> Iterator[tuple[str, str]]:
         """Keys of the file that change nothing, and why."""
         soil = self.soil
-        if (
-            soil is not None
-            and soil.clay is not None
-            and soil.lattice_water != bound_water.lattice_water(soil.clay)
-        ):
+        if soil is not None and soil.clay is not None and soil.lattice_water != lattice_water(soil.clay):
             yield "soil.clay", "lattice_water is given"
         carbon = None if soil is None else soil.organic_carbon
-        if soil is not None and carbon is not None and soil.organic_water != bound_water.organic_water(carbon):
+        if soil is not None and carbon is not None and soil.organic_water != organic_water(carbon):
             yield "soil.organic_carbon", "organic_water is given"
         intensity, humidity = self.corrections.intensity, self.corrections.humidity
         universal = self.humidity_method == "universal"

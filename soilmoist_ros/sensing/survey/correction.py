@@ -75,8 +75,11 @@ class WeatherSeries:
         """A record whose missing values come from other records."""
         live_s = max((time for time in record.tube_live_s if math.isfinite(time)), default=0.0)
         limit_s = max(MAX_WEATHER_GAP_S, MAX_GAP_RECORDS * live_s)
-        missing = [name for name in QUANTITIES if not math.isfinite(getattr(record, name))]
-        return replace(record, **{name: self._filled(name, record.stamp_s, limit_s) for name in missing})
+        pressure, temperature, humidity = (
+            value if math.isfinite(value := getattr(record, name)) else self._filled(name, record.stamp_s, limit_s)
+            for name in QUANTITIES
+        )
+        return replace(record, pressure_hpa=pressure, temperature_degc=temperature, relative_humidity=humidity)
 
     def _filled(self, name: str, stamp_s: float, limit_s: float) -> float:
         stamps, values = self._stamps[name], self._values[name]

@@ -51,10 +51,7 @@ def test_scaling_uses_the_monitor_by_its_code_or_its_place() -> None:
             "corrections: {intensity: {reference: 1, constant: 1, scaling: hawdon2014}}",
             "the scaling hawdon2014 needs a 'monitor'",
         ),
-        (
-            "corrections: {intensity: {reference: 1, constant: 1, monitor: JUGN}}",
-            "did you mean 'JUNG'?",
-        ),
+        ("corrections: {intensity: {reference: 1, constant: 1, monitor: JUGN}}", "did you mean 'JUNG'?"),
         ("corrections: {pressure: {beta_per_hpa: automatic}}", "number"),
     ],
 )

@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
-from soilmoist_ros.sensing.moisture.site import (
-    Calibration,
-    estimate_n0,
-    load_site,
-    write_calibration,
-)
+from soilmoist_ros.sensing.moisture.site import Calibration, estimate_n0, load_site, write_calibration
 
 UNIT = CalibrationCurve(1.0, 1.4, 0.02)
 

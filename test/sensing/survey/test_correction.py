@@ -49,8 +49,7 @@ def test_the_intensity_is_constant_or_that_of_the_monitor_at_the_time() -> None:
 
 
 @pytest.mark.parametrize(
-    ("raw", "kind"),
-    [(record(0.0, NAN), Kind.NO_COUNTS), (record(0.0, pressure_hpa=NAN), Kind.NO_CORRECTION)],
+    ("raw", "kind"), [(record(0.0, NAN), Kind.NO_COUNTS), (record(0.0, pressure_hpa=NAN), Kind.NO_CORRECTION)]
 )
 def test_an_unusable_record_has_a_reason(raw, kind) -> None:
     with pytest.raises(UnusableRecordError) as caught:
