@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Opens line sources by address."""
+"""Opens line sources by address: TCP, UDP and serial links, which reconnect when they break, and recordings."""
 
 from __future__ import annotations
 
@@ -46,6 +46,18 @@ _OPTIONS: dict[str, tuple[str, ...]] = {
     "file": ("speed",),
 }
 DEFAULT_BAUD = 115_200
+CHUNK = 65_536
+"""Maximum number of bytes of one read; no datagram is larger."""
+RECEIVE_BUFFER = 1 << 20
+CONNECT_S = 3.0
+"""Maximum time of an attempt to connect [s]."""
+MAX_SENDERS = 8
+"""Senders that are remembered by their address."""
+RECENT_S = 60.0
+"""Time after which a sender that has fallen silent is no longer shown [s]."""
+MAX_SILENT_PERIODS = 3.5
+"""Maximum time without a record before an error, as a multiple of the record period."""
+Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 
 
 def open_source(
@@ -81,7 +93,7 @@ def open_source(
         interface = options.get("interface", "")
         if parts.scheme == "tcp":
             return ReconnectingSource(uri, partial(connect_tcp, parts.hostname, port, interface), retry)
-        senders = Senders(_networks(uri, options))
+        senders = Senders(parse_networks(uri, options["from"]) if "from" in options else ())
         connect = partial(bind_udp, parts.hostname, port, interface, senders)
         return ReconnectingSource(uri, connect, retry, senders=senders)
     if parts.netloc or not parts.path.startswith("/") or len(parts.path) < 2:
@@ -105,11 +117,16 @@ def _options(uri: str, parts: SplitResult) -> dict[str, str]:
     return options
 
 
-def _networks(uri: str, options: dict[str, str]) -> tuple[Network, ...]:
-    if "from" not in options:
-        return ()
+def parse_networks(uri: str, text: str) -> tuple[Network, ...]:
+    """Addresses and networks, separated by commas; none for an empty text.
+
+    >>> [str(network) for network in parse_networks("udp://0.0.0.0:5000", "192.168.5.20,10.0.0.0/8")]
+    ['192.168.5.20/32', '10.0.0.0/8']
+
+    :raises InputError: if one is neither
+    """
     try:
-        return parse_networks(options["from"])
+        return tuple(ipaddress.ip_network(part.strip()) for part in text.split(","))
     except ValueError as error:
         raise InputError(
             f"the address {uri!r} accepts data from no network: {error}",
@@ -130,15 +147,6 @@ def _number(uri: str, options: dict[str, str], name: str, default: float, low: f
 def _bad(uri: str, message: str, kinds: list[str] | None = None) -> InputError:
     examples = [EXAMPLES[kind] for kind in kinds or EXAMPLES]
     return InputError(f"the address {uri!r} {message}", f"write it like {' or '.join(examples)}")
-
-
-# From which networks and senders a link accepts data ------------------------------------------------------------
-
-Network = ipaddress.IPv4Network | ipaddress.IPv6Network
-MAX_SENDERS = 8
-"""Senders that are remembered by their address."""
-RECENT_S = 60.0
-"""Time after which a sender that has fallen silent is no longer shown [s]."""
 
 
 class Senders:
@@ -180,17 +188,6 @@ class Senders:
         return any(address in network for network in self.allowed)
 
 
-def parse_networks(text: str) -> tuple[Network, ...]:
-    """Addresses and networks, separated by commas.
-
-    >>> [str(network) for network in parse_networks("192.168.5.20,10.0.0.0/8")]
-    ['192.168.5.20/32', '10.0.0.0/8']
-
-    :raises ValueError: if one is neither, or there is none
-    """
-    return tuple(ipaddress.ip_network(part.strip()) for part in text.split(","))
-
-
 def bind_to_interface(link: socket.socket, interface: str) -> int:
     """Let a socket send and receive by one network interface only.
 
@@ -213,16 +210,24 @@ def is_same_interface(interface: str, index: int) -> bool:
         return False
 
 
-# Serial ports ---------------------------------------------------------------------------------------------------
+class Connection(Protocol):
+    """One connection over some transport."""
 
-CHUNK = 4096
+    datagrams: bool
+    """Whether each piece contains whole lines; silence then does not indicate a broken connection."""
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Some bytes, ``None`` after the timeout.
+
+        :raises OSError: if the connection broke or the other side closed it
+        """
+
+    def close(self) -> None:
+        """Close the connection; never raises."""
 
 
 class SerialConnection:
-    """An open serial port.
-
-    :param port: the port, which does not block
-    """
+    """An open serial port that does not block."""
 
     datagrams = False
 
@@ -259,22 +264,13 @@ def open_serial(device: str, baud: int) -> SerialConnection:
     return SerialConnection(serial.Serial(device, baud, timeout=0, exclusive=True))
 
 
-# Connections to a TCP server ------------------------------------------------------------------------------------
-
-CONNECT_S = 3.0
-"""Maximum time of an attempt to connect [s]."""
-
-
 class SocketConnection:
-    """A connected TCP socket.
-
-    :param connected: the socket
-    """
+    """A connected TCP socket."""
 
     datagrams = False
 
-    def __init__(self, connected: socket.socket) -> None:
-        self._socket = connected
+    def __init__(self, link: socket.socket) -> None:
+        self._socket = link
 
     def receive(self, timeout_s: float) -> bytes | None:
         """Some bytes, ``None`` after the timeout."""
@@ -300,57 +296,37 @@ def connect_tcp(host: str, port: int, interface: str = "") -> SocketConnection:
     :param interface: network interface of the connection; empty for the one that the routes of the system choose
     :raises OSError: if the name is unknown, the server refuses or does not answer, or there is no such interface
     """
-    connected = _connected(host, port, interface)
-    connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    if sys.platform == "linux":
-        # Detects a peer without power within about 15 s, regardless of the silence limit.
-        for option, value in ((socket.TCP_KEEPIDLE, 6), (socket.TCP_KEEPINTVL, 3), (socket.TCP_KEEPCNT, 3)):
-            connected.setsockopt(socket.IPPROTO_TCP, option, value)
-    return SocketConnection(connected)
-
-
-def _connected(host: str, port: int, interface: str) -> socket.socket:
     error = OSError("the name has no address")
     for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
-        connected = socket.socket(family, kind, protocol)
+        link = socket.socket(family, kind, protocol)
         try:
-            bind_to_interface(connected, interface)
-            connected.settimeout(CONNECT_S)
-            connected.connect(address)
+            bind_to_interface(link, interface)
+            link.settimeout(CONNECT_S)
+            link.connect(address)
         except OSError as fault:
-            connected.close()
+            link.close()
             error = fault
-        else:
-            return connected
+            continue
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        if sys.platform == "linux":
+            # Detects a peer without power within about 15 s, regardless of the silence limit.
+            for option, value in ((socket.TCP_KEEPIDLE, 6), (socket.TCP_KEEPINTVL, 3), (socket.TCP_KEEPCNT, 3)):
+                link.setsockopt(socket.IPPROTO_TCP, option, value)
+        return SocketConnection(link)
     raise error
 
 
-# Lines that arrive as UDP datagrams -----------------------------------------------------------------------------
-
-RECEIVE_BUFFER = 1 << 20
-
-
-class DatagramConnection:
-    """A bound UDP socket.
-
-    :param bound: the socket
-    :param senders: whose datagrams are accepted
-    :param interface: network interface that it is bound to; empty for all
-    :param index: index of the interface
-    """
+class DatagramConnection(SocketConnection):
+    """A bound UDP socket; the network interface that it is bound to has a name and an index, or neither."""
 
     datagrams = True
 
-    def __init__(self, bound: socket.socket, senders: Senders, interface: str = "", index: int = 0) -> None:
-        self._socket = bound
-        self._senders = senders
-        self._interface, self._index = interface, index
+    def __init__(self, link: socket.socket, senders: Senders, interface: str = "", index: int = 0) -> None:
+        super().__init__(link)
+        self._senders, self._interface, self._index = senders, interface, index
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """A datagram, ``None`` after the timeout, or if it is refused for its sender.
-
-        :raises OSError: if the socket was closed, or its network interface is gone
-        """
+        """A datagram, ``None`` after the timeout, or if it is refused for its sender."""
         try:
             self._socket.settimeout(timeout_s)
             data, sender = self._socket.recvfrom(CHUNK)
@@ -361,18 +337,11 @@ class DatagramConnection:
             return None
         return data if self._senders.accepts(str(sender[0])) else None
 
-    def close(self) -> None:
-        """Close the socket."""
-        with contextlib.suppress(OSError):  # only this wakes a reader in another thread
-            self._socket.shutdown(socket.SHUT_RDWR)
-        self._socket.close()
-
 
 def bind_udp(host: str, port: int, interface: str = "", senders: Senders | None = None) -> DatagramConnection:
     """Listen for datagrams of one or more whole lines.
 
     :param host: address of this machine to listen on, ``0.0.0.0`` for all
-    :param interface: network interface to listen on; empty for all
     :param senders: whose datagrams are accepted; anybody's if ``None``
     :raises OSError: if the address or interface is not this machine's, or the port is in use
     """
@@ -386,28 +355,6 @@ def bind_udp(host: str, port: int, interface: str = "", senders: Senders | None 
         bound.close()
         raise
     return DatagramConnection(bound, senders or Senders(), interface, index)
-
-
-# A link that reconnects when it breaks or falls silent ----------------------------------------------------------
-
-MAX_SILENT_PERIODS = 3.5
-"""Maximum time without a record before an error, as a multiple of the record period."""
-
-
-class Connection(Protocol):
-    """One connection over some transport."""
-
-    datagrams: bool
-    """Whether each piece contains whole lines; silence then does not indicate a broken connection."""
-
-    def receive(self, timeout_s: float) -> bytes | None:
-        """Some bytes, ``None`` after the timeout.
-
-        :raises OSError: if the connection broke or the other side closed it
-        """
-
-    def close(self) -> None:
-        """Close the connection; never raises."""
 
 
 @dataclass(frozen=True)

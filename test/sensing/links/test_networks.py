@@ -140,7 +140,7 @@ def test_senders_that_fall_silent_are_forgotten_and_their_number_is_bounded():
 
 
 def test_addresses_of_both_versions():
-    senders = Senders(parse_networks("192.168.5.20, fe80::/10"))
+    senders = Senders(parse_networks("udp", "192.168.5.20, fe80::/10"))
     assert senders.accepts("::ffff:192.168.5.20")
     assert senders.accepts("fe80::1%eth0")
     assert not senders.accepts("::ffff:192.168.5.21")
