@@ -88,7 +88,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.site import unusual_n0 as unusual_n0
     from soilmoist_ros.sensing.moisture.site import write_calibration as write_calibration
     from soilmoist_ros.sensing.position.nmea import parse_nmea as parse_nmea
-    from soilmoist_ros.sensing.position.nmea import read_nmea as read_nmea
     from soilmoist_ros.sensing.position.place_doubt import DOUBTS as DOUBTS
     from soilmoist_ros.sensing.position.place_doubt import Doubt as Doubt
     from soilmoist_ros.sensing.position.place_doubt import Doubts as Doubts
@@ -132,7 +131,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.survey.logs import process_logs as process_logs
     from soilmoist_ros.sensing.survey.logs import stationary_records as stationary_records
     from soilmoist_ros.sensing.survey.logs import why_unplaced as why_unplaced
-    from soilmoist_ros.sensing.survey.survey import Survey as Survey
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,
@@ -146,15 +144,15 @@ __getattr__, __dir__, __all__ = open_door(
         "formats.log_layout": "Header",
         "formats.log_values": "split_lines",
         "formats.logger_format": "LoggerFormat load_logger_format logger_names logger_path",
-        "formats.logger_reader": "LogFile detect_format format_of_lines log_files matching_formats parse_log read_data read_log",
-        "formats.notation": "UndecidedOrderError",
+        "formats.logger_reader": "LogFile detect_format format_of_lines log_files parse_log read_data read_log",
+        "formats.notation": "UndecidedOrderError matching_formats",
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of utc_text",
         "moisture.cores": "possible_days read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Surroundings Weighting mean_of_cores sensed_soil",
         "moisture.site": "Calibration Site Soil estimate_n0 load_site moisture_curve n0_in_other_time unusual_n0 write_calibration",
-        "position.nmea": "parse_nmea read_nmea",
+        "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",
         "position.place_judge": "Expected PlaceAges PlaceFix PlaceJudge PlaceLimits REPEATED_M Verdict",
         "position.track": "CheckedTrack LeverArms NO_ARMS Track distance_m",
@@ -164,6 +162,5 @@ __getattr__, __dir__, __all__ = open_door(
         "survey.correction": "factors_text intensity_source unusual_factors unusual_pressure",
         "survey.driver": "Batch Driver DriverSettings logger_fault",
         "survey.logs": "CalibrationCounts SurveyRecords calibration_counts log_doubts process_logs stationary_records why_unplaced",
-        "survey.survey": "Survey",
     },
 )

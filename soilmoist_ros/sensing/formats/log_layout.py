@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from soilmoist_ros.sensing.formats import log_values as units
 from soilmoist_ros.sensing.formats.log_values import canonical
-from soilmoist_ros.sensing.formats.logger_format import Humidity, LoggerFormat, Pressure, Temperature
+from soilmoist_ros.sensing.formats.logger_format import AirQuantity, LoggerFormat
 from soilmoist_ros.sensing.records import NAN
 
 TUBE = "{tube}"
@@ -283,9 +283,7 @@ def _find_live(columns: _Columns, logger: LoggerFormat, tubes: Sequence[int]) ->
     return tuple(found)
 
 
-def _sensors(
-    columns: _Columns, settings: Pressure | Temperature | Humidity | None, quantity: units.Quantity
-) -> tuple[Source, ...]:
+def _sensors(columns: _Columns, settings: AirQuantity | None, quantity: units.Quantity) -> tuple[Source, ...]:
     sensors = settings.sensors if settings else ()
     found = [columns.find_sensor(sensor.column, sensor.unit, quantity) for sensor in sensors]
     return tuple(source for source in found if source is not None)

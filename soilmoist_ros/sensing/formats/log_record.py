@@ -24,10 +24,8 @@ from soilmoist_ros.sensing.formats.log_values import (
 )
 from soilmoist_ros.sensing.formats.logger_format import (
     RATE_TIME_S,
-    Humidity,
+    AirQuantity,
     LoggerFormat,
-    Pressure,
-    Temperature,
     order_of,
 )
 from soilmoist_ros.sensing.formats.notation import date_text, is_packed, stamp_text
@@ -316,7 +314,7 @@ class FieldReader:
         self,
         fields: Sequence[str],
         name: str,
-        quantity: Pressure | Temperature | Humidity | None,
+        quantity: AirQuantity | None,
         sources: Sequence[Source],
     ) -> float:
         """Value of the first sensor with a credible value, NaN if there is none."""

@@ -20,7 +20,6 @@ import pynmea2
 
 from soilmoist_ros.foundation import DAY_S, InputError, Mistake
 from soilmoist_ros.sensing.formats.log_values import read_number, read_time, strip_checksum
-from soilmoist_ros.sensing.formats.logger_reader import read_lines
 from soilmoist_ros.sensing.gnss import (
     DEFAULT_UERE_M,
     EARLIEST_DATE_S,
@@ -436,25 +435,17 @@ def _is_other_message(line: bytes) -> bool:
     return line[:1] in b"#%!" or 10 * sum(not (32 <= byte < 127 or byte in b"\t\r\n") for byte in line) > len(line)
 
 
-def read_nmea(path: Path | str, log_s: tuple[float, float] | None = None) -> tuple[list[Fix], list[Problem]]:
-    """Read the fixes and problems of a file of NMEA sentences, in the order of the file.
+def parse_nmea(
+    lines: Sequence[bytes], path: Path, log_s: tuple[float, float] | None = None
+) -> tuple[list[Fix], list[Problem]]:
+    """Read the fixes and problems of lines with NMEA sentences, in their order.
 
     Epochs before the first date are dated from the first date; without any date, from the times of a log. Other
     messages between the sentences are skipped, text is reported.
 
-    :raises InputError: if the file cannot be read, has no NMEA sentence, or its day is not clear
-    """
-    path = Path(path)
-    lines, _ = read_lines(path, binary=True)
-    return parse_nmea(lines, path, log_s)
-
-
-def parse_nmea(
-    lines: Sequence[bytes], path: Path, log_s: tuple[float, float] | None = None
-) -> tuple[list[Fix], list[Problem]]:
-    """Parse the lines of a receiver; see :func:`read_nmea`.
-
     :param path: source of the lines, for messages
+    :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
+    :raises InputError: if there is no NMEA sentence, or the day is not clear
     """
     pieces = list(_pieces(lines))
     fixes, parser = _parsed(pieces, path, NAN)

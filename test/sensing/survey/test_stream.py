@@ -20,8 +20,8 @@ from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site, load_site
-from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
+from soilmoist_ros.sensing.position.track_file import read_positions
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.logs import process_logs
@@ -76,7 +76,7 @@ def simulated(tmp_path_factory):
     nmea = (folder / "survey.nmea").read_bytes().splitlines()
     lines += [(START_S + index // 3, 0, text) for index, text in enumerate(nmea)]
     log = read_log(folder / "survey.log", FORMAT)
-    fixes, _ = read_nmea(folder / "survey.nmea")
+    fixes, _ = read_positions(folder / "survey.nmea")
     return field.frame, load_site(folder / "site.yaml"), log, fixes, sorted(lines, key=lambda entry: entry[:2])
 
 
