@@ -19,6 +19,19 @@ Covariance = tuple[Row, Row, Row]
 FIX_TYPE = "sensor_msgs/msg/NavSatFix"
 """Type of the topic ``fix``."""
 UNKNOWN_COVARIANCE: Covariance = ((NAN, NAN, NAN),) * 3
+EARLIEST_DATE_S = 946_684_800.0
+"""2000-01-01: receivers without a date start in 1980, and simulated time in 1970 [s since 1970 UTC]."""
+ROLLOVER_S = 1024 * 7 * DAY_S
+"""Period of the week number of GPS, after which old receivers begin again [s]."""
+SINCE_1980_S = 315_964_782.0
+"""Seconds since 1970 UTC minus seconds of GPS time since 1980, with 18 leap seconds [s]."""
+MAX_EDGE_S = 120.0
+"""Largest difference of the ends of two spans of one survey [s]."""
+MAX_ZONE_H = 14.0
+MAX_REASONS = 50
+"""Number of reasons that are counted apart: a live receiver may send any number."""
+ROLLED_OVER = "exactly 1024 weeks earlier: the receiver's date has rolled over"
+SIMULATED = "simulated time, or the time since the device was switched on"
 
 
 class FixStatus(enum.IntEnum):
@@ -239,23 +252,6 @@ def _horizontal_sd(covariance: Covariance) -> float:
     return math.sqrt(mean) if mean >= 0 else NAN
 
 
-# What has come of a receiver, and so why there is no position: in a file, in a bag, or live ---------------------
-
-EARLIEST_DATE_S = 946_684_800.0
-"""2000-01-01: receivers without a date start in 1980, and simulated time in 1970 [s since 1970 UTC]."""
-ROLLOVER_S = 1024 * 7 * DAY_S
-"""Period of the week number of GPS, after which old receivers begin again [s]."""
-SINCE_1980_S = 315_964_782.0
-"""Seconds since 1970 UTC minus seconds of GPS time since 1980, with 18 leap seconds [s]."""
-MAX_EDGE_S = 120.0
-"""Largest difference of the ends of two spans of one survey [s]."""
-MAX_ZONE_H = 14.0
-MAX_REASONS = 50
-"""Number of reasons that are counted apart: a live receiver may send any number."""
-ROLLED_OVER = "exactly 1024 weeks earlier: the receiver's date has rolled over"
-SIMULATED = "simulated time, or the time since the device was switched on"
-
-
 class Heard:
     """Epochs of a receiver, counted by what they lack.
 
@@ -354,7 +350,13 @@ class Heard:
             f"the positions are from {utc_text(self.first_s)} to {utc_text(self.last_s)}, "
             f"the records from {utc_text(first_s)} to {utc_text(last_s)} (UTC)"
         )
-        if self._overlap_s(first_s, last_s, 0.0) > 0:
+
+        def overlap_s(shift_s: float) -> float:
+            """Time in common when the positions are later by a time [s]; 1 for a single epoch inside."""
+            begin_s, end_s = max(self.first_s + shift_s, first_s), min(self.last_s + shift_s, last_s)
+            return max(end_s - begin_s, 1.0) if end_s >= begin_s else 0.0
+
+        if overlap_s(0.0) > 0:
             hours = round((first_s - self.first_s) / 3600)
             ends = (first_s - self.first_s, last_s - self.last_s)
             if clock_known or not hours or any(abs(end - 3600 * hours) > MAX_EDGE_S for end in ends):
@@ -365,33 +367,38 @@ class Heard:
                 f"say in the site file which time the logger's clock shows: 'logger_utc_offset_hours: {hours}', "
                 f"or 0 for UTC; if the positions are in local time: {self._shift(3600 * hours)}",
             )
+        correct = "correct the times of the positions with"
         for weeks in (1, 2):
-            if self._overlap_s(first_s, last_s, weeks * ROLLOVER_S) > 0:
+            if overlap_s(weeks * ROLLOVER_S) > 0:
                 words = ROLLED_OVER.replace("1024", str(1024 * weeks))
-                remedy = f"correct the times of the positions with {self._shift(weeks * ROLLOVER_S)}"
-                return Mistake(f"{both}: {words}", f"{remedy}; new firmware of the receiver may cure it")
+                remedy = f"{correct} {self._shift(weeks * ROLLOVER_S)}; new firmware of the receiver may cure it"
+                return Mistake(f"{both}: {words}", remedy)
         if self.last_s < EARLIEST_DATE_S:
             remedy = (
                 "record positions and logger by one clock, or correct the times of the positions: --gnss-shift"
             )
             return Mistake(f"{both}: {SIMULATED}", remedy)
-        if self._overlap_s(first_s, last_s, SINCE_1980_S) > 0:
-            remedy = f"correct the times of the positions with {self._shift(SINCE_1980_S)}"
+        if overlap_s(SINCE_1980_S) > 0:
+            remedy = f"{correct} {self._shift(SINCE_1980_S)}"
             return Mistake(f"{both}: seconds of GPS time, which begins in 1980", remedy)
-        if zones := self._zones(first_s, last_s):
-            fits = " or ".join(f"{zone:+g}" for zone in zones[:3])
-            of_positions = " or ".join(f"{-zone:+g}" for zone in zones[:3])
+        needed_s = 0.8 * min(self.last_s - self.first_s, last_s - first_s)
+        steps = [half / 2 for half in range(round(-2 * MAX_ZONE_H), round(2 * MAX_ZONE_H) + 1)]
+        common = {hour: overlap_s(3600 * hour) for hour in steps}
+        zones = [hour for hour in steps if common[hour] >= max(needed_s, 1.0)]
+        if zones:  # the logger's clock may be ahead by whole or half hours, the likeliest first
+            zones = sorted(zones, key=lambda hour: (-common[hour], hour % 1, abs(hour)))[:3]
+            of_logger, of_positions = (" or ".join(f"{sign * zone:+g}" for zone in zones) for sign in (1, -1))
             remedy = f"if it is the positions: {self._shift(3600 * zones[0])}"
             if not clock_known:
-                of_logger = f"'logger_utc_offset_hours: {zones[0]:g}'"
-                remedy = f"if it is the logger, say so in the site file: {of_logger}; {remedy}"
+                key = f"'logger_utc_offset_hours: {zones[0]:g}'"
+                remedy = f"if it is the logger, say so in the site file: {key}; {remedy}"
             return Mistake(
-                f"{both}: they fit if the logger's clock shows local time, UTC {fits} h, "
+                f"{both}: they fit if the logger's clock shows local time, UTC {of_logger} h, "
                 f"or the positions have local time, UTC {of_positions} h",
                 remedy,
             )
         days = round((first_s - self.first_s) / DAY_S)
-        if days and self._overlap_s(first_s, last_s, days * DAY_S) >= 0.8 * self._shorter_s(first_s, last_s):
+        if days and overlap_s(days * DAY_S) >= needed_s:
             remedy = f"give the positions of the same day; if a date is wrong: {self._shift(days * DAY_S)}"
             return Mistake(f"{both}: {abs(days)} days apart, at the same time of day", remedy)
         return Mistake(f"{both}: they do not overlap", "give the positions of the same survey")
@@ -404,22 +411,6 @@ class Heard:
         units = (7 * DAY_S, "w"), (DAY_S, "d"), (3600.0, "h"), (60.0, "min")
         size_s, unit = next((one for one in units if total_s % one[0] == 0), (1.0, "s"))
         return f"--gnss-shift {total_s / size_s:.0f}{unit}"
-
-    def _overlap_s(self, first_s: float, last_s: float, shift_s: float) -> float:
-        """Time in common when the positions are later by ``shift_s`` [s]; 1 for a single epoch inside."""
-        begin_s, end_s = max(self.first_s + shift_s, first_s), min(self.last_s + shift_s, last_s)
-        return max(end_s - begin_s, 1.0) if end_s >= begin_s else 0.0
-
-    def _shorter_s(self, first_s: float, last_s: float) -> float:
-        return min(self.last_s - self.first_s, last_s - first_s)
-
-    def _zones(self, first_s: float, last_s: float) -> list[float]:
-        """Whole and half hours by which the logger's clock may be ahead, the likeliest first."""
-        steps = [half / 2 for half in range(round(-2 * MAX_ZONE_H), round(2 * MAX_ZONE_H) + 1)]
-        overlap = {hour: self._overlap_s(first_s, last_s, 3600 * hour) for hour in steps}
-        needed_s = max(0.8 * self._shorter_s(first_s, last_s), 1.0)
-        fitting = [hour for hour, overlap_s in overlap.items() if overlap_s >= needed_s]
-        return sorted(fitting, key=lambda hour: (-overlap[hour], hour % 1, abs(hour)))
 
 
 def clock_words(ahead_s: float) -> str:
