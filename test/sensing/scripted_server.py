@@ -9,8 +9,7 @@ import socket
 import threading
 import time
 
-from soilmoist_ros.sensing.links import open_source
-from soilmoist_ros.sensing.links.reconnecting import Retry
+from soilmoist_ros.sensing.connections import Retry, open_source
 
 LIMIT_S = 20.0
 QUICK = Retry(first_s=0.01, max_s=0.05, silence_s=30.0)
