@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 from soilmoist_ros.exploration import STRATEGIES
 from soilmoist_ros.lab.campaign_file import Campaign, Mission, missions
-from soilmoist_ros.lab.hindsight import hindsight_table
+from soilmoist_ros.lab.comparisons import PairedDifference, hindsight_table, paired_differences
 from soilmoist_ros.lab.mission_store import StoredMission
-from soilmoist_ros.lab.paired import PairedDifference, paired_differences
 from soilmoist_ros.lab.table import CASE, Finished, missions_table, results_table
 
 if TYPE_CHECKING:

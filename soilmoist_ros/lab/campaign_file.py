@@ -30,7 +30,7 @@ from soilmoist_ros.foundation import (
     resource,
     resource_names,
 )
-from soilmoist_ros.lab.hindsight import LATTICE_DWELLS
+from soilmoist_ros.lab.comparisons import LATTICE_DWELLS
 from soilmoist_ros.simulation import SETTINGS, MissionSettings, PropertySettings
 from soilmoist_ros.simulation import Setting as MissionSetting
 

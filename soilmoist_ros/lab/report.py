@@ -17,12 +17,11 @@ from soilmoist_ros.lab import figures
 from soilmoist_ros.lab.campaign import RUNS, stored_rows
 from soilmoist_ros.lab.campaign_data import CampaignData, Case
 from soilmoist_ros.lab.campaign_file import Campaign, missions
+from soilmoist_ros.lab.comparisons import LATTICES, PairedDifference
 from soilmoist_ros.lab.computing import Failure
-from soilmoist_ros.lab.figure_style import FigureSection, picture
+from soilmoist_ros.lab.figures import FigureSection, picture
 from soilmoist_ros.lab.findings import Comparison, findings
-from soilmoist_ros.lab.hindsight import LATTICES
 from soilmoist_ros.lab.mission_store import MissionStore, code_version
-from soilmoist_ros.lab.paired import PairedDifference
 from soilmoist_ros.lab.table import Finished
 from soilmoist_ros.reporting import dwell_text, length, number, plain, render_page, strategy_text
 

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, csv_text, install
 from soilmoist_ros.lab.campaign_file import Mission
-from soilmoist_ros.lab.hindsight import QUARTER, hindsight_table
+from soilmoist_ros.lab.comparisons import QUARTER, hindsight_table, paired_table
 from soilmoist_ros.lab.mission_store import StoredMission
-from soilmoist_ros.lab.paired import paired_table
 from soilmoist_ros.simulation import SETTINGS, MapErrors, SeriesRow, series_columns
 
 if TYPE_CHECKING:
