@@ -17,7 +17,7 @@ from real_nodes import LIMIT_S, UNLIMITED, RealNodes
 
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.recording.map_records import MapRecords
 from soilmoist_ros.recording.map_sources import OWN
 from soilmoist_ros.recording.record_log import DRIVER, RecordTail

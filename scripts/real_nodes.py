@@ -51,7 +51,7 @@ from msg_adapters.stamps import to_seconds
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
 from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.nodes.runtime.loopback import loopback_environment
 from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS, SENSOR, VISITS
 from soilmoist_ros.nodes.system.demo_configuration import DemoSettings, write_configuration

@@ -15,7 +15,7 @@ from msg_adapters.point_cloud import points_to_message
 from msg_adapters.samples import samples_from_message, samples_to_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.mapping import Samples
-from soilmoist_ros.mapping.samples.spread import path_spread
+from soilmoist_ros.mapping.samples import path_spread
 
 coordinates = st.floats(-5e4, 5e4, width=32)
 sample = st.tuples(coordinates, coordinates, st.integers(0, 2**53), st.floats(1e-3, 1e9))

@@ -22,7 +22,7 @@ from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import String
 
 from msg_adapters.point_cloud import points_to_message
-from soilmoist_ros.mapping.cells import CELL
+from soilmoist_ros.mapping.soil_map import CELL
 from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR, VISITS
 
 MESSAGE = 1

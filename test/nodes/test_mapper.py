@@ -30,8 +30,8 @@ from msg_adapters.soil_map import change_from_message, soil_map_from_message, un
 from msg_adapters.soilmoist.map_summary import map_summary_to_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.mapping.cells import map_cells
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.soil_map import map_cells
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.reporting.earlier.run_change import run_change
 from soilmoist_ros.reporting.field_survey import open_survey

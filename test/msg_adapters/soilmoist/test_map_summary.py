@@ -14,7 +14,7 @@ pytest.importorskip("soilmoist_msgs.msg")
 from msg_adapters.soilmoist.map_summary import map_summary_to_message
 from soilmoist_ros.mapping.field_map import MapState
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.soil_map import SoilMap
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field

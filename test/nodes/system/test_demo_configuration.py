@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from soilmoist_ros.mapping.covariates.source import CovariateSource
+from soilmoist_ros.mapping.covariates import CovariateSource
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.system.demo_configuration import DemoSettings, write_configuration
 from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters

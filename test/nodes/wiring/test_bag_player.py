@@ -25,7 +25,7 @@ from msg_adapters.counts import counts_from_message
 from msg_adapters.qos_of_endpoints import published_qos
 from msg_adapters.soil_map import soil_map_from_message
 from msg_adapters.stamps import to_seconds, to_time
-from soilmoist_ros.mapping.cells import map_cells
+from soilmoist_ros.mapping.soil_map import map_cells
 from soilmoist_ros.nodes.runtime.key_press import on_space
 from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
 from soilmoist_ros.pipeline import replay_bag

@@ -14,8 +14,8 @@ pytest.importorskip("rclpy")
 
 from msg_adapters.soil_map import change_from_message
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.knowledge import EarlierSurvey
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.soil_map import make_soil_map
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.nodes.wiring.mapper_change import ChangeOutput

@@ -9,11 +9,11 @@ import json
 import numpy as np
 import pytest
 
+from soilmoist_ros.mapping.covariates import Covariates
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.covariates import Covariates
-from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.knowledge import Knowledge
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.reporting.files.summary import summary
 from soilmoist_ros.reporting.page.covariates import covariate_importance
 from soilmoist_ros.reporting.page.notes import notes

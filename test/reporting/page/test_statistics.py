@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping import FieldMap, FieldMapSettings, PoissonKriging, Samples, Variogram, make_soil_map
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.moisture_bands import possible_moisture
-from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread
-from soilmoist_ros.mapping.variogram.amplitude import Amplitude
+from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
+from soilmoist_ros.mapping.samples import footprint_spread, path_spread
+from soilmoist_ros.mapping.soil_map import possible_moisture
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.model import Amplitude
 from soilmoist_ros.mapping.variogram.support import Supports
 from soilmoist_ros.reporting.page.statistics import (
     band_statistics,

@@ -74,7 +74,7 @@ def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, sprea
     :param variogram: model of the rate at points
     :param h_m: shape (k,) [m]
     :param angle_deg: direction, anticlockwise from east [deg]; ``None`` for all
-    :param spread: spread of each sample, shape (4,); see :mod:`spread`
+    :param spread: spread of each sample, shape (4,); see :mod:`soilmoist_ros.mapping.samples`
     """
     points, weights = _support_points(spread)
     apart = (points[:, None] - points).reshape(-1, 2)
@@ -88,7 +88,7 @@ def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, sprea
 
 
 def mean_spread(soil_map: SoilMap) -> Array:
-    """Mean spread of the samples, shape (4,), see :mod:`spread`."""
+    """Mean spread of the samples, shape (4,), see :mod:`soilmoist_ros.mapping.samples`."""
     return np.asarray(np.mean(np.asarray(soil_map.samples.spread, float).reshape(-1, 4), axis=0))
 
 
