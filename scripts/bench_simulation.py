@@ -27,13 +27,13 @@ import numpy as np
 import results
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy
-from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import open_lattice
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.field import Field

@@ -49,8 +49,7 @@ from msg_adapters.soilmoist.command import reply_from_message, request_to_messag
 from msg_adapters.soilmoist.visits import visit_from_message
 from msg_adapters.stamps import to_seconds
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
-from soilmoist_ros.exploration.mission.types import MissionStatus
-from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.mission.types import MissionStatus, Visit
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.nodes.runtime.loopback import loopback_environment
 from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS, SENSOR, VISITS

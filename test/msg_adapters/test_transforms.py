@@ -11,7 +11,7 @@ pytest.importorskip("rclpy")
 from geometry_msgs.msg import TransformStamped
 
 from msg_adapters.transforms import pose_to_message, transforms_from_message
-from soilmoist_ros.exploration.guard.transforms import Transform, TransformTree, yaw_rotation
+from soilmoist_ros.exploration.guard.robot_frames import Transform, TransformTree, yaw_rotation
 from soilmoist_ros.sensing.gnss import UNKNOWN_COVARIANCE
 
 

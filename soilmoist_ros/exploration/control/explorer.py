@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, taken
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
-from soilmoist_ros.exploration.planning.forecast import Forecast
-from soilmoist_ros.exploration.planning.forecaster import MAX_CELLS as FORECAST_CELLS
-from soilmoist_ros.exploration.planning.forecaster import Forecaster
+from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
+from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Property, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect

@@ -19,8 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from soilmoist_ros.exploration.control.current_access import CurrentAccess
-from soilmoist_ros.exploration.control.mission_clock import MissionClock
-from soilmoist_ros.exploration.control.mission_feed import MissionFeed
+from soilmoist_ros.exploration.control.mission_feed import MissionClock, MissionFeed
 from soilmoist_ros.exploration.control.mission_setup import (
     PAST_M,
     ExplorerSettings,
@@ -36,48 +35,50 @@ from soilmoist_ros.exploration.control.operator_request import (
     RequestError,
     Requests,
 )
-from soilmoist_ros.exploration.control.planning_queue import OWN, PlanningQueue, PropertyMap
-from soilmoist_ros.exploration.control.planning_thread import PlanningThread, Terms
+from soilmoist_ros.exploration.control.planning_queue import OWN, PlanningQueue, PlanningThread, PropertyMap, Terms
 from soilmoist_ros.exploration.control.team import Team, pending_measurement, taken
 from soilmoist_ros.exploration.control.watching import Watching
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.watch import Watch
-from soilmoist_ros.exploration.mission.actions import (
+from soilmoist_ros.exploration.mission.events import (
+    RESTART,
     Action,
     Answer,
     CancelGoal,
+    ClockStepped,
+    Command,
+    EmergencyStop,
     Finish,
+    GoalFailed,
     GoTo,
+    PlanFailed,
+    Planned,
     Publish,
     RequestPlan,
     Save,
     StartCounting,
+    Tick,
     VisitDone,
 )
-from soilmoist_ros.exploration.mission.events import (
-    RESTART,
-    ClockStepped,
-    Command,
-    EmergencyStop,
-    GoalFailed,
-    PlanFailed,
-    Planned,
-    Tick,
-)
 from soilmoist_ros.exploration.mission.journal import MissionJournal
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.moves import SDS
-from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
-from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.exploration.mission.mission import SDS, Mission
+from soilmoist_ros.exploration.mission.types import (
+    Changes,
+    MissionRules,
+    MissionStatus,
+    Phase,
+    PlanKind,
+    Verb,
+    Visit,
+)
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
 from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, other_datum
 from soilmoist_ros.mapping import Changing, Field, Samples, VariogramFit
 from soilmoist_ros.sensing import CountRecord, Doubt, Fix, Heard, PlaceFix, none_since

@@ -16,15 +16,13 @@ from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph, Outside
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules
 from soilmoist_ros.exploration.planning.dwell import DwellRule
-from soilmoist_ros.exploration.planning.forecast import Forecast
-from soilmoist_ros.exploration.planning.forecaster import MAX_CELLS, prior_forecast
+from soilmoist_ros.exploration.planning.forecast import MAX_CELLS, Forecast, prior_forecast
 from soilmoist_ros.exploration.planning.planning_model import spread_cells
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
-from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
+from soilmoist_ros.exploration.travel.stop import Stop, Way, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation import InputError, did_you_mean
 from soilmoist_ros.mapping import NOTHING, Field, FieldGrid, FieldMap, FieldMapSettings, Knowledge, VariogramFit
 from soilmoist_ros.sensing import MoistureCurve

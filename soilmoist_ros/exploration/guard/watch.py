@@ -14,10 +14,9 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Final
 
-from soilmoist_ros.exploration.guard.battery import Battery, BatteryLimit
-from soilmoist_ros.exploration.guard.count_trust import CountTrust
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
 from soilmoist_ros.exploration.guard.motion import UNKNOWN_SD_M, Motion
+from soilmoist_ros.exploration.guard.signals import Battery, BatteryLimit, CountTrust
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation import Health, Level

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,9 @@ from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import squared_distances
+
+if TYPE_CHECKING:
+    pass
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.control.mission_clock import MissionClock, boot_id
+from soilmoist_ros.exploration.control.mission_feed import MissionClock, boot_id
 from soilmoist_ros.exploration.mission.events import ClockStarted, ClockStepped, Moved
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules

@@ -8,8 +8,17 @@ from dataclasses import replace
 import pytest
 
 from soilmoist_ros.exploration.control.mission_feed import FIX_SILENCE_S, MissionFeed
-from soilmoist_ros.exploration.mission.actions import GoTo, Publish, RequestPlan, VisitDone
-from soilmoist_ros.exploration.mission.events import ClockStepped, Command, Moved, Planned, RecordArrived
+from soilmoist_ros.exploration.mission.events import (
+    ClockStepped,
+    Command,
+    GoTo,
+    Moved,
+    Planned,
+    Publish,
+    RecordArrived,
+    RequestPlan,
+    VisitDone,
+)
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome

@@ -18,7 +18,7 @@ from soilmoist_ros.exploration.control.mission_setup import (
     make_explorer,
     nominal_rate_cps,
 )
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop

@@ -10,8 +10,7 @@ import pytest
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess, make_explorer
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
 from soilmoist_ros.exploration.control.team import PendingMeasurement
-from soilmoist_ros.exploration.mission.actions import RequestPlan
-from soilmoist_ros.exploration.mission.events import PlanFailed, Planned
+from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion

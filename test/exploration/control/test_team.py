@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.control.team import (
@@ -24,17 +24,16 @@ from soilmoist_ros.exploration.control.team import (
     pending_measurement,
     taken,
 )
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping import PoissonKriging

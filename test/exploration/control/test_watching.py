@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.mission_clock import MissionClock
 from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
-from soilmoist_ros.exploration.mission.actions import ANYBODYS
+from soilmoist_ros.exploration.mission.events import ANYBODYS
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Response, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome

@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.battery import MIN_BATTERY, Battery, BatteryLimit
+from soilmoist_ros.exploration.guard.signals import MIN_BATTERY, Battery, BatteryLimit
 
 
 def faults(messages):

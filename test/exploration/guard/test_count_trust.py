@@ -4,7 +4,7 @@
 
 import pytest
 
-from soilmoist_ros.exploration.guard.count_trust import CountTrust
+from soilmoist_ros.exploration.guard.signals import CountTrust
 
 
 def trust(reasons, every_s=10.0, last_s=60.0):

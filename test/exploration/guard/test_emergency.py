@@ -5,7 +5,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.emergency import QUIET_S, EmergencyTopic
+from soilmoist_ros.exploration.guard.signals import QUIET_S, EmergencyTopic
 
 
 def test_a_press_counts_once_and_a_release_of_the_only_publisher_at_once():

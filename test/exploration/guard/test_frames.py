@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.frames import (
+from soilmoist_ros.exploration.guard.robot_frames import (
     Agreement,
     FrameCheck,
     datum_text,

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.guard.fence import Fence
-from soilmoist_ros.exploration.guard.keepout import FREE, KEPT_OUT, RIM_M, keepout_mask
+from soilmoist_ros.exploration.guard.fence import FREE, KEPT_OUT, RIM_M, Fence, keepout_mask
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.plane_move import PlaneMove

@@ -8,8 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.guard.robot_frames import ASKED_M, FrameSettings, RobotFrames
-from soilmoist_ros.exploration.guard.transforms import Transform, yaw_rotation
+from soilmoist_ros.exploration.guard.robot_frames import (
+    ASKED_M,
+    FrameSettings,
+    RobotFrames,
+    Transform,
+    yaw_rotation,
+)
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame

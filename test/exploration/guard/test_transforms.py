@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.transforms import Transform, TransformTree, yaw_rotation
+from soilmoist_ros.exploration.guard.robot_frames import Transform, TransformTree, yaw_rotation
 
 NAN = math.nan
 metres = st.floats(-1000, 1000)

@@ -7,10 +7,8 @@ import math
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver
 
-from soilmoist_ros.exploration.mission.actions import GoTo, RequestPlan, VisitDone
-from soilmoist_ros.exploration.mission.events import Command
-from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, Verb
-from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.mission.events import Command, GoTo, RequestPlan, VisitDone
+from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, Verb, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
 
 WELL = Stop("well", 5.0, 5.0)

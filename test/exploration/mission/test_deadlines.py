@@ -4,22 +4,20 @@
 
 from mission_driver import EAST, HOME, Driver
 
-from soilmoist_ros.exploration.mission.actions import (
+from soilmoist_ros.exploration.mission.events import (
     CancelGoal,
     Finish,
+    GoalFailed,
+    GoalReached,
     GoTo,
+    Moved,
+    PlanFailed,
     Publish,
     RequestPlan,
     Save,
     StopCounting,
-    VisitDone,
-)
-from soilmoist_ros.exploration.mission.events import (
-    GoalFailed,
-    GoalReached,
-    Moved,
-    PlanFailed,
     Tick,
+    VisitDone,
 )
 from soilmoist_ros.exploration.mission.types import OnSilence, Phase
 from soilmoist_ros.exploration.planning.dwell import parse_dwell

@@ -10,33 +10,29 @@ import numpy as np
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver, make_rules
 
-from soilmoist_ros.exploration.mission.actions import (
+from soilmoist_ros.exploration.mission.events import (
     Answer,
     CancelGoal,
+    Command,
     Finish,
+    GoalFailed,
+    GoalReached,
     GoTo,
+    Moved,
+    PlanFailed,
+    Planned,
     Publish,
+    RecordArrived,
     RequestPlan,
     Save,
     StartCounting,
     StopCounting,
+    Tick,
     VisitDone,
 )
-from soilmoist_ros.exploration.mission.events import (
-    Command,
-    GoalFailed,
-    GoalReached,
-    Moved,
-    PlanFailed,
-    Planned,
-    RecordArrived,
-    Tick,
-)
 from soilmoist_ros.exploration.mission.mission import Mission, step
-from soilmoist_ros.exploration.mission.state import MissionState
-from soilmoist_ros.exploration.mission.stored import event_from_dict, event_to_dict
-from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, OnSilence, Phase, PlanKind, Verb
-from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.mission.state import MissionState, event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, OnSilence, Phase, PlanKind, Verb, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.strategies.strategy import Choice

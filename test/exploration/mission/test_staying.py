@@ -8,11 +8,20 @@ import math
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver
 
-from soilmoist_ros.exploration.mission.actions import Finish, GoTo, RequestPlan, StopCounting, VisitDone
-from soilmoist_ros.exploration.mission.events import Command, EmergencyStop, Moved, PlanFailed, Tick
+from soilmoist_ros.exploration.mission.events import (
+    Command,
+    EmergencyStop,
+    Finish,
+    GoTo,
+    Moved,
+    PlanFailed,
+    RequestPlan,
+    StopCounting,
+    Tick,
+    VisitDone,
+)
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb
-from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 

@@ -4,7 +4,7 @@
 
 import pytest
 
-from soilmoist_ros.exploration.navigation.action_status import ActionStatus
+from soilmoist_ros.exploration.navigation.goal_client import ActionStatus
 
 ONE, TWO = b"one", b"two"
 

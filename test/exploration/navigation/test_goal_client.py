@@ -14,8 +14,7 @@ from soilmoist_ros.exploration.navigation.goal_client import (
     SendGoal,
 )
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
-from soilmoist_ros.exploration.navigation.way_points import WayPoint
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, WayPoint
 
 A, B = WayPoint(Stop("a", 0.0, 0.0)), WayPoint(Stop("b", 20.0, 0.0))
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6

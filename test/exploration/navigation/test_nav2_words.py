@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from soilmoist_ros.exploration.navigation.nav2_words import failure, progress
+from soilmoist_ros.exploration.navigation.goal_client import failure, progress
 
 
 @pytest.mark.parametrize(

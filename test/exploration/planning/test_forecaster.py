@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.planning import forecaster
-from soilmoist_ros.exploration.planning.forecaster import Forecaster, map_forecast, prior_forecast
+from soilmoist_ros.exploration.planning import forecast as forecaster
+from soilmoist_ros.exploration.planning.forecast import Forecaster, map_forecast, prior_forecast
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.mapping import Variogram
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings

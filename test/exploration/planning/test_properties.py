@@ -11,14 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, MarginalValue, parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
 from soilmoist_ros.exploration.planning.properties import Property, variation
-from soilmoist_ros.exploration.strategies.ground import Ground
+from soilmoist_ros.exploration.strategies.cost_benefit_tour import Ground, design
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
-from soilmoist_ros.exploration.strategies.tour_design import design
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import Variogram

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.planning.property_names import property_name, property_weights
+from soilmoist_ros.exploration.planning.properties import property_name, property_weights
 from soilmoist_ros.foundation.errors import InputError
 
 

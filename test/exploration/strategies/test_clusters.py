@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.strategies import clusters
-from soilmoist_ros.exploration.strategies.clusters import KMeans, lloyd
+from soilmoist_ros.exploration.strategies import route as clusters
+from soilmoist_ros.exploration.strategies.route import KMeans, lloyd
 
 
 def rng(seed=0):

@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, Optimal
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.prospect import Counting
-from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour
-from soilmoist_ros.exploration.strategies.ground import Ground
+from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour, Ground, design, filled, renewed
 from soilmoist_ros.exploration.strategies.registry import make_strategy
-from soilmoist_ros.exploration.strategies.tour_design import design, filled, renewed
-from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import open_lattice
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.simulation.fields.catalogue import known_field

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import PlanKind
 from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
 from soilmoist_ros.exploration.planning.properties import Property

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.strategies import route
+from soilmoist_ros.exploration.strategies.published import RENEWAL_ITERATIONS
 from soilmoist_ros.exploration.strategies.route import (
     nearest_neighbour,
     open_route,
@@ -16,7 +17,6 @@ from soilmoist_ros.exploration.strategies.route import (
     shortened,
     timed_route,
 )
-from soilmoist_ros.exploration.strategies.tours import RENEWAL_ITERATIONS
 from soilmoist_ros.foundation.errors import InputError
 
 

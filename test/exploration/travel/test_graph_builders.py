@@ -6,8 +6,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.travel.graph_builders import crop_rows, open_lattice
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph, crop_rows, open_lattice
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field

@@ -10,7 +10,7 @@ from nav_msgs.msg import OccupancyGrid
 from rclpy.serialization import deserialize_message, serialize_message
 
 from msg_adapters.nav2.keepout import filter_info, mask_to_message
-from soilmoist_ros.exploration.guard.keepout import KeepoutMask
+from soilmoist_ros.exploration.guard.fence import KeepoutMask
 
 
 def test_a_mask_is_an_occupancy_grid():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 pytest.importorskip("soilmoist_msgs")
 
 from msg_adapters.soilmoist.visits import visit_from_message, visit_to_message
-from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
+from soilmoist_ros.exploration.mission.types import Visit, VisitEnd
 from soilmoist_ros.foundation.plain_values import foreign_text
 
 places = st.floats(-5e4, 5e4)

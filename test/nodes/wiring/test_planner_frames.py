@@ -22,8 +22,7 @@ from virtual_navigation import FRAME, START_S, VirtualNavigation, World, make_ma
 from msg_adapters.counts import counts_to_message
 from msg_adapters.diagnostics import diagnostics_from_message
 from msg_adapters.stamps import to_time
-from soilmoist_ros.exploration.guard.frames import datum_text
-from soilmoist_ros.exploration.guard.transforms import yaw_rotation
+from soilmoist_ros.exploration.guard.robot_frames import datum_text, yaw_rotation
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.foundation.plane_move import PlaneMove

@@ -13,7 +13,7 @@ from soilmoist_ros.exploration.control.mission_setup import (
     make_explorer,
     strategy_stream,
 )
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
