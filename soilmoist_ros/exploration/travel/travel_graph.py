@@ -48,7 +48,6 @@ class TravelGraph:
         cls,
         nodes: Sequence[Stop],
         edges: Iterable[tuple[str, str]],
-        length_m: Sequence[float] | None = None,
         *,
         connected: bool = True,
         path: Path | None = None,
@@ -57,10 +56,9 @@ class TravelGraph:
 
         :param nodes: the nodes, at least one
         :param edges: (start, end) of each edge; give both directions if the robot may drive both
-        :param length_m: length of each edge [m]; default: the straight distance
         :param connected: refuse nodes that cannot be reached from the others, or not be left again
         :param path: file to name in messages
-        :raises InputError: with every unknown end, duplicate name, bad place or length, and unreachable node
+        :raises InputError: with every unknown end, duplicate name, bad place, and unreachable node
         """
         pairs = list(edges)
         names = tuple(node.name for node in nodes)
@@ -70,11 +68,7 @@ class TravelGraph:
             raise InputError(mistakes)
         index = {name: number for number, name in enumerate(names)}
         ends = np.array([(index[start], index[end]) for start, end in pairs], np.intp).reshape(-1, 2)
-        straight = np.hypot(*(xy[ends[:, 1]] - xy[ends[:, 0]]).T)
-        lengths = straight if length_m is None else np.asarray(length_m, float)
-        if lengths.shape != straight.shape or not (np.isfinite(lengths) & (lengths >= 0)).all():
-            raise InputError("every way needs a length that is finite and not negative", "check the lengths", path)
-        graph = cls(names, xy, ends, lengths)
+        graph = cls(names, xy, ends, np.hypot(*(xy[ends[:, 1]] - xy[ends[:, 0]]).T))
         if connected:
             graph.require_connected(path)
         return graph
@@ -164,10 +158,6 @@ class TravelGraph:
         while way[-1] != source:
             way.append(int(before[way[-1]]))
         return tuple(self.names[number] for number in reversed(way))
-
-    def reachable(self, start: str) -> frozenset[str]:
-        """Nodes that can be reached, the start included."""
-        return frozenset(self.names[number] for number in np.flatnonzero(np.isfinite(self.distances_from(start))))
 
     def components(self) -> Indices:
         """Number of the part of the graph to which each node belongs, shape (n,).
