@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, reduce
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, taken
 from soilmoist_ros.exploration.mission.events import RequestPlan
-from soilmoist_ros.exploration.mission.types import PlanKind
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
 from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster
@@ -54,15 +54,11 @@ class Explorer:
     :param travel: routes and times
     :param strategy: the strategy of this mission
     :param warm_up: the strategy until the map may guide
-    :param dwell: dwell rule, to expect how long a measurement takes
+    :param rules: those of the mission: how long a measurement takes, and which stops leave time for it and the
+        way home
     :param rng: source of all randomness
-    :param min_dwell_s: shortest dwell [s]
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
-    :param home: where the robot must be at the end, if anywhere
     :param counting: when the robot counts
-    :param kept_for_home_s: time that the mission keeps for the way home from a place with this travel time [s];
-        stops that it would find too late for are not offered
-    :param min_last_dwell_s: a stop must leave at least this for counting [s], if it is more than ``min_dwell_s``
     :param forecasts: whether plans have forecasts of the map
     :param grid: the field, where the maps are only of the cells that represent it (:func:`planning_grid`); their
         grid if ``None``
@@ -75,14 +71,10 @@ class Explorer:
         travel: TravelModel,
         strategy: Strategy,
         warm_up: Strategy,
-        dwell: DwellRule,
+        rules: MissionRules,
         rng: np.random.Generator,
-        min_dwell_s: float = 10.0,
         nominal_rate_cps: float = 4.0,
-        home: Stop | None = None,
         counting: Counting = _ON_THE_WAY_TOO,
-        kept_for_home_s: Callable[[tuple[float, float], float], float] | None = None,
-        min_last_dwell_s: float = 0.0,
         forecasts: bool = True,
         grid: FieldGrid | None = None,
     ) -> None:
@@ -93,12 +85,8 @@ class Explorer:
         self.travel = travel
         self.strategy = strategy
         self.warm_up = warm_up
-        self.dwell = dwell
         self.rng = rng
-        self.min_dwell_s = min_dwell_s
-        self.needed_dwell_s = max(min_dwell_s, min_last_dwell_s)
         self.nominal_rate_cps = nominal_rate_cps
-        self.home = home
         self.counting = counting
         self._xy = stops_xy(stops)
         self._numbers = {stop.name: number for number, stop in enumerate(stops)}
@@ -109,7 +97,7 @@ class Explorer:
         self._cells_xy = self._map_xy[self._cells]
         self._mapped = represented[mapped.mask]  # of the cells that are mapped
         self._considered = self._few_stops()
-        self._to_home_s, self._home_s = self._ways_home_s(kept_for_home_s)
+        self.use_rules(rules)
         self._forecasts = forecasts
         few = spread_cells(self.grid.mask, FORECAST_CELLS)[self.grid.mask]
         self._forecaster = Forecaster(self._map_xy[few], self.grid.extent_m, nominal_rate_cps)
@@ -124,12 +112,15 @@ class Explorer:
         if same_strategy:
             self.strategy, self.warm_up = earlier.strategy, earlier.warm_up
 
-    def keep_for_home(self, kept_s: Callable[[tuple[float, float], float], float]) -> None:
-        """The mission keeps another time for the way home: it knows better how the robot moves.
-
-        :param kept_s: as ``kept_for_home_s``
-        """
-        self._to_home_s, self._home_s = self._ways_home_s(kept_s)
+    def use_rules(self, rules: MissionRules) -> None:
+        """Choose by these rules from now on: the mission knows better how the robot moves."""
+        self.rules = rules
+        self._to_home_s = self._home_s = np.zeros(len(self.stops))
+        if rules.home is not None:  # the way back is assumed to be as long as the way there
+            self._to_home_s = self.travel.travel_s((rules.home.x_m, rules.home.y_m), self.stops)
+            trips = zip(self.stops, self._to_home_s.tolist(), strict=True)
+            kept = [rules.way_home_s((stop.x_m, stop.y_m), time_s) for stop, time_s in trips]
+            self._home_s = np.maximum(self._to_home_s, kept)
 
     def has_map(self, name: str) -> bool:
         """Whether there is a map of a property."""
@@ -152,7 +143,7 @@ class Explorer:
         home_s = 0.0 if number is None else float(self._to_home_s[number])
         if choice is None:
             return Plan(None, None, forecast, home_s)
-        if isinstance(self.dwell, Optimal) and choice.dwell is None:
+        if isinstance(self.rules.dwell, Optimal) and choice.dwell is None:
             choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
         stays = bool(request.staying) and choice.stop.name == request.staying
         travel_s = 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0])
@@ -188,7 +179,7 @@ class Explorer:
             candidates_xy, home_s = self._xy[kept], self._home_s[kept]
         staying = self._row(request.staying, kept)
         travel_s, cost_s = self._trips(position_xy, candidates, staying)
-        fits = travel_s + self.needed_dwell_s + home_s <= request.budget_left_s
+        fits = travel_s + self.rules.needed_dwell_s + home_s <= request.budget_left_s
         known_rate = counted.soil_map is not None
         weighed = free & self._considered
         if staying is not None:
@@ -212,12 +203,12 @@ class Explorer:
             travel_between_s=lambda indices: self.travel.between_s(candidates, indices),
             legs_s=lambda indices: self.travel.legs_s(candidates, indices),
             time_left_s=request.time_left_s,
-            expected_dwell_s=max(self.dwell.expected_s(rate, maps[0].factor), self.min_dwell_s),
+            expected_dwell_s=max(self.rules.dwell.expected_s(rate, maps[0].factor), self.rules.min_dwell_s),
             staying=staying,
             rate_cps=rate,
             overhead_s=self.travel.motion.stop_overhead_s,
             counting=self.counting,
-            dwell=self.dwell,
+            dwell=self.rules.dwell,
             travel_cost_s=np.where(fits, cost_s, np.inf),
             prospect=cache(
                 lambda: self._prospect(
@@ -279,7 +270,7 @@ class Explorer:
         stops = tuple(self.stops[number] for number in numbers.tolist())
         staying = self._row(request.staying, numbers)
         budget_s = request.budget_left_s - self._home_s[numbers]
-        travel_s = np.where(travel_s + self.needed_dwell_s <= budget_s, travel_s, np.inf)
+        travel_s = np.where(travel_s + self.rules.needed_dwell_s <= budget_s, travel_s, np.inf)
         return Prospect(
             models[0],
             stops,
@@ -289,7 +280,7 @@ class Explorer:
             budget_s,
             self.counting,
             staying,
-            self.min_dwell_s,
+            self.rules.min_dwell_s,
             cost_s,
             of_candidates,
         )
@@ -324,7 +315,7 @@ class Explorer:
             stops = [self.stops[number] for number in numbers.tolist()]
             trips = self._trips(place, stops, self._row(request.staying, numbers))
             prospect = self._prospect(self._maps(others), numbers, *trips, place, request)
-        return None if prospect is None else prospect.dwell(stop, self.dwell.longest_s)
+        return None if prospect is None else prospect.dwell(stop, self.rules.dwell.longest_s)
 
     def _shape(self, of: Property) -> Array:
         """Relative weight of each cell in the integrated variance; squared slopes make it that of the moisture."""
@@ -366,19 +357,6 @@ class Explorer:
             return field_map.variance[kept]
         assert field_map.kriging is not None
         return field_map.kriging.predict(self._xy[kept])[1]
-
-    def _ways_home_s(self, kept_s: Callable[[tuple[float, float], float], float] | None) -> tuple[Array, Array]:
-        """Travel times home from the stops [s], and the times that are kept for it [s]."""
-        if self.home is None:
-            return np.zeros(len(self.stops)), np.zeros(len(self.stops))
-        # The way back is assumed to be as long as the way there.
-        times = self.travel.travel_s((self.home.x_m, self.home.y_m), self.stops)
-        if kept_s is None:
-            return times, times
-        kept = [
-            kept_s((stop.x_m, stop.y_m), time_s) for stop, time_s in zip(self.stops, times.tolist(), strict=True)
-        ]
-        return times, np.maximum(times, kept)
 
 
 def _sum(arrays: Iterable[Array]) -> Array:

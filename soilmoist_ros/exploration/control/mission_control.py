@@ -383,7 +383,7 @@ class MissionControl:
         """The settings that an operator may change, as they are now, by the names of the parameters."""
         mission = self._mission
         rules, changes = mission.current_rules, mission.state.changes
-        explorer = changed_settings(self._settings, rules, changes)
+        explorer = changed_settings(self._settings, changes)
         home = rules.home.name if rules.home is not None else self._home
         return {
             "hours": round(rules.budget_s / 3600, 9),
@@ -610,7 +610,7 @@ class MissionControl:
             status = replace(status, reason=f"{self._interrupted}; {why}", needs_operator=True)
         if status.phase is Phase.IDLE and self._access is not None:
             rules, changes = self._mission.current_rules, self._mission.state.changes
-            settings = changed_settings(self._settings, rules, changes)
+            settings = changed_settings(self._settings, changes)
             status = replace(status, forecast=first_forecast(self._access.grid, settings, rules.budget_s))
         target, choice = status.target, self._choice
         requested = tuple(queued.stop for queued in self._mission.state.queue)
@@ -808,7 +808,7 @@ class MissionControl:
         for fault in self._queue.faults if job.request.kind is PlanKind.EXPLORE else ():
             _log.warning(fault)
         rules, state = self._mission.current_rules, self._mission.state
-        settings = changed_settings(self._settings, rules, state.changes)
+        settings = changed_settings(self._settings, state.changes)
         self._planned_for, self._shut_in = job.request, None
         if not_free := self._not_free(access, job.request, job.place):
             blacklisted = (*job.request.blacklisted, *sorted(not_free))

@@ -15,7 +15,6 @@ from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph, Outside
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules
-from soilmoist_ros.exploration.planning.dwell import DwellRule
 from soilmoist_ros.exploration.planning.forecast import MAX_CELLS, Forecast, prior_forecast
 from soilmoist_ros.exploration.planning.planning_model import spread_cells
 from soilmoist_ros.exploration.planning.properties import Property
@@ -62,7 +61,6 @@ class ExplorerSettings:
     :param strategy: one of :data:`STRATEGIES`
     :param preset: one of :data:`PRESETS`
     :param seed: seed of the strategy's randomness
-    :param dwell: dwell rule
     :param motion: how the robot moves
     :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
     :param access: where the robot may drive
@@ -74,7 +72,6 @@ class ExplorerSettings:
     strategy: str
     preset: str
     seed: int
-    dwell: DwellRule
     motion: RobotMotion
     curve: MoistureCurve | None = None
     access: AccessRules = NO_MARGIN
@@ -97,20 +94,15 @@ OpenSurvey = Callable[[Changes], tuple[Field, ExplorerSettings]]
 """Opens the field, earlier runs and covariates that an operator chooses; raises an ``InputError``."""
 
 
-def changed_settings(settings: ExplorerSettings, rules: MissionRules, changes: Changes | None) -> ExplorerSettings:
-    """How stops are chosen after an operator's changes.
-
-    :param settings: those of the start
-    :param rules: those of now
-    :param changes: what was changed
-    """
+def changed_settings(settings: ExplorerSettings, changes: Changes | None) -> ExplorerSettings:
+    """How stops are chosen after an operator's changes."""
     if changes is None:
         return settings
     curve = settings.curve
     if changes.target is not None:
         curve = settings.calibration if changes.target == "vwc" else None
     strategy = settings.strategy if changes.strategy is None else changes.strategy
-    return replace(settings, strategy=strategy, dwell=rules.dwell, curve=curve)
+    return replace(settings, strategy=strategy, curve=curve)
 
 
 class FieldAccess:
@@ -277,13 +269,9 @@ def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: Missio
         access.travel,
         make_strategy(settings.strategy, settings.preset),
         warm_up(settings.strategy, settings.preset)[1],
-        settings.dwell,
+        rules,
         strategy_stream(settings.seed),
-        rules.min_dwell_s,
-        home=rules.home,
-        nominal_rate_cps=nominal_rate_cps(settings.calibration),
-        kept_for_home_s=rules.way_home_s,
-        min_last_dwell_s=rules.min_last_dwell_s,
+        nominal_rate_cps(settings.calibration),
     )
 
 

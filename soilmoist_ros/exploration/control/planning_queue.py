@@ -240,7 +240,7 @@ class Terms(NamedTuple):
 
     @property
     def _made_for(self) -> tuple[object, ...]:
-        return self.started_s, self.access, self.settings, self.rules.home
+        return self.started_s, self.access, self.settings, self.rules.home, self.rules.dwell
 
 
 class PlanningThread:
@@ -287,7 +287,7 @@ class PlanningThread:
         if self._explorer is not None and self._explorer[0].same_explorer(terms):
             known, explorer = self._explorer
             if known.rules != terms.rules:
-                explorer.keep_for_home(terms.rules.way_home_s)
+                explorer.use_rules(terms.rules)
                 self._explorer = terms, explorer
             return explorer
         explorer = make_explorer(terms.access, terms.settings, terms.rules)

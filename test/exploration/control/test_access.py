@@ -239,12 +239,11 @@ class Recorder:
             strategy=strategy,
             preset="paper",
             seed=1,
-            dwell=parse_dwell("fmi:60"),
             motion=RobotMotion(),
             access=rules,
         )
         mission = MissionRules(
-            budget_s=3600.0, dwell=chosen.dwell, warm_up_stops=1, backoff_s=0.0, standstill_s=0.0,
+            budget_s=3600.0, dwell=parse_dwell("fmi:60"), warm_up_stops=1, backoff_s=0.0, standstill_s=0.0,
             arrival_radius_m=3.0, failures_to_pause=100,
         )  # fmt: skip
         self.control = MissionControl(FIELD, chosen, mission, home, 20.0, lambda report: self, self)

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.events import RequestPlan
-from soilmoist_ros.exploration.mission.types import PlanKind
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
 from soilmoist_ros.exploration.planning.properties import Property
@@ -38,7 +38,7 @@ def explorer(factor=1.0, dwell="optimal", strategy="ivr", stops=None):
     mapped.field_map.update()
     return Explorer(
         [mapped], stops or cell_stops(GRID), FreeTravel(RobotMotion()), make_strategy(strategy),
-        make_strategy("random"), parse_dwell(dwell), np.random.default_rng(1),
+        make_strategy("random"), MissionRules(budget_s=7200, dwell=parse_dwell(dwell)), np.random.default_rng(1),
     )  # fmt: skip
 
 
@@ -79,7 +79,7 @@ def test_before_the_first_map_the_nominal_rate_is_expected():
     mapped = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))
     new = Explorer(
         [mapped], cell_stops(GRID), FreeTravel(RobotMotion()), make_strategy("lattice"), make_strategy("random"),
-        parse_dwell("ami:0.1"), np.random.default_rng(1), nominal_rate_cps=2.5,
+        MissionRules(budget_s=7200, dwell=parse_dwell("ami:0.1")), np.random.default_rng(1), nominal_rate_cps=2.5,
     )  # fmt: skip
     assert new.situation(REQUEST, PLACE).expected_dwell_s == pytest.approx(100 / 2.5, rel=0.02)
 

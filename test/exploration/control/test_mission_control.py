@@ -54,7 +54,7 @@ class Around:
         self.feedback_age_s = float("nan")
         square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
         dwell, motion = parse_dwell(dwell), RobotMotion()
-        settings = ExplorerSettings(strategy=strategy, preset="paper", seed=0, dwell=dwell, motion=motion)
+        settings = ExplorerSettings(strategy=strategy, preset="paper", seed=0, motion=motion)
         given = MissionRules(
             **{
                 "budget_s": 900.0,

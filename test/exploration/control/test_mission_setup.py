@@ -77,7 +77,7 @@ def test_a_field_too_fine():
 def test_no_stop_is_offered_that_the_mission_finds_too_late_for(left_s, strategy):
     access = FieldAccess(field(), RobotMotion(), None)
     rules = MissionRules(budget_s=3600.0, dwell=parse_dwell("ami:0.03"), home=access.stop("r0c0"))
-    settings = ExplorerSettings(strategy=strategy, preset="paper", seed=1, dwell=rules.dwell, motion=RobotMotion())
+    settings = ExplorerSettings(strategy=strategy, preset="paper", seed=1, motion=RobotMotion())
     request = RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s)
     plan = make_explorer(access, settings, rules).plan(request, (10.0, 10.0))
     if plan.choice is not None:
@@ -94,7 +94,7 @@ def test_the_reserve_is_kept_on_top_of_the_real_way_home():
     divided = Field("divided", LocalFrame(53.0, 0.0), SQUARE, ditch, 1.0)
     access = FieldAccess(divided, RobotMotion(0.6, 12.0), None, home="r0c6")
     rules = MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"), home=access.home, return_margin_s=60.0)
-    settings = ExplorerSettings(strategy="random", preset="paper", seed=1, dwell=rules.dwell, motion=RobotMotion())
+    settings = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion())
     explorer = make_explorer(access, settings, rules)
     home = (access.home.x_m, access.home.y_m)
     beyond = access.stop("r0c13")
@@ -112,9 +112,7 @@ def test_the_reserve_is_kept_on_top_of_the_real_way_home():
 
 def test_before_the_start_the_forecast_is_that_of_a_field_that_varies_as_expected():
     curve = CalibrationCurve(n0_cps=7.0, bulk_density_gcm3=1.4)
-    rate = ExplorerSettings(
-        strategy="greedy", preset="paper", seed=1, dwell=parse_dwell("fmi:60"), motion=RobotMotion()
-    )
+    rate = ExplorerSettings(strategy="greedy", preset="paper", seed=1, motion=RobotMotion())
     moist = replace(rate, curve=curve, calibration=curve)
     grid = field().grid()
     hour, two = (first_forecast(grid, rate, budget_s) for budget_s in (3600.0, 7200.0))
@@ -128,10 +126,10 @@ def test_before_the_start_the_forecast_is_that_of_a_field_that_varies_as_expecte
 def test_a_robot_that_turns_out_slow_is_offered_nearer_stops_only():
     access = FieldAccess(field(), RobotMotion(), None)
     rules = MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"), home=access.stop("r0c0"))
-    settings = ExplorerSettings(strategy="random", preset="paper", seed=1, dwell=rules.dwell, motion=RobotMotion())
+    settings = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion())
     explorer = make_explorer(access, settings, rules)
     request = RequestPlan(1, PlanKind.EXPLORE, (), 150.0, 150.0)
     offered = np.isfinite(explorer.situation(request, (0.0, 0.0)).travel_s).sum()
-    explorer.keep_for_home(replace(rules, speed_mps=0.3).way_home_s)
+    explorer.use_rules(replace(rules, speed_mps=0.3))
     fewer = np.isfinite(explorer.situation(request, (0.0, 0.0)).travel_s).sum()
     assert 0 < fewer < offered

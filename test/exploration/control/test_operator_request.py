@@ -38,8 +38,8 @@ SQUARE = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
 POND = np.array([[8, 8], [12, 8], [12, 12], [8, 12]], float)
 FIELD = Field("square", FRAME, SQUARE, (POND,), 2.0)
 MOTION = RobotMotion()
-SETTINGS = ExplorerSettings(strategy="greedy", preset="paper", seed=0, dwell=parse_dwell("fmi:30"), motion=MOTION)
-RULES = MissionRules(budget_s=3600.0, dwell=SETTINGS.dwell)
+SETTINGS = ExplorerSettings(strategy="greedy", preset="paper", seed=0, motion=MOTION)
+RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:30"))
 FREE = FieldAccess(FIELD, MOTION, None)
 NODES = (Stop("gate", 2.0, 2.0), Stop("well", 18.0, 2.0), Stop("oak", 18.0, 18.0))
 
@@ -279,7 +279,7 @@ def test_changes_take_effect_at_the_next_plan():
     around.map()
     around.planned()
     assert "integrated" in around.status.reason or "variance" in around.status.reason
-    assert around.control._planning._explorer[1].home.name == "r0c0"
+    assert around.control._planning._explorer[1].rules.home.name == "r0c0"
     assert ask(around, "return_home").accepted
     around.control.ended(around_end(around))
     assert around.status.phase is Phase.RETURNING

@@ -35,7 +35,7 @@ def request(plan_id=1, kind=PlanKind.EXPLORE, blacklisted=(), left_s=3600.0):
 def explorer():
     square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
     dwell, motion = parse_dwell("fmi:60"), RobotMotion()
-    settings = ExplorerSettings(strategy="greedy", preset="paper", seed=0, dwell=dwell, motion=motion)
+    settings = ExplorerSettings(strategy="greedy", preset="paper", seed=0, motion=motion)
     access = FieldAccess(Field("square", LocalFrame(53.0, 0.0), square, (), 2.0), motion, None)
     return make_explorer(access, settings, MissionRules(budget_s=3600.0, dwell=dwell))
 

@@ -65,7 +65,8 @@ def field_map(known=True):
 def explorer(strategy, known=True, dwell="fmi:120", seed=0):
     return Explorer(
         [Property(field_map(known))], STOPS, FreeTravel(RobotMotion()), make_strategy(strategy),
-        warm_up(strategy, "paper")[1], parse_dwell(dwell), np.random.default_rng(seed),
+        warm_up(strategy, "paper")[1], MissionRules(budget_s=7200, dwell=parse_dwell(dwell)),
+        np.random.default_rng(seed),
     )  # fmt: skip
 
 
@@ -191,7 +192,7 @@ class Robot:
         square = np.array([[0, 0], [60, 0], [60, 60], [0, 60]], float)
         dwell = parse_dwell("fmi:60")
         settings = ExplorerSettings(
-            strategy="random", preset="paper", seed=1, dwell=dwell, motion=RobotMotion(1.0),
+            strategy="random", preset="paper", seed=1, motion=RobotMotion(1.0),
             access=AccessRules(robot_radius_m=0.5),
         )  # fmt: skip
         rules = MissionRules(budget_s=7200.0, dwell=dwell, warm_up_stops=0, speed_mps=1.0)

@@ -60,9 +60,7 @@ class Farm:
         self.shown, self.finished, self.counted = None, None, []
         square = np.array([[0, 0], [100, 0], [100, 100], [0, 100]], float)
         dwell = parse_dwell("fmi:60")
-        settings = ExplorerSettings(
-            strategy="random", preset="paper", seed=1, dwell=dwell, motion=RobotMotion(1.0)
-        )
+        settings = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion(1.0))
         self.control = MissionControl(
             Field("square", LocalFrame(53.0, 0.0), square, no_go, 5.0),
             settings,

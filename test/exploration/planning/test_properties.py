@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.events import RequestPlan
-from soilmoist_ros.exploration.mission.types import PlanKind
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, MarginalValue, parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
 from soilmoist_ros.exploration.planning.properties import Property, variation
@@ -50,7 +50,8 @@ def field_map(places=LATTICE, rate=4.0, seed=0, sill=1.0, range_m=8.0, nugget=0.
 def explorer(strategy, properties=(), first=None, dwell="optimal", seed=0):
     return Explorer(
         [Property(first or field_map()), *properties], STOPS, FreeTravel(RobotMotion()), make_strategy(strategy),
-        warm_up(strategy, "paper")[1], parse_dwell(dwell), np.random.default_rng(seed),
+        warm_up(strategy, "paper")[1], MissionRules(budget_s=7200, dwell=parse_dwell(dwell)),
+        np.random.default_rng(seed),
     )  # fmt: skip
 
 

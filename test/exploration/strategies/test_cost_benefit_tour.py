@@ -7,7 +7,7 @@ import pytest
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.events import RequestPlan
-from soilmoist_ros.exploration.mission.types import PlanKind
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, Optimal
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.planning.prospect import Counting
@@ -32,8 +32,7 @@ def situation(left_s=3600.0, on_way=True, graph=False, place=PLACE, dwell=OPTIMA
         travel, stops = GraphTravel(lattice, RobotMotion()), lattice.stops
     planner = Explorer(
         [Property(FieldMap(GRID, PLANNING))], stops, travel, make_strategy("gcb"), make_strategy("random"),
-        dwell,
-        np.random.default_rng(1), counting=Counting(on_way=on_way),
+        MissionRules(budget_s=left_s, dwell=dwell), np.random.default_rng(1), counting=Counting(on_way=on_way),
     )  # fmt: skip
     for xy, counts in (((5.0, 5.0), 300), ((9.0, 20.0), 320), ((20.0, 8.0), 410), ((5.0, 40.0), 330)):
         planner.properties[0].field_map.add_sample(xy, counts, 100.0)

@@ -5,7 +5,7 @@ import pytest
 
 from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.mission.events import RequestPlan
-from soilmoist_ros.exploration.mission.types import PlanKind
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import make_strategy
@@ -26,9 +26,8 @@ def explorer(strategy="ivr", dwell="optimal", curve=None, stops=None, home=None)
         FreeTravel(RobotMotion()),
         make_strategy(strategy),
         make_strategy("random"),
-        parse_dwell(dwell),
+        MissionRules(budget_s=7200, dwell=parse_dwell(dwell), home=home, return_margin_s=0.0),
         np.random.default_rng(1),
-        home=home,
     )
 
 
