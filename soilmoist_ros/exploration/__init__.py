@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
+    from soilmoist_ros.exploration.control.explorer import STREAMS_PER_ROBOT as STREAMS_PER_ROBOT
     from soilmoist_ros.exploration.control.explorer import Explorer as Explorer
-    from soilmoist_ros.exploration.control.explorer import cell_stops as cell_stops
+    from soilmoist_ros.exploration.control.explorer import ExplorerSettings as ExplorerSettings
+    from soilmoist_ros.exploration.control.explorer import nominal_rate_cps as nominal_rate_cps
     from soilmoist_ros.exploration.control.explorer import planning_grid as planning_grid
+    from soilmoist_ros.exploration.control.explorer import strategy_stream as strategy_stream
+    from soilmoist_ros.exploration.control.field_access import AccessRules as AccessRules
+    from soilmoist_ros.exploration.control.field_access import FieldAccess as FieldAccess
+    from soilmoist_ros.exploration.control.field_access import cell_stops as cell_stops
     from soilmoist_ros.exploration.control.mission_control import DATUM as DATUM
     from soilmoist_ros.exploration.control.mission_control import PLACE_TIME as PLACE_TIME
     from soilmoist_ros.exploration.control.mission_control import RECORD_STAMP as RECORD_STAMP
     from soilmoist_ros.exploration.control.mission_control import MissionControl as MissionControl
     from soilmoist_ros.exploration.control.mission_feed import MissionClock as MissionClock
     from soilmoist_ros.exploration.control.mission_feed import boot_id as boot_id
-    from soilmoist_ros.exploration.control.mission_setup import STREAMS_PER_ROBOT as STREAMS_PER_ROBOT
-    from soilmoist_ros.exploration.control.mission_setup import AccessRules as AccessRules
-    from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings as ExplorerSettings
-    from soilmoist_ros.exploration.control.mission_setup import FieldAccess as FieldAccess
-    from soilmoist_ros.exploration.control.mission_setup import nominal_rate_cps as nominal_rate_cps
-    from soilmoist_ros.exploration.control.mission_setup import strategy_stream as strategy_stream
     from soilmoist_ros.exploration.control.operator_request import OperatorRequest as OperatorRequest
     from soilmoist_ros.exploration.control.operator_request import Reply as Reply
     from soilmoist_ros.exploration.control.operator_request import ReplyCode as ReplyCode
@@ -167,10 +167,10 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "control.explorer": "Explorer cell_stops planning_grid",
+        "control.explorer": "Explorer ExplorerSettings STREAMS_PER_ROBOT nominal_rate_cps planning_grid strategy_stream",
+        "control.field_access": "AccessRules FieldAccess cell_stops",
         "control.mission_control": "DATUM MissionControl PLACE_TIME RECORD_STAMP",
         "control.mission_feed": "MissionClock boot_id",
-        "control.mission_setup": "AccessRules ExplorerSettings FieldAccess STREAMS_PER_ROBOT nominal_rate_cps strategy_stream",
         "control.operator_request": "OperatorRequest Reply ReplyCode",
         "control.team": "PendingMeasurement Team pending_measurement",
         "guard.failsafes": "Cause FAILSAFES LIMITS",

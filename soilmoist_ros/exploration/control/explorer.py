@@ -1,29 +1,46 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From the map and the robot's place to the next stop: prepares the situation and asks the strategy."""
+"""From the map and the robot's place to the next stop: prepares the situation and asks the strategy.
+
+The settings of a mission on a real field make its explorer.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, reduce
+from functools import cache, lru_cache, reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.control.field_access import NO_MARGIN, AccessRules, FieldAccess
 from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, taken
 from soilmoist_ros.exploration.mission.events import RequestPlan
-from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
+from soilmoist_ros.exploration.mission.types import Changes, MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
-from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster
+from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster, prior_forecast
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Property, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
+from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
-from soilmoist_ros.exploration.travel.travel import TravelModel
-from soilmoist_ros.mapping import FieldGrid, FieldMap, SoilMap, coincident
+from soilmoist_ros.exploration.travel.travel import RobotMotion, TravelModel
+from soilmoist_ros.mapping import (
+    NOTHING,
+    Field,
+    FieldGrid,
+    FieldMap,
+    FieldMapSettings,
+    Knowledge,
+    SoilMap,
+    VariogramFit,
+    coincident,
+)
+from soilmoist_ros.sensing import MoistureCurve
 
 Array = NDArray[np.float64]
 _ON_THE_WAY_TOO = Counting()
@@ -368,10 +385,123 @@ def planning_grid(grid: FieldGrid) -> FieldGrid:
     return replace(grid, mask=spread_cells(grid.mask, MAX_CELLS))
 
 
-def cell_stops(grid: FieldGrid) -> tuple[Stop, ...]:
-    """A stop at the centre of each cell inside the field, for free travel; named by row and column."""
-    rows, columns = np.nonzero(grid.mask)
-    return tuple(
-        Stop(f"r{row}c{column}", x, y)
-        for row, column, (x, y) in zip(rows.tolist(), columns.tolist(), grid.cells.tolist(), strict=True)
+# What a mission on a real field needs ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplorerSettings:
+    """How stops are chosen, and where the robot may drive.
+
+    :param strategy: one of :data:`STRATEGIES`
+    :param preset: one of :data:`PRESETS`
+    :param seed: seed of the strategy's randomness
+    :param motion: how the robot moves
+    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
+    :param access: where the robot may drive
+    :param learn_travel: whether speed, turning time and stop overhead are learned from the legs driven
+    :param calibration: calibration that is there for an operator who asks for the map of the moisture
+    :param knowledge: what is known of the field before the survey
+    """
+
+    strategy: str
+    preset: str
+    seed: int
+    motion: RobotMotion
+    curve: MoistureCurve | None = None
+    access: AccessRules = NO_MARGIN
+    calibration: MoistureCurve | None = None
+    learn_travel: bool = True
+    knowledge: Knowledge = NOTHING
+
+    @property
+    def needs_map(self) -> bool:
+        """Whether the strategy cannot do without a map."""
+        return strategy_kind(self.strategy).needs_map
+
+    @property
+    def warm_up_stops(self) -> int:
+        """Samples to take before the map guides."""
+        return warm_up(self.strategy, self.preset)[0]
+
+
+OpenSurvey = Callable[[Changes], tuple[Field, ExplorerSettings]]
+"""Opens the field, earlier runs and covariates that an operator chooses; raises an ``InputError``."""
+
+
+def changed_settings(settings: ExplorerSettings, changes: Changes | None) -> ExplorerSettings:
+    """How stops are chosen after an operator's changes."""
+    if changes is None:
+        return settings
+    curve = settings.curve
+    if changes.target is not None:
+        curve = settings.calibration if changes.target == "vwc" else None
+    strategy = settings.strategy if changes.strategy is None else changes.strategy
+    return replace(settings, strategy=strategy, curve=curve)
+
+
+STREAMS_PER_ROBOT = 3
+"""Random streams of each robot of a mission: those of its sensor, of its strategy and of its GNSS receiver."""
+
+
+def strategy_stream(seed: int, robot: int = 0) -> np.random.Generator:
+    """Random choices of a strategy: planner and simulator draw the same stops with the same seed.
+
+    :param seed: seed of the mission
+    :param robot: number of the robot, from 0
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(STREAMS_PER_ROBOT * robot + 1,)))
+
+
+def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
+    """An explorer for one mission.
+
+    :param access: where the robot may go
+    :param settings: how stops are chosen
+    :param rules: those of the mission
+    """
+    planning = FieldMapSettings(for_planning=True)
+    return Explorer(
+        [Property(FieldMap(access.grid, planning, settings.knowledge), curve=settings.curve)],
+        access.stops,
+        access.travel,
+        make_strategy(settings.strategy, settings.preset),
+        warm_up(settings.strategy, settings.preset)[1],
+        rules,
+        strategy_stream(settings.seed),
+        nominal_rate_cps(settings.calibration),
     )
+
+
+def nominal_rate_cps(calibration: MoistureCurve | None) -> float:
+    """Expected rate before the first record: that at 15 % moisture by the calibration, if any [counts/s]."""
+    return 4.0 if calibration is None else float(calibration.rate_cps(0.15))
+
+
+def first_forecast(grid: FieldGrid, settings: ExplorerSettings, budget_s: float) -> Forecast:
+    """The forecast before a mission starts.
+
+    :param grid: grid of the field
+    :param settings: how stops are chosen
+    :param budget_s: mission time [s]
+    """
+    expected = _expected_fit(grid, settings.knowledge)
+    rate_cps = nominal_rate_cps(settings.calibration) if expected is None else expected.mean_rate
+    slope = None if settings.curve is None else math.sqrt(float(settings.curve.weight([rate_cps])[0]))
+    return _first_forecast(grid, rate_cps, budget_s, slope, expected)
+
+
+@lru_cache(maxsize=4)
+def _first_forecast(
+    grid: FieldGrid,
+    rate_cps: float,
+    budget_s: float,
+    slope: float | None,
+    expected: VariogramFit | None,
+) -> Forecast:
+    cells_xy = grid.cells[spread_cells(grid.mask, FORECAST_CELLS)[grid.mask]]
+    return prior_forecast(cells_xy, grid.extent_m, rate_cps, budget_s, slope, expected)
+
+
+@lru_cache(maxsize=2)
+def _expected_fit(grid: FieldGrid, knowledge: Knowledge) -> VariogramFit | None:
+    return FieldMap(grid, knowledge=knowledge).expected_fit

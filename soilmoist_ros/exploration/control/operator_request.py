@@ -11,7 +11,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings
+from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.mission.events import Command
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD, Changes, MissionRules, Verb

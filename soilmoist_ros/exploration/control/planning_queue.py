@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from queue import SimpleQueue
 from typing import NamedTuple
 
-from soilmoist_ros.exploration.control.explorer import Explorer
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess, make_explorer
+from soilmoist_ros.exploration.control.explorer import Explorer, ExplorerSettings, make_explorer
+from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind

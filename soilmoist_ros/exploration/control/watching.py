@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from soilmoist_ros.exploration.control.mission_setup import FieldAccess
+from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.watch import NEAR_ROUTE_M, Doing, Surroundings, Watch
 from soilmoist_ros.exploration.mission.events import ClockStepped, Event

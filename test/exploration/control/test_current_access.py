@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from test_access import FIELD, MAP, PLACES, RADIUS, graph
 
-from soilmoist_ros.exploration.control.current_access import CurrentAccess
+from soilmoist_ros.exploration.control.field_access import CurrentAccess
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import InputError
 

@@ -10,14 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.control.mission_setup import (
-    AccessRules,
+from soilmoist_ros.exploration.control.explorer import (
     ExplorerSettings,
-    FieldAccess,
     first_forecast,
     make_explorer,
     nominal_rate_cps,
 )
+from soilmoist_ros.exploration.control.field_access import AccessRules, FieldAccess
 from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell

@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_mission_control import Around
 
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings
+from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.control.operator_request import (
     OperatorRequest,
     ReplyCode,

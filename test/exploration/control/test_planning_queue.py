@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess, make_explorer
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings, make_explorer
+from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
 from soilmoist_ros.exploration.control.team import PendingMeasurement
 from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.control.explorer import Explorer, ExplorerSettings
+from soilmoist_ros.exploration.control.field_access import AccessRules, cell_stops
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
-from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.control.team import (
     PendingMeasurement,

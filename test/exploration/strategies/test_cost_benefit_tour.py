@@ -5,7 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
+from soilmoist_ros.exploration.control.explorer import Explorer
+from soilmoist_ros.exploration.control.field_access import cell_stops
 from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, Optimal

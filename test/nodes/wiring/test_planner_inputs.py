@@ -14,8 +14,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from msg_adapters.model import Model, model_to_message
-from soilmoist_ros.exploration.control.current_access import CurrentAccess
-from soilmoist_ros.exploration.control.mission_setup import AccessRules
+from soilmoist_ros.exploration.control.field_access import AccessRules, CurrentAccess
 from soilmoist_ros.exploration.guard.robot_frames import FIELD, MAP, FrameSettings, RobotFrames
 from soilmoist_ros.exploration.guard.watch import Doing, Watch
 from soilmoist_ros.exploration.travel.stop import Stop

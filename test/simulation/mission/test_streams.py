@@ -7,12 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.mission_setup import (
-    ExplorerSettings,
-    FieldAccess,
-    make_explorer,
-    strategy_stream,
-)
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings, make_explorer, strategy_stream
+from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
