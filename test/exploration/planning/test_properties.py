@@ -16,7 +16,7 @@ from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, MarginalValue, parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
-from soilmoist_ros.exploration.planning.properties import Property, variation
+from soilmoist_ros.exploration.planning.properties import Property, property_name, property_weights, variation
 from soilmoist_ros.exploration.strategies.cost_benefit_tour import Ground, design
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
@@ -229,3 +229,42 @@ def test_without_a_price_a_second_property_alone_is_reason_to_count():
     assert rule.expected_s(4.0) == rule.longest_s
     assert MarginalValue(0.0, 1.0, 0.0, others=((0.0, 1.0, 1.0),)).expected_s(4.0) == 0.0
     assert not math.isnan(rule.progress(10, 20.0))
+
+
+# Names of further properties ------------------------------------------------------------------------------------
+
+
+def test_names_with_and_without_weights():
+    texts = ["compaction:0.5", "/salt", "r1/clay/", "/depth_2:0", "compaction:2"]
+    assert property_weights(texts) == {"compaction": 2.0, "/salt": 1.0, "r1/clay": 1.0, "/depth_2": 0.0}
+    assert property_weights([]) == {}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "/", "a b", "2nd", "a//b", "a/2", "a-b", "a:", "a:much", "a:-1", "a:nan", "a:inf"]
+)
+def test_what_is_no_namespace_with_a_weight_is_refused(text):
+    with pytest.raises(InputError, match="is not a namespace with a weight"):
+        property_weights([text])
+
+
+@pytest.mark.parametrize(
+    ("field", "name"),
+    [
+        ("rough", "rough"),
+        ("synthetic-low", "synthetic_low"),
+        ("fields/my clay.yaml", "my_clay"),
+        ("fields/layer.2.yml", "layer_2"),
+        ("2nd.yaml", "property_2nd"),
+    ],
+)
+def test_the_name_of_a_field_makes_a_namespace(field, name):
+    assert property_name(field) == name
+
+
+@pytest.mark.slow
+@given(st.text())
+def test_any_name_makes_one(field):
+    name = property_name(field)
+    assert property_weights([name]) == {name: 1.0}
+    assert "/" not in name
