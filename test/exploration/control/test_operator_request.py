@@ -15,12 +15,7 @@ from test_mission_control import Around
 
 from soilmoist_ros.exploration.control.explorer import ExplorerSettings
 from soilmoist_ros.exploration.control.field_access import FieldAccess
-from soilmoist_ros.exploration.control.operator_request import (
-    OperatorRequest,
-    ReplyCode,
-    RequestError,
-    Requests,
-)
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode, RequestError, Requests
 from soilmoist_ros.exploration.mission.events import AlarmOver, Command, Moved, Tick
 from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.mission import Mission

@@ -17,13 +17,7 @@ from soilmoist_ros.exploration.control.field_access import AccessRules, cell_sto
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
-from soilmoist_ros.exploration.control.team import (
-    PendingMeasurement,
-    Team,
-    foreseen,
-    pending_measurement,
-    taken,
-)
+from soilmoist_ros.exploration.control.team import PendingMeasurement, Team, foreseen, pending_measurement, taken
 from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, PlanKind, Verb

@@ -10,7 +10,7 @@ import pytest
 ASK_AT_ONCE = """
 from threading import Thread
 import numpy as np
-from soilmoist_ros.exploration.travel.drivable_area import (DrivableArea)
+from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
 
 outline, pond = [(0, 0), (50, 0), (50, 50), (0, 50)], [(20, 20), (30, 20), (30, 30), (20, 30)]
 
