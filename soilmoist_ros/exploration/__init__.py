@@ -94,8 +94,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.types import Polygons as Polygons
     from soilmoist_ros.exploration.mission.types import Response as Response
     from soilmoist_ros.exploration.mission.types import Verb as Verb
-    from soilmoist_ros.exploration.mission.types import Visit as Visit
-    from soilmoist_ros.exploration.mission.types import VisitEnd as VisitEnd
+    from soilmoist_ros.exploration.mission.visit import Visit as Visit
+    from soilmoist_ros.exploration.mission.visit import VisitEnd as VisitEnd
     from soilmoist_ros.exploration.navigation.goal_client import ACTIVE as ACTIVE
     from soilmoist_ros.exploration.navigation.goal_client import ENDED as ENDED
     from soilmoist_ros.exploration.navigation.goal_client import ActionStatus as ActionStatus
@@ -130,8 +130,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.planning.planning_model import spread_cells as spread_cells
     from soilmoist_ros.exploration.planning.properties import Property as Property
     from soilmoist_ros.exploration.planning.properties import correction_factor as correction_factor
-    from soilmoist_ros.exploration.planning.properties import property_name as property_name
-    from soilmoist_ros.exploration.planning.properties import property_weights as property_weights
+    from soilmoist_ros.exploration.planning.property_names import property_name as property_name
+    from soilmoist_ros.exploration.planning.property_names import property_weights as property_weights
     from soilmoist_ros.exploration.planning.prospect import Counting as Counting
     from soilmoist_ros.exploration.strategies.registry import BUILT_IN as BUILT_IN
     from soilmoist_ros.exploration.strategies.registry import STRATEGIES as STRATEGIES
@@ -183,7 +183,8 @@ __getattr__, __dir__, __all__ = open_door(
         "mission.journal": "EVENT Journal MissionJournal interrupted_mission interrupted_records is_under_way noted_records",
         "mission.mission": "Mission",
         "mission.state": "state_from_json",
-        "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT OnSilence PUBLISHED_MIN_LAST_DWELL_S Phase Polygons READY Response TRIGGERS Verb Visit VisitEnd",
+        "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT OnSilence PUBLISHED_MIN_LAST_DWELL_S Phase Polygons READY Response TRIGGERS Verb",
+        "mission.visit": "Visit VisitEnd",
         "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure progress",
         "navigation.navigator": "Ended FramedNavigator Navigator",
         "navigation.pose_client": "CancelAll PoseClient PoseRequest SendPose drivers",
@@ -192,7 +193,8 @@ __getattr__, __dir__, __all__ = open_door(
         "planning.efficiency": "least_variance",
         "planning.forecast": "Forecast forecast_from_text forecast_to_text hundredths",
         "planning.planning_model": "MIN_RATE_CPS spread_cells",
-        "planning.properties": "Property correction_factor property_name property_weights",
+        "planning.properties": "Property correction_factor",
+        "planning.property_names": "property_name property_weights",
         "planning.prospect": "Counting",
         "strategies.registry": "BUILT_IN STRATEGIES StrategyKind make_strategy strategy_kind warm_up",
         "strategies.strategy": "Choice Situation Strategy",

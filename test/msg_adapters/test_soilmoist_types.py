@@ -30,16 +30,8 @@ from msg_adapters.soilmoist_types import (
     visit_to_message,
 )
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
-from soilmoist_ros.exploration.mission.types import (
-    Alarm,
-    MissionEnd,
-    MissionStatus,
-    Phase,
-    Response,
-    Verb,
-    Visit,
-    VisitEnd,
-)
+from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response, Verb
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.mapping.field_map import MapState

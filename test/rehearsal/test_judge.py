@@ -12,15 +12,8 @@ import pytest
 from rehearsal.cases import Ground
 from rehearsal.judge import Judge, Kind
 from soilmoist_ros.exploration.mission.events import Finish
-from soilmoist_ros.exploration.mission.types import (
-    Alarm,
-    MissionEnd,
-    MissionStatus,
-    Phase,
-    Response,
-    Visit,
-    VisitEnd,
-)
+from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame

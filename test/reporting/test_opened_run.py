@@ -10,7 +10,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.mission.types import Visit
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting import open_run, write_mission, write_outputs
 from soilmoist_ros.simulation import MissionSettings, simulate_mission

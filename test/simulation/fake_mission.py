@@ -8,7 +8,7 @@ import zlib
 
 import numpy as np
 
-from soilmoist_ros.exploration.mission.types import Visit
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve

@@ -20,8 +20,9 @@ from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen,
 from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
-from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
-from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster, prior_forecast
+from soilmoist_ros.exploration.planning.forecast import Forecast
+from soilmoist_ros.exploration.planning.forecaster import MAX_CELLS as FORECAST_CELLS
+from soilmoist_ros.exploration.planning.forecaster import Forecaster, prior_forecast
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Property, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
@@ -50,15 +51,12 @@ _ON_THE_WAY_TOO = Counting()
 class Plan:
     """The answer to a plan request.
 
-    :param choice: the next stop, ``None`` if nothing is worth going to or can be reached
-    :param travel_s: travel time to it [s], ``None`` without a choice
-    :param forecast: a new forecast of the map, ``None`` if the last one is recent
     :param home_s: travel time home from it, or from where the robot stays without a choice [s]; 0 without a home
     """
 
-    choice: Choice | None
-    travel_s: float | None
-    forecast: Forecast | None = None
+    choice: Choice | None  # the next stop, ``None`` if nothing is worth going to or can be reached
+    travel_s: float | None  # travel time to it [s], ``None`` without a choice
+    forecast: Forecast | None = None  # a new forecast of the map, ``None`` if the last one is recent
     home_s: float = 0.0
 
 

@@ -61,15 +61,8 @@ from soilmoist_ros.exploration.mission.events import (
 )
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import SDS, Mission
-from soilmoist_ros.exploration.mission.types import (
-    Changes,
-    MissionRules,
-    MissionStatus,
-    Phase,
-    PlanKind,
-    Verb,
-    Visit,
-)
+from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
 from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
 from soilmoist_ros.exploration.planning.properties import correction_factor

@@ -33,24 +33,17 @@ _log = logging.getLogger(__name__)
 class PropertyMap:
     """The newest map of a property, as far as it has come.
 
-    :param name: namespace of its mapper, empty for the robot's own
-    :param weight: what a share of its variation is worth, compared with the weights of the others
-    :param required: whether its counts decide the mission: stops are not chosen by maps that lack them
-    :param factor: product of the correction factors of its last record [-]
-    :param samples: merged samples, with the time of the last record in them [s]
-    :param fit: their variogram, with the time of the last record in it [s]
     :param changing: with it, the drift of the map and its samples by place and time; ``None`` without a drift
-    :param late: whether it was waited for in vain, and nothing has come since
     """
 
-    name: str
-    weight: float = 1.0
-    required: bool = False
-    factor: float = 1.0
-    samples: tuple[Samples, float] | None = None
-    fit: tuple[VariogramFit, float] | None = None
+    name: str  # namespace of its mapper, empty for the robot's own
+    weight: float = 1.0  # what a share of its variation is worth, compared with the weights of the others
+    required: bool = False  # whether its counts decide the mission: stops are not chosen by maps that lack them
+    factor: float = 1.0  # product of the correction factors of its last record [-]
+    samples: tuple[Samples, float] | None = None  # merged samples, with the time of the last record in them [s]
+    fit: tuple[VariogramFit, float] | None = None  # their variogram, with the time of the last record in it [s]
     changing: Changing | None = None
-    late: bool = False
+    late: bool = False  # whether it was waited for in vain, and nothing has come since
 
     @property
     def is_complete(self) -> bool:
@@ -73,20 +66,13 @@ class PropertyMap:
 
 @dataclass(frozen=True, eq=False)
 class PlanJob:
-    """A request that can be answered now.
+    """A request that can be answered now."""
 
-    :param request: what the mission asks for
-    :param place: where the robot is [m]
-    :param maps: the newest map of each property, in the order in which they were announced
-    :param late: whether a required map lacks what was measured last, because it did not come in time
-    :param others: pending measurements of other robots on the field
-    """
-
-    request: RequestPlan
-    place: tuple[float, float]
-    maps: tuple[PropertyMap, ...]
-    late: bool = False
-    others: tuple[PendingMeasurement, ...] = ()
+    request: RequestPlan  # what the mission asks for
+    place: tuple[float, float]  # where the robot is [m]
+    maps: tuple[PropertyMap, ...]  # the newest map of each property, in the order in which they were announced
+    late: bool = False  # whether a required map lacks what was measured last, because it did not come in time
+    others: tuple[PendingMeasurement, ...] = ()  # pending measurements of other robots on the field
 
 
 OWN = PropertyMap("", required=True)
@@ -221,18 +207,12 @@ def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:
 
 
 class Terms(NamedTuple):
-    """What a stop is chosen under.
+    """What a stop is chosen under."""
 
-    :param started_s: start of the mission [s]
-    :param access: where the robot may go
-    :param settings: how stops are chosen, with the changes of an operator
-    :param rules: rules of the mission, with the changes of an operator
-    """
-
-    started_s: float | None
-    access: FieldAccess
-    settings: ExplorerSettings
-    rules: MissionRules
+    started_s: float | None  # start of the mission [s]
+    access: FieldAccess  # where the robot may go
+    settings: ExplorerSettings  # how stops are chosen, with the changes of an operator
+    rules: MissionRules  # rules of the mission, with the changes of an operator
 
     def same_explorer(self, other: Terms) -> bool:
         """Whether one explorer serves both."""

@@ -136,24 +136,15 @@ def places(pending_measurements: Sequence[PendingMeasurement]) -> Array:
 
 @dataclass
 class OtherRobot:
-    """Another robot of the team, by the statuses of its mission.
+    """Another robot of the team, by the statuses of its mission."""
 
-    :param goes_first: whether it drives first where two robots meet
-    :param status: the last status of its mission; ``None`` before the first
-    :param heard_s: when it came, on the mission clock [s]
-    :param silent_s: steady time since then [s]
-    :param clock_s: its clock minus the own one, if the last two statuses agree on a difference [s]
-    :param stranger: why its statuses are not used; empty if they are
-    :param velocity: how it moves, east and north [m/s]
-    """
-
-    goes_first: bool = False
-    status: MissionStatus | None = None
-    heard_s: float = -math.inf
-    silent_s: float = 0.0
-    clock_s: float = 0.0
-    stranger: str = ""
-    velocity: Place = (0.0, 0.0)
+    goes_first: bool = False  # whether it drives first where two robots meet
+    status: MissionStatus | None = None  # the last status of its mission; ``None`` before the first
+    heard_s: float = -math.inf  # when it came, on the mission clock [s]
+    silent_s: float = 0.0  # steady time since then [s]
+    clock_s: float = 0.0  # its clock minus the own one, if the last two statuses agree on a difference [s]
+    stranger: str = ""  # why its statuses are not used; empty if they are
+    velocity: Place = (0.0, 0.0)  # how it moves, east and north [m/s]
     _off_s: float = math.nan
 
     def hear(self, status: MissionStatus, now_s: float, clock_s: float, goes_first: bool) -> None:

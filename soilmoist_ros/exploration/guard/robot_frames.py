@@ -55,16 +55,13 @@ class Transform:
 class FramePose:
     """Pose of a frame in another, seen from above.
 
-    :param x_m: x of its origin [m]
-    :param y_m: y of its origin [m]
-    :param yaw_rad: direction of its x axis, counter-clockwise [rad]
     :param age_s: age of the oldest transform in it [s]: since its stamp or its arrival, whichever is longer; 0 if
         all are static
     """
 
-    x_m: float
-    y_m: float
-    yaw_rad: float
+    x_m: float  # x of its origin [m]
+    y_m: float  # y of its origin [m]
+    yaw_rad: float  # direction of its x axis, counter-clockwise [rad]
     age_s: float
 
 
@@ -207,22 +204,14 @@ class Agreement(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class FrameVerdict:
-    """Result of a comparison.
+    """Result of a comparison."""
 
-    :param agreement: whether TF and fixes agree
-    :param message: the result in words, with the remedy
-    :param east_m: median of TF minus fix, east [m]; NaN if unknown
-    :param north_m: the same, north [m]
-    :param limit_m: largest distance that agrees, with the allowance for motion [m]
-    :param pairs: number of pairs compared
-    """
-
-    agreement: Agreement
-    message: str
-    east_m: float = math.nan
-    north_m: float = math.nan
-    limit_m: float = math.nan
-    pairs: int = 0
+    agreement: Agreement  # whether TF and fixes agree
+    message: str  # the result in words, with the remedy
+    east_m: float = math.nan  # median of TF minus fix, east [m]; NaN if unknown
+    north_m: float = math.nan  # the same, north [m]
+    limit_m: float = math.nan  # largest distance that agrees, with the allowance for motion [m]
+    pairs: int = 0  # number of pairs compared
 
     @property
     def distance_m(self) -> float:
@@ -434,16 +423,11 @@ class FrameSettings:
 
 @dataclass(frozen=True, slots=True)
 class RobotPose:
-    """Pose of the robot's base in the plane of the field.
+    """Pose of the robot's base in the plane of the field."""
 
-    :param place_m: east and north [m]
-    :param yaw_rad: heading, counter-clockwise from east [rad]; NaN if unknown
-    :param covariance_m2: covariance of the fix [m^2], NaN if unknown
-    """
-
-    place_m: Place
-    yaw_rad: float
-    covariance_m2: Covariance = UNKNOWN_COVARIANCE
+    place_m: Place  # east and north [m]
+    yaw_rad: float  # heading, counter-clockwise from east [rad]; NaN if unknown
+    covariance_m2: Covariance = UNKNOWN_COVARIANCE  # covariance of the fix [m^2], NaN if unknown
 
 
 class RobotFrames:

@@ -10,16 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from soilmoist_ros.exploration.mission.types import (
-    Alarm,
-    Changes,
-    MissionEnd,
-    PlanKind,
-    Polygon,
-    Polygons,
-    Verb,
-    Visit,
-)
+from soilmoist_ros.exploration.mission.types import Alarm, Changes, MissionEnd, PlanKind, Polygon, Polygons, Verb
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -160,30 +152,20 @@ class AlarmOver:
 
 @dataclass(frozen=True, slots=True)
 class EmergencyStop:
-    """Somebody has pressed or released an emergency stop; releasing it moves nothing.
+    """Somebody has pressed or released an emergency stop; releasing it moves nothing."""
 
-    :param now_s: time [s]
-    :param active: whether it is pressed
-    :param source: which one
-    """
-
-    now_s: float
-    active: bool
-    source: str = ""
+    now_s: float  # time [s]
+    active: bool  # whether it is pressed
+    source: str = ""  # which one
 
 
 @dataclass(frozen=True, slots=True)
 class ClockStarted:
-    """Mission time follows a steady clock.
+    """Mission time follows a steady clock."""
 
-    :param now_s: time [s]
-    :param boot: names the start of the computer from which steady time counts
-    :param offset_s: mission time minus steady time [s]
-    """
-
-    now_s: float
-    boot: str
-    offset_s: float
+    now_s: float  # time [s]
+    boot: str  # names the start of the computer from which steady time counts
+    offset_s: float  # mission time minus steady time [s]
 
 
 @dataclass(frozen=True, slots=True)

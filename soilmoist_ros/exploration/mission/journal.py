@@ -21,7 +21,8 @@ from soilmoist_ros.exploration.mission.state import (
     state_from_json,
     visit_to_dict,
 )
-from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb, Visit
+from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing import CountRecord
 

@@ -58,9 +58,9 @@ from soilmoist_ros.exploration.mission.events import (
     VisitDone,
 )
 from soilmoist_ros.exploration.mission.state import (
-    Counting,
     Goal,
     MissionState,
+    OpenVisit,
     PendingPlan,
     QueuedStop,
     RuledOut,
@@ -89,9 +89,8 @@ from soilmoist_ros.exploration.mission.types import (
     PlanKind,
     Response,
     Verb,
-    Visit,
-    VisitEnd,
 )
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import DwellRule, parse_dwell
 from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, is_polygon
@@ -242,7 +241,7 @@ class Step:
         return self.state.target
 
     @property
-    def counting(self) -> Counting:
+    def counting(self) -> OpenVisit:
         """The visit that is open."""
         assert self.state.counting is not None
         return self.state.counting
@@ -918,14 +917,14 @@ class Step:
         home_s = 0.0 if self.state.target is None else self.state.target.home_s
         return self.started_s + self.rules.budget_s - self.rules.way_home_s(self.place, home_s)
 
-    # Counting ------------------------------------------------------------------------------------------------
+    # Counting -------------------------------------------------------------------------------------------------
 
     def arrive(self, place: Place | None = None) -> None:
         """The robot is at its stop: count there."""
         now_s, sd_m = self.now_s, self.state.position_sd_m
-        self.count(Counting(*(place or self.place), arrived_s=now_s, since_s=now_s, heard_s=now_s, sd_m=sd_m))
+        self.count(OpenVisit(*(place or self.place), arrived_s=now_s, since_s=now_s, heard_s=now_s, sd_m=sd_m))
 
-    def count(self, counting: Counting) -> None:
+    def count(self, counting: OpenVisit) -> None:
         """Count from now on."""
         self.state = replace(self.state, counting=counting)
         self.enter(Phase.COUNTING, self.counting_reason())
@@ -1024,7 +1023,7 @@ class Step:
             self.do(VisitDone(self.visit(target, counting, code, reason)))
         return counting.records
 
-    def visit(self, target: Target, counting: Counting, code: VisitEnd, reason: str) -> Visit:
+    def visit(self, target: Target, counting: OpenVisit, code: VisitEnd, reason: str) -> Visit:
         """The visit of a stop."""
         return Visit(
             name=target.stop.name,

@@ -180,18 +180,12 @@ _NUMBER_TRIES = 8
 
 @dataclass(frozen=True, eq=False)
 class Tour:
-    """A tour over stops of a ground.
+    """A tour over stops of a ground."""
 
-    :param stops: rows in the order of the visits
-    :param dwell_s: dwell at each [s]
-    :param time_s: time of the tour [s]
-    :param planned_s: dwell for which the number of stops was chosen [s]
-    """
-
-    stops: Indices
-    dwell_s: float
-    time_s: float
-    planned_s: float
+    stops: Indices  # rows in the order of the visits
+    dwell_s: float  # dwell at each [s]
+    time_s: float  # time of the tour [s]
+    planned_s: float  # dwell for which the number of stops was chosen [s]
 
 
 def design(ground: Ground, time_s: float, rng: np.random.Generator, dwell_s: float | None = None) -> Tour | None:
@@ -374,14 +368,10 @@ MIN_STOPS = 3
 
 @dataclass
 class CostBenefitTour:
-    """The next stop of the tour of the current pass.
+    """The next stop of the tour of the current pass."""
 
-    :param begun_s: time left at the first choice [s]
-    :param ahead: stops of the tour that are still to come, in order
-    """
-
-    begun_s: float | None = None
-    ahead: tuple[Stop, ...] = ()
+    begun_s: float | None = None  # time left at the first choice [s]
+    ahead: tuple[Stop, ...] = ()  # stops of the tour that are still to come, in order
     _end_s: float = field(default=0.0, repr=False)
     _done: list[tuple[float, float]] = field(default_factory=list, repr=False)
     _dwell_s: float = field(default=0.0, repr=False)

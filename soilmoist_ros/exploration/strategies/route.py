@@ -23,18 +23,12 @@ ITERATIONS = 50
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """An order of visits.
+    """An order of visits."""
 
-    :param order: indices of the targets in the order of the visits
-    :param travel_s: time on the way [s]; inf if no order avoids an impossible leg
-    :param arrival_s: arrival at each target of the order, counted from the start [s]
-    :param duration_s: time until the last target has been served [s]
-    """
-
-    order: tuple[int, ...]
-    travel_s: float
-    arrival_s: Array
-    duration_s: float
+    order: tuple[int, ...]  # indices of the targets in the order of the visits
+    travel_s: float  # time on the way [s]; inf if no order avoids an impossible leg
+    arrival_s: Array  # arrival at each target of the order, counted from the start [s]
+    duration_s: float  # time until the last target has been served [s]
 
 
 def open_route(

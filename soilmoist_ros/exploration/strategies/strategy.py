@@ -118,9 +118,6 @@ _ROUNDING = 1e-9
 class Preset:
     """Constants of the published strategies.
 
-    :param name: name of the preset
-    :param warm_up_samples: samples at random places before the first model
-    :param keep_away_cells: minimum distance of new targets from measured places [cells]
     :param monte_carlo_floor: Monte Carlo draws from candidates whose kriging variance is above this multiple of
         the mean of the map
     :param drop_below_sd: Adaptive Sampling drops targets whose kriging variance is below the mean of the map
@@ -129,9 +126,9 @@ class Preset:
         ``None``: as many targets as fit into the time left, travel and dwell included
     """
 
-    name: str
-    warm_up_samples: int = 3
-    keep_away_cells: float = 0.0
+    name: str  # name of the preset
+    warm_up_samples: int = 3  # samples at random places before the first model
+    keep_away_cells: float = 0.0  # minimum distance of new targets from measured places [cells]
     monte_carlo_floor: float = 0.0
     drop_below_sd: float = 0.0
     samples_per_hour: float | None = None

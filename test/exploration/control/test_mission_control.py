@@ -13,7 +13,8 @@ from soilmoist_ros.exploration.control.explorer import ExplorerSettings
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
-from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb, VisitEnd
+from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb
+from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion

@@ -19,7 +19,8 @@ from soilmoist_ros.exploration.control.operator_request import OperatorRequest, 
 from soilmoist_ros.exploration.mission.events import AlarmOver, Command, Moved, Tick
 from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import Alarm, MissionRules, Phase, Response, Verb, VisitEnd
+from soilmoist_ros.exploration.mission.types import Alarm, MissionRules, Phase, Response, Verb
+from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import RobotMotion

@@ -14,7 +14,8 @@ from soilmoist_ros.exploration.mission.journal import (
 )
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import visit_from_dict
-from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb, Visit, VisitEnd
+from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop

@@ -32,7 +32,8 @@ from soilmoist_ros.exploration.mission.events import (
 )
 from soilmoist_ros.exploration.mission.mission import Mission, step
 from soilmoist_ros.exploration.mission.state import MissionState, event_from_dict, event_to_dict
-from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, OnSilence, Phase, PlanKind, Verb, VisitEnd
+from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, OnSilence, Phase, PlanKind, Verb
+from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.strategies.strategy import Choice

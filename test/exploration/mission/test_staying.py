@@ -21,7 +21,8 @@ from soilmoist_ros.exploration.mission.events import (
     VisitDone,
 )
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb, VisitEnd
+from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb
+from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 

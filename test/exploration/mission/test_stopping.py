@@ -19,7 +19,8 @@ from soilmoist_ros.exploration.mission.events import (
     Tick,
     VisitDone,
 )
-from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, Phase, Response, VisitEnd
+from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, Phase, Response
+from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.stop import Stop
 

@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.planning import forecast as forecaster
-from soilmoist_ros.exploration.planning.forecast import (
+from soilmoist_ros.exploration.planning.forecast import Forecast, forecast_from_text, forecast_to_text
+from soilmoist_ros.exploration.planning.forecaster import (
     CERTAIN,
     SHOWN,
-    Forecast,
     Forecaster,
     differences,
-    forecast_from_text,
-    forecast_to_text,
     map_forecast,
     prior_forecast,
 )

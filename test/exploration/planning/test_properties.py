@@ -16,7 +16,8 @@ from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, MarginalValue, parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
-from soilmoist_ros.exploration.planning.properties import Property, property_name, property_weights, variation
+from soilmoist_ros.exploration.planning.properties import Property, variation
+from soilmoist_ros.exploration.planning.property_names import property_name, property_weights
 from soilmoist_ros.exploration.strategies.cost_benefit_tour import Ground, design
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from soilmoist_ros.exploration.mission.types import Visit
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.recording import write_records
 from soilmoist_ros.reporting import open_run, write_geotiff, write_samples
 from soilmoist_ros.reporting.exports.source import RunSource, open_source

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.mission.types import Visit
+from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.plain_values import csv_text, text_of_csv
 from soilmoist_ros.reporting.files.mission_tables import write_visits
 from soilmoist_ros.reporting.opened_run import OpenedRun

@@ -1,0 +1,82 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A visit: a stop that a robot has driven to and counted at. Light to import: many read only visits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class VisitEnd(StrEnum):
+    """Why counting ended at a stop."""
+
+    ENOUGH = "enough"
+    """The dwell rule was met."""
+    MAX_DWELL = "max_dwell"
+    """The longest dwell was over before the dwell rule was met."""
+    TIME_UP = "time_up"
+    """The rest of the budget was needed for the way home, or there was none."""
+    MOVED = "moved"
+    """The robot was moved away from the stop, in a pause or while it counted."""
+    SKIPPED = "skipped"
+    """The stop was skipped, by the operator or for another robot."""
+    ABORTED = "aborted"
+    """The operator aborted the mission."""
+    SILENT_SENSOR = "silent_sensor"
+    """No record arrived, and the mission was aborted for it."""
+    RETURNED = "returned"
+    """The operator sent the robot home."""
+    FAILSAFE = "failsafe"
+    """The guard reported a danger that ended the mission."""
+    UNKNOWN = "unknown"
+    """The recording does not say."""
+
+
+@dataclass(frozen=True)
+class Visit:
+    """What was counted at a stop, from arrival to the end of counting.
+
+    Only records that were counted wholly after the arrival, outside pauses, and near the stop belong to it. Its
+    counts are those that the mission decided on; nothing is added afterwards.
+
+    :param name: name of the stop
+    :param x_m: where the robot stood: east of the field's datum [m]
+    :param y_m: north [m]
+    :param arrived_s: mission time of arrival, from the start of the mission [s]
+    :param dwell_s: time spent counting, pauses left out [s]
+    :param raw_counts: raw counts of its records
+    :param reason: why the stop was chosen
+    :param robot: number of the robot, from 1
+    :param records: number of its records; 0 if unknown
+    :param exposure_s: their exposure [s]; NaN if unknown
+    :param effective_exposure_s: their effective exposure [s]; NaN if unknown
+    :param ended: why counting ended
+    :param outcome: the same in words, with what was reached
+    :param dwell: dwell rule of the mission, as text
+    :param arrival_stamp_s: time of arrival on the clock that stamps the records: ROS time, or the simulator's [s];
+        NaN if unknown
+    :param end_stamp_s: time at which counting ended, on the same clock [s]; NaN if unknown
+    :param stop_x_m: place of the stop as planned: east [m]; NaN if unknown
+    :param stop_y_m: north [m]; NaN if unknown
+    """
+
+    name: str
+    x_m: float
+    y_m: float
+    arrived_s: float
+    dwell_s: float
+    raw_counts: int
+    reason: str
+    robot: int = 1
+    records: int = 0
+    exposure_s: float = math.nan
+    effective_exposure_s: float = math.nan
+    ended: VisitEnd = VisitEnd.UNKNOWN
+    outcome: str = ""
+    dwell: str = ""
+    arrival_stamp_s: float = math.nan
+    end_stamp_s: float = math.nan
+    stop_x_m: float = math.nan
+    stop_y_m: float = math.nan
