@@ -58,7 +58,7 @@ from soilmoist_ros.console.plan.outline import outline
 from soilmoist_ros.console.plan.work import TASKS
 from soilmoist_ros.console.requests import request_from_json
 from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, interrupted_records
-from soilmoist_ros.exploration.mission.stored import state_from_json
+from soilmoist_ros.exploration.mission.state import state_from_json
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
