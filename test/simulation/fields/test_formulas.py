@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.formulas import FAMILIES, formula, random_field
 from soilmoist_ros.simulation.fields.rate_grid import Extent
