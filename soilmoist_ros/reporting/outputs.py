@@ -50,6 +50,9 @@ GUESSED = (
     "Soil moisture map from cosmic-ray neutron counts, by Poisson kriging; illustrative calibration: the pattern "
     "is real, the level of the moisture is not"
 )
+_NO_RUNS: Mapping[str, Sequence[EarlierRun]] = MappingProxyType({})
+UNUSED_COUNTS = 0.01
+"""Share of the counts outside the stops up to which there is no note."""
 
 
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
@@ -232,10 +235,6 @@ def failed_summary(failed: FailedRun, outputs: Sequence[str] = ()) -> dict[str, 
 
 
 # The output folder of one simulated mission ---------------------------------------------------------------------
-
-_NO_RUNS: Mapping[str, Sequence[EarlierRun]] = MappingProxyType({})
-UNUSED_COUNTS = 0.01
-"""Share of the counts outside the stops up to which there is no note."""
 
 
 def write_mission(
