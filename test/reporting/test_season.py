@@ -14,8 +14,7 @@ from soilmoist_ros.mapping.moisture_bands import possible_moisture
 from soilmoist_ros.reporting import season as module
 from soilmoist_ros.reporting.season import SeasonSettings, make_season
 from soilmoist_ros.reporting.season_outputs import render_season, summary
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 pytestmark = pytest.mark.slow  # the season that all use takes long to make
 
