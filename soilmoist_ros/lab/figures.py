@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.lab.campaign_data import CampaignData, Case, strategies_in
 from soilmoist_ros.lab.mission_store import StoredMission
@@ -21,15 +21,12 @@ from soilmoist_ros.reporting import (
     INK,
     ORANGE,
     RATE,
-    SMALL,
     SOFT,
     UNCERTAIN,
     Picture,
-    colour_map,
+    colour_ramp,
     data_uri,
     dwell_text,
-    extension,
-    plain_axes,
     robust_range,
     strategy_text,
     strategy_traits,
@@ -51,7 +48,7 @@ MAX_EXAMPLES = 5
 KEYS_PER_ROW = 5
 KEY_IN = 0.55  # height of the strip below the examples [in]
 GREEN = "#009e73"
-NORMAL = 9.5  # size of text [pt]
+SMALL, NORMAL = 8.5, 9.5  # sizes of text [pt]
 PNG_DPI = 190
 LARGEST_SVG = 250_000  # larger drawings become pictures of pixels [bytes]
 TEXT_IN = 174 / 25.4  # width of the text of a journal page [in]
@@ -454,3 +451,27 @@ def _render(figure: Figure, kind: str) -> bytes:
     metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
     figure.savefig(stream, format=kind, dpi=PNG_DPI if kind == "png" else 72, metadata=metadata)
     return stream.getvalue()
+
+
+def colour_map(name: str) -> Any:
+    """The colours of a ramp of reports, as matplotlib takes them."""
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colour_ramp(name, 256) / 255, name)
+
+
+def plain_axes(axes: Axes, grid: str = "") -> Axes:
+    """Axes without the upper and right spines, and with light ticks."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(SOFT)
+    axes.tick_params(colors=SOFT, labelcolor=INK, labelsize=SMALL, length=3, width=0.8)
+    if grid:
+        axes.grid(axis=grid, color=FAINT, linewidth=0.7)  # type: ignore[arg-type]
+        axes.set_axisbelow(True)
+    return axes
+
+
+def extension(values: ArrayLike, low: float, high: float) -> str:
+    """The ends of a colour bar that need an arrow, as matplotlib's ``extend``."""
+    below, above = bool(np.nanmin(values, initial=low) < low), bool(np.nanmax(values, initial=high) > high)
+    return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
