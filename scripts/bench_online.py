@@ -26,7 +26,7 @@ import results
 from bench_mapping import RANGE_M, SILL, Task, make_task
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
-from soilmoist_ros.mapping.kriging.raster import RasterKriging
+from soilmoist_ros.mapping.kriging.rows import RasterKriging
 
 LIBKRIGING_SHARES = (1 / 30, 1 / 3, 2 / 3, 1.0)
 """Shares of the records after which libKriging is timed."""

@@ -30,7 +30,7 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.joint_fit import JointModel
 from soilmoist_ros.mapping.knowledge import NOTHING, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.kriging.raster import RasterKriging
+from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Progress
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.records import (

@@ -23,9 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation import optional_module
 from soilmoist_ros.mapping.drift import NO_CHANGE, Change, Changing
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.kriging.few_targets import KnownCovariances
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
-from soilmoist_ros.mapping.kriging.raster import RasterKriging
+from soilmoist_ros.mapping.kriging.rows import KnownCovariances, RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
 from soilmoist_ros.mapping.samples import Samples, noise_rate, pooled
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
