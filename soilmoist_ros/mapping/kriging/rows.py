@@ -41,14 +41,16 @@ BLOCK = 32
 MIN_TAIL = 8
 """Minimum rows of the tail, for places where robots stand now and the exposure grows with every record."""
 MAX_ROWS = 2000
-"""Maximum number of samples whose rows are kept: 256 MB on the largest raster."""
+"""Maximum number of samples."""
+MAX_ELEMENTS = 32_000_000
+"""Maximum number of stored covariances with targets (256 MB): 450 samples and 70,000 cells."""
 MAX_TARGETS, MAX_SAMPLES = 1000, 400
 """Numbers up to which :class:`FewTargets` takes half the time of :class:`KrigingRows` where old samples change,
 and at most some milliseconds where only the last one does."""
 _MIN_ROOM = 64
 """Samples for which memory is allocated at the start."""
 _CHUNK = 128
-"""Covariances of that many samples are computed, and added up, together."""
+"""Samples whose covariances with the targets are added up together."""
 _PART = 256
 """Elements of a row of L computed at a time."""
 
@@ -104,8 +106,10 @@ class RasterKriging:
         """
         places = merge_exactly(samples)[0]
         self.known = None
-        if len(self._xy) >= MIN_CELLS or len(places) > MAX_ROWS:
+        if len(places) > MAX_ROWS or len(places) * len(self._xy) > MAX_ELEMENTS:
             return None
+        if len(self._xy) >= MIN_CELLS and variogram.correlation_model.is_product:
+            return None  # tiles take a tenth of the memory, and little time
         few = len(self._xy) <= MAX_TARGETS and len(places) <= MAX_SAMPLES
         if self._cells is None or few != isinstance(self._cells, FewTargets):
             self._cells = (FewTargets if few else KrigingRows)(self._xy, self.keep_nugget)
@@ -129,15 +133,15 @@ class _Covariances:
     ----------
     between : NDArray
         covariances of the samples, below the diagonal; arbitrary numbers above it
-    with_targets : NDArray
-        covariances with the targets; more rows than samples
+    with_targets : list[NDArray]
+        covariances with the targets, :data:`_CHUNK` samples together
     amplitude : NDArray | None
         of the targets
     """
 
     def __init__(self, xy: Array) -> None:
         self.between = np.zeros((_MIN_ROOM, _MIN_ROOM))
-        self.with_targets = np.empty((_MIN_ROOM, len(xy)))
+        self.with_targets: list[Array] = []
         self.amplitude: Array | None = None
         self._xy, self._scaled = xy, (xy[:, 0], xy[:, 1])
         self._variogram: Variogram | None = None
@@ -156,18 +160,17 @@ class _Covariances:
             self.amplitude = variogram.amplitude_at(self._xy)
         changed, room = _differences(self._samples, samples), len(self.between)
         if len(samples) > room:
-            more = max(room, len(samples) - room)
-            self.between = np.pad(self.between, (0, more))
-            known, self.with_targets = self.with_targets, np.empty((room + more, len(self._xy)))
-            self.with_targets[:room] = known
+            self.between = np.pad(self.between, (0, max(room, len(samples) - room)))
         self._samples = samples
-        if len(changed):
-            self._keep_between(changed)
-        for start in range(0, len(changed), _CHUNK):
-            some = changed[start : start + _CHUNK]
-            rows = np.empty((len(some), len(self._xy)))
-            SamplePoints(variogram, samples[some]).covariance(*self._scaled, rows)
-            self.with_targets[some] = rows
+        if not len(changed):
+            return is_other, changed
+        self._keep_between(changed)
+        for _ in range(len(self.with_targets), -(-len(samples) // _CHUNK)):
+            self.with_targets.append(np.empty((_CHUNK, len(self._xy))))
+        for run in np.split(changed, np.flatnonzero((np.diff(changed) > 1) | (changed[1:] % _CHUNK == 0)) + 1):
+            chunk, first = divmod(int(run[0]), _CHUNK)
+            rows = self.with_targets[chunk][first : first + len(run)]
+            SamplePoints(variogram, samples[run]).covariance(*self._scaled, rows)
         return is_other, changed
 
     def _keep_between(self, changed: Indices) -> None:
@@ -236,15 +239,15 @@ class FewTargets:
         amplitude, of_mean = variogram.amplitude_at(places.xy), np.ones(1)
         if amplitude is not None and kept.amplitude is not None:
             noise, data, of_mean = noise / amplitude**2, data / amplitude, 1 / kept.amplitude
-        self.known = KnownCovariances(kept.between[:n, :n].copy(), kept.with_targets[:n].copy())
+        with_targets = np.concatenate(kept.with_targets)[:n]
+        self.known = KnownCovariances(kept.between[:n, :n].copy(), with_targets)
         matrix = kept.between[:n, :n].copy()
         matrix[np.diag_indices(n)] += variogram.nugget + noise
         total = matrix.diagonal().copy()
         factor, info = dpotrf(matrix.T, lower=0, clean=0, overwrite_a=1)  # the transpose of L
         if info or (factor.diagonal() ** 2 < MIN_PIVOT * total).any():
             return None
-        rows = np.empty((n, 2 + kept.with_targets.shape[1]))  # all together
-        rows[:, :2], rows[:, 2:] = data.T, kept.with_targets[:n]
+        rows = np.column_stack([data.T, with_targets])
         for row, (x, y) in zip(rows, places.xy.tolist(), strict=True):
             if (target := self._numbers.get((x, y))) is not None:
                 row[2 + target] += variogram.nugget
@@ -307,7 +310,7 @@ class KrigingRows:
         is_other, changed = self._covariances.update(samples[:, :6], variogram)
         for number in changed.tolist():
             if (target := self._numbers.get(tuple(samples[number, :2].tolist()))) is not None:
-                self._covariances.with_targets[number, target] += variogram.nugget
+                self._covariances.with_targets[number // _CHUNK][number % _CHUNK, target] += variogram.nugget
         if is_other:
             self._forget(0, samples[:0])
         differs = _differences(self._samples, samples)
@@ -361,11 +364,11 @@ class KrigingRows:
 
     def _combine(self, weights: Array) -> Array:
         """Weighted sums of the covariances of the first n samples; weights of shape (m, n), n >= 1."""
-        table, n = self._covariances.with_targets, weights.shape[1]
-        total = weights[:, :_CHUNK] @ table[: min(n, _CHUNK)]
-        for start in range(_CHUNK, n, _CHUNK):
-            part = weights[:, start : start + _CHUNK]
-            total += part @ table[start : start + part.shape[1]]
+        first, *others = self._covariances.with_targets[: -(-weights.shape[1] // _CHUNK)]
+        total = weights[:, :_CHUNK] @ first[: weights.shape[1]]
+        for number, chunk in enumerate(others, start=1):
+            part = weights[:, _CHUNK * number : _CHUNK * (number + 1)]
+            total += part @ chunk[: part.shape[1]]
         return np.asarray(total)
 
     def _add_block(self, start: int) -> None:

@@ -219,7 +219,7 @@ def test_what_is_too_much_to_keep_is_kriged_at_once():
     mission.forget(30)
     found = update(raster, mission)
     assert found.tobytes() == update(of_grid(SMALL, True), mission).tobytes()
-    with mock.patch.object(kriging_rows, "MIN_CELLS", len(SMALL.cells)):
+    with mock.patch.object(kriging_rows, "MAX_ELEMENTS", 20 * len(SMALL.cells)):
         assert update(raster, mission) is None
 
 
