@@ -88,14 +88,12 @@ class BorderSource:
 class Border:
     """The border of a field.
 
-    :param outline: longitude and latitude, WGS-84, shape (k, 2), not closed [deg]
     :param no_go: outlines of the areas inside that must not be entered, each of shape (k, 2) [deg]
-    :param notes: what was decided on the way, and what of the file is not used, in words
     """
 
-    outline: Array
+    outline: Array  # longitude and latitude, WGS-84, shape (k, 2), not closed [deg]
     no_go: tuple[Array, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was decided on the way, and what of the file is not used, in words
 
 
 @dataclass

@@ -396,12 +396,7 @@ def _require_room(polygon: NDArray[np.float64], no_go: Sequence[NDArray[np.float
 def _require_plausible(
     polygon: NDArray[np.float64], lonlat: NDArray[np.float64] | None, frame: LocalFrame, path: Path, in_file: bool
 ) -> None:
-    """Check area and place of a boundary: mistakes of units, order and datum are off by orders of magnitude.
-
-    :param polygon: boundary in the plane of the field [m]
-    :param lonlat: boundary as longitude and latitude [deg], if it was given so
-    :param in_file: whether it is in a file of another program
-    """
+    """Check area and place of a boundary: mistakes of units, order and datum are off by orders of magnitude."""
     from shapely import Polygon
 
     shape = Polygon(polygon)

@@ -684,11 +684,7 @@ def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
 
 
 def _has_grown(fitted: Samples, samples: Samples, earlier: int = 0, growth: float | None = None) -> bool:
-    """Whether a new fit is due. It depends on the records alone, not on which maps were computed.
-
-    :param earlier: number of samples of earlier surveys to which the fit is too; they have the exposure of these
-    :param growth: share of growth from which it is; that of a fit by default
-    """
+    """Whether a new fit is due. It depends on the records alone, not on which maps were computed."""
     if growth is None:
         growth = LATER_REFIT_GROWTH if len(fitted) + earlier >= MANY_SAMPLES else REFIT_GROWTH
     factor = 1 + growth

@@ -404,13 +404,12 @@ NO_SAMPLES = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
 class Surveys:
     """Samples of surveys whose rates have one variogram.
 
-    :param samples: samples of each survey at distinct places; the present survey comes first
     :param effects: known further structure E of each survey, shapes (n, k) [counts/s], such as covariates times
-        the standard deviations of their effects: its rates have the covariance ``E E'`` in addition; ``None`` for
-        none
+        the standard deviations of their effects: its rates have the covariance ``E E'`` in addition; ``None``
+        for none
     """
 
-    samples: tuple[Samples, ...]
+    samples: tuple[Samples, ...]  # samples of each survey at distinct places; the present survey comes first
     effects: tuple[Array, ...] | None = None
 
     def __len__(self) -> int:

@@ -195,22 +195,14 @@ def estimate_persistence(
 
 @dataclass(frozen=True, eq=False)
 class _Stack:
-    """The samples of all surveys, one behind the other.
+    """The samples of all surveys, one behind the other."""
 
-    :param variogram: variogram of the rate
-    :param xy: places, shape (n, 2) [m]
-    :param spread: their supports, shape (n, 4)
-    :param rate: rates, shape (n,) [counts/s]
-    :param noise: their Poisson variances, shape (n,) [(counts/s)^2]
-    :param survey: index of the survey of each, shape (n,)
-    """
-
-    variogram: Variogram
-    xy: Array
-    spread: Array
-    rate: Array
-    noise: Array
-    survey: NDArray[np.intp]
+    variogram: Variogram  # variogram of the rate
+    xy: Array  # places, shape (n, 2) [m]
+    spread: Array  # their supports, shape (n, 4)
+    rate: Array  # rates, shape (n,) [counts/s]
+    noise: Array  # their Poisson variances, shape (n,) [(counts/s)^2]
+    survey: NDArray[np.intp]  # index of the survey of each, shape (n,)
 
     @classmethod
     def of(cls, variogram: Variogram, surveys: Sequence[Samples]) -> _Stack:
@@ -431,12 +423,7 @@ def moisture_slope(curve: MoistureCurve, rate: Array) -> Array:
 def _moisture_change(
     now: tuple[Array, Array], then: tuple[Array, Array], difference_variance: Array, curve: MoistureCurve
 ) -> tuple[Array, Array]:
-    """Change of the moisture and its standard deviation, to first order, shape (g,) each.
-
-    :param now: rate of the later survey and its variance
-    :param then: likewise of the earlier one
-    :param difference_variance: variance of the change of the rate
-    """
+    """Change of the moisture and its standard deviation, to first order, shape (g,) each."""
     covariance = (now[1] + then[1] - difference_variance) / 2
     slope_now, slope_then = moisture_slope(curve, now[0]), moisture_slope(curve, then[0])
     variance = slope_now**2 * now[1] + slope_then**2 * then[1] - 2 * slope_now * slope_then * covariance

@@ -396,10 +396,7 @@ def make_soil_map(
 
 
 def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Changing | None) -> Samples:
-    """Fit a kriging to samples, or to those by place and time, as they would be counted at the time of the map.
-
-    :returns: the samples that it was fitted to
-    """
+    """Fit a kriging to samples, or to those by place and time, as they would be counted at the time of the map."""
     if changing is None or not changing.change.parts or isinstance(kriging, TiledKriging):
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         return samples

@@ -381,11 +381,7 @@ class PoissonKriging:
         )
 
     def _refactor(self, first: int, known: int, covariance: Array | None = None) -> bool:
-        """Compute the rows of the factor from place ``first`` on; ``known`` rows were there before.
-
-        :param covariance: as :meth:`fit`
-        :returns: whether the matrix is positive definite; if not, the factor is unchanged
-        """
+        """Compute the rows of the factor from place ``first`` on; ``known`` rows were there before."""
         from scipy.linalg import solve_triangular
         from scipy.linalg.lapack import dpotrf
 

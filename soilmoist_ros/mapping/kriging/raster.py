@@ -150,16 +150,11 @@ def _by_tiles(
 
 
 class Tiles(NamedTuple):
-    """Equal parts of a regular raster; neighbours may overlap.
+    """Equal parts of a regular raster; neighbours may overlap."""
 
-    :param shape: rows and columns of a tile
-    :param top: first row of each tile, shape (tiles,)
-    :param left: first column of each
-    """
-
-    shape: tuple[int, int]
-    top: Indices
-    left: Indices
+    shape: tuple[int, int]  # rows and columns of a tile
+    top: Indices  # first row of each tile, shape (tiles,)
+    left: Indices  # first column of each
 
 
 def find_tiles(variogram: Variogram, x_m: Array, y_m: Array, mask: Mask) -> Tiles | None:
@@ -249,20 +244,13 @@ def tile_sums(
 
 
 class _TileShape(NamedTuple):
-    """A tile as a parallelogram in the plane where the variogram is isotropic, in units of its range.
+    """A tile as a parallelogram in the plane where the variogram is isotropic, in units of its range."""
 
-    :param half_m: half of the ways from the first to the last column, and from row to row [m]
-    :param sides: half sides there, one in each row, shape (2, 2)
-    :param lengths: their lengths, shape (2,)
-    :param area: a quarter of the area
-    :param margin: least distance of far samples from the lines along the sides
-    """
-
-    half_m: tuple[float, float]
-    sides: Array
-    lengths: Array
-    area: float
-    margin: float
+    half_m: tuple[float, float]  # half of the ways from the first to the last column, and from row to row [m]
+    sides: Array  # half sides there, one in each row, shape (2, 2)
+    lengths: Array  # their lengths, shape (2,)
+    area: float  # a quarter of the area
+    margin: float  # least distance of far samples from the lines along the sides
 
     @classmethod
     def of(cls, variogram: Variogram, half_x_m: float, half_y_m: float) -> _TileShape:
@@ -275,11 +263,7 @@ class _TileShape(NamedTuple):
         return cls((half_x_m, half_y_m), sides, lengths, abs(float(np.linalg.det(sides))), float(margin))
 
     def are_near(self, samples: SamplePoints, x: Array, y: Array) -> Mask:
-        """Which samples have a point near which tiles, shape (samples, tiles).
-
-        :param x: middles of the tiles, shape (tiles,), scaled
-        :param y: north of these
-        """
+        """Which samples have a point near which tiles, shape (samples, tiles)."""
         near = np.zeros((len(samples.layers[0][1]), len(x)), bool)
         for which, east, north, _ in samples.layers:
             way = east[:, None] - x, north[:, None] - y
@@ -303,18 +287,12 @@ def _cells_at(xy: Array, x_m: Array, y_m: Array) -> tuple[tuple[Indices, Indices
 
 
 class _Inverse(NamedTuple):
-    """What the forms need of a factored system.
+    """What the forms need of a factored system."""
 
-    :param factor: L^-1, lower triangle, shape (n, n), columns contiguous
-    :param matrix: K^-1, shape (n, n)
-    :param data: residual, ones and uncertain errors, shape (2 + k, n)
-    :param weights: data L^-1, shape (2 + k, n)
-    """
-
-    factor: Array
-    matrix: Array
-    data: Array
-    weights: Array
+    factor: Array  # L^-1, lower triangle, shape (n, n), columns contiguous
+    matrix: Array  # K^-1, shape (n, n)
+    data: Array  # residual, ones and uncertain errors, shape (2 + k, n)
+    weights: Array  # data L^-1, shape (2 + k, n)
 
     @classmethod
     def of(cls, system: KrigingSystem) -> _Inverse:
@@ -331,12 +309,7 @@ class _Inverse(NamedTuple):
 
 
 def _sums(inverse: _Inverse, near: Indices, of_far: Array, skeleton: Skeleton, functions: Array) -> Array:
-    """The sums of :func:`tile_sums` for the cells of one tile, shape (3 + k, cells).
-
-    :param near: numbers of the near samples, shape (m,)
-    :param of_far: W of the far samples with the skeleton, shape (n, r)
-    :param functions: skeleton to cells, then the covariances of the near samples, shape (r + m, cells)
-    """
+    """The sums of :func:`tile_sums` for the cells of one tile, shape (3 + k, cells)."""
     m, r = len(near), of_far.shape[1]
     form = np.empty((m + len(inverse.data), r + m))
     np.matmul(inverse.factor.T[near], of_far, out=form[:m, :r])
@@ -356,22 +329,14 @@ def _sums(inverse: _Inverse, near: Indices, of_far: Array, skeleton: Skeleton, f
 
 
 class Skeleton(NamedTuple):
-    """Points of a tile, and the way from the values of smooth functions there to those elsewhere in the tile.
+    """Points of a tile, and the way from the values of smooth functions there to those elsewhere in the tile."""
 
-    :param x: places between the middle of the tile and its border, -1 to 1, shape (r,)
-    :param y: the other coordinate
-    :param to_cells: matrix for the cells, row by row, shape (r, cells)
-    :param to_points: matrix for the points of products, shape (_PRODUCT_POINTS^2, r)
-    :param across: from products at their points to columns, shape (_PRODUCT_POINTS, width)
-    :param along: from there to rows, shape (height, _PRODUCT_POINTS)
-    """
-
-    x: Array
-    y: Array
-    to_cells: Array
-    to_points: Array
-    across: Array
-    along: Array
+    x: Array  # places between the middle of the tile and its border, -1 to 1, shape (r,)
+    y: Array  # the other coordinate
+    to_cells: Array  # matrix for the cells, row by row, shape (r, cells)
+    to_points: Array  # matrix for the points of products, shape (_PRODUCT_POINTS^2, r)
+    across: Array  # from products at their points to columns, shape (_PRODUCT_POINTS, width)
+    along: Array  # from there to rows, shape (height, _PRODUCT_POINTS)
 
 
 def find_skeleton(variogram: Variogram, tile: _TileShape, shape: tuple[int, int]) -> Skeleton:

@@ -57,14 +57,10 @@ _PART = 256
 
 @dataclass(frozen=True, eq=False)
 class KnownCovariances:
-    """Structured covariances, in units of the amplitude at the places [(counts/s)^2].
+    """Structured covariances, in units of the amplitude at the places [(counts/s)^2]."""
 
-    :param of_samples: lower triangle of those between the samples, shape (n, n)
-    :param with_targets: those of the samples with the targets, shape (n, g)
-    """
-
-    of_samples: Array
-    with_targets: Array
+    of_samples: Array  # lower triangle of those between the samples, shape (n, n)
+    with_targets: Array  # those of the samples with the targets, shape (n, g)
 
 
 class RasterKriging:
@@ -148,11 +144,7 @@ class _Covariances:
         self._samples = np.empty((0, 6))  # places and spreads of those whose covariances are known
 
     def update(self, samples: Array, variogram: Variogram) -> tuple[bool, Indices]:
-        """Compute the covariances of new and changed samples.
-
-        :param samples: x, y and the spread, shape (n, 6)
-        :returns: whether the variogram is another one, and the numbers of the samples, ascending
-        """
+        """Compute the covariances of new and changed samples."""
         is_other = variogram != self._variogram
         if is_other:
             self._variogram, self._samples = variogram, self._samples[:0]
@@ -337,10 +329,7 @@ class KrigingRows:
         self._sums = one, other
 
     def _factorise(self, first: int, samples: Array) -> bool:
-        """Rows of the inverse of L from ``first`` on.
-
-        :returns: whether the matrix is well-conditioned enough
-        """
+        """Rows of the inverse of L from ``first`` on."""
         if (more := len(self._covariances.between) - len(self._unit)) > 0:
             self._unit = np.pad(self._unit, (0, more))
         unit, diagonal = self._unit, self._diagonal

@@ -219,28 +219,22 @@ class KrigingSystem(NamedTuple):
     With an amplitude (:class:`Amplitude`), the matrix, the ones and the rates are in units of the amplitude at the
     places.
 
-    :param variogram: variogram of the latent rate
-    :param places: samples at distinct places
-    :param factor: Cholesky factor L of the matrix, lower triangle, shape (n, n)
-    :param ones: b = L^-1 1, shape (n,)
-    :param residual: a = L^-1 (rate - c), shape (n,)
-    :param mean: generalised least-squares mean c [counts/s]
     :param prior: what is known of the field besides; the residual is then about the prior mean too
     :param features: scaled features of the prior at the places, shape (n, p); empty without a prior
-    :param uncertain: errors that the rates share, solved for as the rates are, shape (n, k); none without a drift
-    :param uncertain_mean: their generalised least-squares means, shape (k,) [counts/s]
+    :param uncertain: errors that the rates share, solved for as the rates are, shape (n, k); none without a
+        drift
     """
 
-    variogram: Variogram
-    places: Samples
-    factor: Array
-    ones: Array
-    residual: Array
-    mean: float
+    variogram: Variogram  # variogram of the latent rate
+    places: Samples  # samples at distinct places
+    factor: Array  # Cholesky factor L of the matrix, lower triangle, shape (n, n)
+    ones: Array  # b = L^-1 1, shape (n,)
+    residual: Array  # a = L^-1 (rate - c), shape (n,)
+    mean: float  # generalised least-squares mean c [counts/s]
     prior: FieldPrior | None = None
     features: Array = _NO_FEATURES
     uncertain: Array = _NO_FEATURES
-    uncertain_mean: Array = np.empty(0)
+    uncertain_mean: Array = np.empty(0)  # their generalised least-squares means, shape (k,) [counts/s]
 
     @classmethod
     def of_factor(

@@ -64,18 +64,12 @@ _BITS = 20
 
 
 class Neighbourhood(NamedTuple):
-    """Samples around a rectangle, the far ones merged.
+    """Samples around a rectangle, the far ones merged."""
 
-    :param xy: places, shape (m, 2) [m]
-    :param rate: corrected rates, shape (m,) [counts/s]
-    :param exposure_s: effective exposures, shape (m,) [s]
-    :param spread: second moments of the areas of those that are not merged, shape (m, 4)
-    """
-
-    xy: Array
-    rate: Array
-    exposure_s: Array
-    spread: Array
+    xy: Array  # places, shape (m, 2) [m]
+    rate: Array  # corrected rates, shape (m,) [counts/s]
+    exposure_s: Array  # effective exposures, shape (m,) [s]
+    spread: Array  # second moments of the areas of those that are not merged, shape (m, 4)
 
 
 class _Level(NamedTuple):
@@ -211,16 +205,11 @@ def _interleaved(x: NDArray[np.uint64], y: NDArray[np.uint64]) -> NDArray[np.uin
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Difference between a tiled map and a map with many more neighbours, measured on a few tiles.
+    """Difference between a tiled map and a map with many more neighbours, measured on a few tiles."""
 
-    :param nearest: number of nearest samples of each tile that are not merged
-    :param rate_error: largest difference of the rate, as a share of the kriging sd; NaN if nothing was left out
-    :param sd_error: largest relative difference of the kriging sd
-    """
-
-    nearest: int
-    rate_error: float
-    sd_error: float
+    nearest: int  # number of nearest samples of each tile that are not merged
+    rate_error: float  # largest difference of the rate, as a share of the kriging sd; NaN if nothing was left out
+    sd_error: float  # largest relative difference of the kriging sd
 
     def __str__(self) -> str:
         return (
