@@ -83,6 +83,14 @@ class BorderSource:
     crs: str = ""
     takes_largest: bool = False
 
+    def read(self) -> Border:
+        """Read the border of a field.
+
+        :raises InputError: if the file cannot be read, or leaves open which of its shapes is the field, or where
+            it is
+        """
+        return _read_border(self)
+
 
 @dataclass(frozen=True)
 class Border:
@@ -121,11 +129,7 @@ class _Content:
     needs_crs: bool = False
 
 
-def read_border(source: BorderSource) -> Border:
-    """Read the border of a field.
-
-    :raises InputError: if the file cannot be read, or leaves open which of its shapes is the field, or where it is
-    """
+def _read_border(source: BorderSource) -> Border:
     path = source.path
     suffix = path.suffix.lower()
     if suffix not in FORMATS and not read_limited(path).lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):

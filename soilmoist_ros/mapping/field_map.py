@@ -174,6 +174,13 @@ class MapState:
             return self.timed
         return self.timed.at(self.samples)
 
+    def changing(self, soil_map: SoilMap) -> Changing | None:
+        """The drift that the map of this state allows for, and its samples; ``None`` without a drift."""
+        state = self if soil_map.deconvolved_m else self.without_footprint
+        if soil_map.change.drift is None or state.mapped_timed is None:
+            return None
+        return Changing(state.mapped_timed, soil_map.change, state.stamp_s)
+
 
 @dataclass(frozen=True)
 class SkippedRecords:
@@ -468,7 +475,7 @@ class FieldMap:
         """The drift of the last map, and its samples by place and time; ``None`` without a drift."""
         if self.soil_map is None or self._mapped is None:
             return None
-        return drifting(self._mapped, self.soil_map)
+        return self._mapped.changing(self.soil_map)
 
     @property
     def rate(self) -> Array:
@@ -646,15 +653,6 @@ class FieldMap:
         area = area.buffer(self.settings.margin_m)
         shapely.prepare(area)
         return area
-
-
-def drifting(state: MapState, soil_map: SoilMap) -> Changing | None:
-    """The drift that the map of a state allows for, and its samples; ``None`` without a drift."""
-    if not soil_map.deconvolved_m:
-        state = state.without_footprint
-    if soil_map.change.drift is None or state.mapped_timed is None:
-        return None
-    return Changing(state.mapped_timed, soil_map.change, state.stamp_s)
 
 
 def fits_footprint(samples: Samples, model: ModelName, extent_m: float) -> bool:

@@ -123,6 +123,16 @@ class Samples:
     def __repr__(self) -> str:
         return f"Samples({len(self)} of {self.exposure_s.sum():g} s and {self.counts.sum():g} counts in all)"
 
+    @classmethod
+    def none(cls) -> Samples:
+        """No samples at all."""
+        return NO_SAMPLES
+
+    @property
+    def merged(self) -> Samples:
+        """One sample for each distinct place, in the order of first appearance; see :func:`merge_exactly`."""
+        return merge_exactly(self)[0]
+
     @cached_property
     def without_footprint(self) -> Samples:
         """These samples as if the sensor saw its own place only."""

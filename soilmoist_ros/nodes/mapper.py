@@ -32,7 +32,7 @@ from msg_adapters import (
     uncertainty_to_message,
 )
 from soilmoist_ros.foundation import Batches, Health, InputError, Level
-from soilmoist_ros.mapping import MapState, MapWorker, Skip, SoilMap, drifting, map_health
+from soilmoist_ros.mapping import MapState, MapWorker, Skip, SoilMap, map_health
 from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespaces
 from soilmoist_ros.nodes.parameters.mapper import PARAMETERS
 from soilmoist_ros.nodes.parameters.parameter import Value
@@ -242,7 +242,7 @@ class Mapper(Node):
 
     def _publish(self, state: MapState, soil_map: SoilMap | None) -> None:
         grid, stamp_s, frame = self._online.grid, state.stamp_s, self._frame
-        fit, changing = (None, None) if soil_map is None else (soil_map.fit, drifting(state, soil_map))
+        fit, changing = (None, None) if soil_map is None else (soil_map.fit, state.changing(soil_map))
         samples = state.samples if soil_map is None or soil_map.deconvolved_m else state.samples.without_footprint
         self._samples.publish(samples_to_message(samples, stamp_s, frame))
         self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing)))

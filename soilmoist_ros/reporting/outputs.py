@@ -7,7 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.mapping import FALSE_SHARE, FieldChange
+from soilmoist_ros.mapping import FieldChange
 from soilmoist_ros.recording import SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
@@ -127,7 +127,7 @@ def change_bands(change: FieldChange) -> dict[str, CellBand]:
         "significant": CellBand(
             change.significant,
             "1",
-            f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FALSE_SHARE:g}",
+            f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FieldChange.FALSE_SHARE:g}",
         ),
     }
 

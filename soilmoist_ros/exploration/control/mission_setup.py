@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -26,7 +26,7 @@ from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, Rob
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation import InputError, did_you_mean
-from soilmoist_ros.mapping import NOTHING, Field, FieldGrid, FieldMap, FieldMapSettings, Knowledge, VariogramFit
+from soilmoist_ros.mapping import Field, FieldGrid, FieldMap, FieldMapSettings, Knowledge, VariogramFit
 from soilmoist_ros.sensing import MoistureCurve
 
 
@@ -82,7 +82,7 @@ class ExplorerSettings:
     access: AccessRules = NO_MARGIN
     calibration: MoistureCurve | None = None
     learn_travel: bool = True
-    knowledge: Knowledge = NOTHING
+    knowledge: Knowledge = field(default_factory=Knowledge)
 
     @property
     def needs_map(self) -> bool:

@@ -72,6 +72,11 @@ class VariogramFit:
     prior: FieldPrior | None = None
 
     @property
+    def mode(self) -> Variogram:
+        """The mode of the stationary fit, whose variances are posterior means."""
+        return mode_of(self.stationary, self.log_sd)
+
+    @property
     def stationary(self) -> Variogram:
         """The variogram of the stationary fit."""
         return self.variogram if self.local is None else self.local.stationary
@@ -211,7 +216,7 @@ def _fit_reml(
     """Restricted maximum likelihood."""
     places = surveys.samples[0]
     extent = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
-    begin = None if like is None else mode_of(like.stationary, like.log_sd)
+    begin = None if like is None else like.mode
     estimate = maximise_reml(surveys, model, extent, anisotropy, begin)
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
     fit = VariogramFit(

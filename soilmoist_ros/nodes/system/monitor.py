@@ -24,7 +24,7 @@ from msg_adapters import (
     soil_map_from_message,
 )
 from soilmoist_ros.foundation import LocalFrame
-from soilmoist_ros.mapping import MAP_PART, RAIN
+from soilmoist_ros.mapping import MapWorker
 from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED, SENSOR
 from soilmoist_ros.reporting import LiveMap, LiveMission, LiveRobot
 from soilmoist_ros.sensing import logger_fault
@@ -81,8 +81,8 @@ class Monitor(Node):
         for health in parts:
             if health.name.endswith(f": {CLOCK_PART}"):
                 self._live.clock_waits_for = health.values.get(WAITS_FOR, "")
-            if health.name.endswith(f": {MAP_PART}") and RAIN in health.values:
-                self._live.rain = health.values[RAIN]
+            if health.name.endswith(f": {MapWorker.PART}") and MapWorker.RAIN in health.values:
+                self._live.rain = health.values[MapWorker.RAIN]
 
 
 @contextlib.contextmanager

@@ -16,7 +16,7 @@ import numpy as np
 
 from soilmoist_ros.exploration import LearnedMotion, polyline_length_m
 from soilmoist_ros.foundation import shown_path
-from soilmoist_ros.mapping import FALSE_SHARE, Drift, Estimate
+from soilmoist_ros.mapping import Drift, Estimate, FieldChange
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
@@ -286,7 +286,7 @@ def _change(run: MapRun) -> dict[str, Any] | None:
         "mean_vwc": None if change.mean_vwc is None else _estimate(change.mean_vwc),
         "drier_share": drier,
         "wetter_share": wetter,
-        "false_discovery_rate": FALSE_SHARE,
+        "false_discovery_rate": FieldChange.FALSE_SHARE,
         "mean_rate_since_cps": {name: _estimate(value) for name, value in found.means.items()},
     }
 

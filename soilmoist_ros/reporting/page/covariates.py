@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from soilmoist_ros.mapping import Effect, coverage
+from soilmoist_ros.mapping import Effect
 from soilmoist_ros.reporting.run import MapRun
 
 
@@ -52,7 +52,7 @@ def covariate_importance(run: MapRun) -> list[Importance]:
     if covariates is None:
         return []
     effects = [Effect(name, 0.0, 0.0) for name in covariates.names] if prior is None else prior.effects
-    covered, mask = coverage(covariates, soil_map.grid), soil_map.grid.mask
+    covered, mask = covariates.coverage(soil_map.grid), soil_map.grid.mask
     rate, curve = float(soil_map.rate[mask].mean()), soil_map.curve
     # The variance of the rate itself: the map is smoother, by its kriging variance.
     total = float(soil_map.rate[mask].var() + soil_map.variance[mask].mean())

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import squared_distances
-from soilmoist_ros.mapping import QUANTILE_SD, footprint_spread, moisture_terms, possible_moisture
+from soilmoist_ros.mapping import SoilMap, moisture_terms, possible_moisture
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping import PoissonKriging, SoilMap
+    from soilmoist_ros.mapping import PoissonKriging
 
 MAX_UNUSABLE = 0.25
 """Largest share of impossible or undefined moisture in the area at which zones and advice rest on the moisture."""
@@ -342,7 +342,7 @@ def _of_places(soil_map: SoilMap) -> PoissonKriging | None:
     if fit is None or fit.method != "reml" or not means:
         return None
     columns = samples.xy, samples.counts, samples.exposure_s
-    spread = samples.spread + footprint_spread(radius_m)
+    spread = samples.spread + np.array([0.0, 0.0, 0.0, radius_m])
     model, extent_m, local = soil_map.variogram.model, soil_map.grid.extent_m, fit.local_rate is not None
     found = estimate_variogram(*columns, model, extent_m=extent_m, spread=spread, local_noise=local)
     kriging = PoissonKriging(found.variogram, soil_map.keep_nugget, found.noise_rate, fit.prior)
@@ -393,7 +393,7 @@ def mean_moisture(soil_map: SoilMap) -> MeanMoisture | None:
     if soil_map.curve is None or limits is None or between is None:
         return None
     common = calibration_sd(soil_map) or 0.0
-    away = QUANTILE_SD * math.hypot(between, common)
+    away = SoilMap.QUANTILE_SD * math.hypot(between, common)
     return MeanMoisture(
         value, between, common, max(value - away, limits.dryness), min(value + away, limits.saturation)
     )

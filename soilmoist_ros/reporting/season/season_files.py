@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import __version__, csv_text
-from soilmoist_ros.mapping import FALSE_SHARE, Estimate
+from soilmoist_ros.mapping import Estimate, FieldChange
 from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
 from soilmoist_ros.reporting.files.strict_json import write_json
@@ -46,7 +46,8 @@ LAYERS = {
     "rate_change_sd": ("s-1", "standard deviation of the change of the corrected neutron count rate"),
     "significant": (
         "1",
-        f"1 drier, -1 wetter than the survey before, 0 not significant (false discovery rate {FALSE_SHARE:g})",
+        "1 drier, -1 wetter than the survey before, 0 not significant "
+        f"(false discovery rate {FieldChange.FALSE_SHARE:g})",
     ),
 }
 """Unit and meaning of each variable of the NetCDF file."""
@@ -110,7 +111,7 @@ def summary(season: Season) -> dict[str, Any]:
         "pattern_correlation": persistence.share,
         "pattern_correlation_sd": persistence.sd,
         "pattern_decay_days": persistence.decay_days if math.isfinite(persistence.decay_days) else None,
-        "false_discovery_rate": FALSE_SHARE,
+        "false_discovery_rate": FieldChange.FALSE_SHARE,
         "warnings": list(season.notes),
         "surveys": rows(season),
         "outputs": list(NAMES),

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import __version__
-from soilmoist_ros.mapping import FALSE_SHARE, Estimate
+from soilmoist_ros.mapping import Estimate, FieldChange
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
@@ -52,7 +52,7 @@ def render_season(season: Season) -> str:
         rows=list(_rows(season)),
         moist=season.curve is not None,
         dated=any(survey.run.date for survey in season.surveys),
-        false_share=numbers.percent(FALSE_SHARE),
+        false_share=numbers.percent(FieldChange.FALSE_SHARE),
     )
 
 
