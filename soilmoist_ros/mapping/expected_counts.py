@@ -195,15 +195,14 @@ class ExpectedCounts(Generic[Where]):
         self._held = [held for held in self._held if held not in waiting]
         if confirmed or not expected.is_far(record):
             return Verdict(confirmed=confirmed)
+        held_back = Held(record, deviation, where)
         if MIN_RAIN <= record.corrected_rate / expected.rate_cps < 1:
-            self._row = [*row, Held(record, deviation, where)]
+            self._row = [*row, held_back]
             if len(self._row) >= RAIN_ROW:
                 confirmed = tuple(held for held in row if any(held is other for other in self._held))
                 self._held = [held for held in self._held if not any(held is other for other in row)]
                 return Verdict(confirmed=confirmed)
-            self._held = [*self._held, self._row[-1]][-MAX_HELD:]
-            return Verdict(expected.text(record))
-        self._held = [*self._held, Held(record, deviation, where)][-MAX_HELD:]
+        self._held = [*self._held, held_back][-MAX_HELD:]
         return Verdict(expected.text(record))
 
     def _same_place(self, offset_m: Array, variogram: Variogram) -> NDArray[np.bool_]:

@@ -532,7 +532,8 @@ def _chosen(model: _Model, places: Samples) -> tuple[_Model, Accuracy | None]:
     rate, variance = np.hstack(exact)
     for nearest in NEAREST:
         tried = replace(model, nearest=nearest)
-        found = np.hstack([_krige_all(tried, xy) for xy in points])
+        boxes = [everything._replace(target=np.arange(len(xy))) for xy in points]
+        found = np.hstack([_krige(tried, ([(box, False)], xy)) for box, xy in zip(boxes, points, strict=True)])
         sd = np.sqrt(np.maximum(variance, 1e-300))
         accuracy = Accuracy(
             nearest,
@@ -542,14 +543,6 @@ def _chosen(model: _Model, places: Samples) -> tuple[_Model, Accuracy | None]:
         if accuracy.rate_error <= TOLERANCE and accuracy.sd_error <= TOLERANCE:
             break
     return tried, accuracy
-
-
-def _krige_all(model: _Model, xy: Array) -> Array:
-    result = np.empty((2, len(xy)))
-    everything = _Box(model.tree.low_m, np.full(2, model.tree.side_m), np.arange(len(xy)))
-    for tile, _ in model.leaves(_of_points(xy), everything):
-        result[:, tile.target] = model.krige_tile(tile, xy[tile.target])
-    return result
 
 
 _Task = tuple[list[tuple[_Box, bool]], Array]
