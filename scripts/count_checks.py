@@ -10,22 +10,24 @@ Both tables depend on nothing but their seeds.
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from dataclasses import dataclass
+from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))  # virtual_survey
 import numpy as np
 import results
 
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.sensing.checks.checks import RecordChecks
-from soilmoist_ros.sensing.checks.finding import Checked
+from soilmoist_ros.sensing.checks.totals import Checked, RecordChecks
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.survey import Survey
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
-from soilmoist_ros.simulation.robot.virtual_survey import VirtualLog, serpentine, simulate_log, stop_and_go
+from virtual_survey import VirtualLog, serpentine, simulate_log, stop_and_go
 
 DAY_S = 86400.0
 

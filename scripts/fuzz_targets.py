@@ -58,13 +58,15 @@ from soilmoist_ros.console.plan.outline import outline
 from soilmoist_ros.console.plan.work import TASKS
 from soilmoist_ros.console.requests import request_from_json
 from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, interrupted_records
-from soilmoist_ros.exploration.mission.stored import state_from_json
+from soilmoist_ros.exploration.mission.state import state_from_json
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.lab.campaign_file import load_campaign
+from soilmoist_ros.lab.mission_store import DamagedMissionError, unpack
 from soilmoist_ros.mapping.covariates import CovariateSource, read_covariates
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.mapping.grid import FieldGrid
@@ -79,15 +81,13 @@ from soilmoist_ros.recording.journal import ENTRIES, load_journal
 from soilmoist_ros.recording.record_table import read_records
 from soilmoist_ros.reporting.earlier.run_records import read_run
 from soilmoist_ros.reporting.opened_run import open_run
-from soilmoist_ros.sensing.corrections.neutron_monitor import read_neutron_monitor
+from soilmoist_ros.sensing.corrections.intensity import read_neutron_monitor
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.logger_reader import parse_log, read_log
 from soilmoist_ros.sensing.moisture.cores import read_soil_cores
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.survey.stream import SensorStream
-from soilmoist_ros.simulation.campaign.campaign_file import load_campaign
-from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError, unpack
 from soilmoist_ros.simulation.fields.truth_file import load_surrogate
 from soilmoist_ros.simulation.robot.scenario import load_scenario
 

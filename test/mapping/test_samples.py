@@ -24,8 +24,7 @@ from soilmoist_ros.mapping.samples import (
     path_spread,
     pooled,
 )
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 COORDINATE = st.integers(-20, 20).map(float)
 RECORD = st.tuples(COORDINATE, COORDINATE, st.integers(0, 500), st.sampled_from([5.0, 10.0, 20.0, 640.0]))

@@ -13,8 +13,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
 from soilmoist_ros.mapping.soil_map import common_rate_sd, make_bands, moisture_terms, possible_moisture
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, soil_limits
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 FIELD = FieldGrid.from_polygon([[0, 0], [60, 0], [60, 50], [20, 50]], 2.0)

@@ -19,7 +19,7 @@ from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.local import MAX_POOLS, MIN_EVIDENCE, MIN_PLACES, LocalRate, fit_amplitude
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.reml import Prior, RestrictedLikelihood
-from soilmoist_ros.simulation.fields.rate_formula import formula
+from soilmoist_ros.simulation.fields.formulas import formula
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 
 VARIOGRAM = Variogram("matern32", 0.01, 15.0, 1.0)
