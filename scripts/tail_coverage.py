@@ -21,7 +21,7 @@ import results
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Samples
-from soilmoist_ros.mapping.soil_map import QUANTILE_SD, SoilMap, possible_moisture
+from soilmoist_ros.mapping.soil_map import SoilMap, possible_moisture
 from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -85,8 +85,8 @@ def misses(soil_map: SoilMap, truth: NDArray[np.float64]) -> Misses:
     return Misses(
         float(np.mean(truth < low)),
         float(np.mean(truth > high)),
-        float(np.mean(truth < vwc - QUANTILE_SD * sd)),
-        float(np.mean(truth > vwc + QUANTILE_SD * sd)),
+        float(np.mean(truth < vwc - SoilMap.QUANTILE_SD * sd)),
+        float(np.mean(truth > vwc + SoilMap.QUANTILE_SD * sd)),
         mean.value - float(truth.mean()),
         float(mean.p05 <= truth.mean() <= mean.p95),
     )

@@ -15,7 +15,7 @@ import numpy as np
 
 from soilmoist_ros.exploration import property_name
 from soilmoist_ros.foundation import __version__
-from soilmoist_ros.mapping import FALSE_SHARE, FieldChange, FieldMap, FieldMapSettings
+from soilmoist_ros.mapping import FieldChange, FieldMap, FieldMapSettings
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
@@ -144,7 +144,7 @@ def change_bands(change: FieldChange) -> dict[str, CellBand]:
         "significant": CellBand(
             change.significant,
             "1",
-            f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FALSE_SHARE:g}",
+            f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FieldChange.FALSE_SHARE:g}",
         ),
     }
 

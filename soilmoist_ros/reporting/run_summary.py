@@ -17,6 +17,8 @@ import numpy as np
 from soilmoist_ros.exploration import LearnedMotion, polyline_length_m
 from soilmoist_ros.foundation import __version__, shown_path
 from soilmoist_ros.mapping import FALSE_SHARE, Drift, Estimate
+from soilmoist_ros.foundation import shown_path
+from soilmoist_ros.mapping import Drift, Estimate, FieldChange
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
@@ -321,7 +323,7 @@ def _change(run: MapRun) -> dict[str, Any] | None:
         "mean_vwc": None if change.mean_vwc is None else _estimate(change.mean_vwc),
         "drier_share": drier,
         "wetter_share": wetter,
-        "false_discovery_rate": FALSE_SHARE,
+        "false_discovery_rate": FieldChange.FALSE_SHARE,
         "mean_rate_since_cps": {name: _estimate(value) for name, value in found.means.items()},
     }
 

@@ -27,13 +27,11 @@ from soilmoist_ros.mapping import (
     Persistence,
     Samples,
     Variogram,
-    estimate_persistence,
     estimate_variogram,
     field_change,
     load_field,
     make_bands,
     mean_places,
-    merge_exactly,
     moisture_slope,
 )
 from soilmoist_ros.recording import SUMMARY, bag_of, configuration_of, read_parameters
@@ -175,7 +173,7 @@ def make_season(
     variogram = _variogram(runs, settings.model, ground.grid)
     samples = [run.survey.samples for run in runs]
     stamps = [run.survey.stamp_s for run in runs]
-    persistence = estimate_persistence(variogram, samples, stamps)
+    persistence = Persistence.estimate(variogram, samples, stamps)
     surveys, now = list[SeasonSurvey](), datetime.now(UTC)
     kriging, used = None, list[int]()
     for number, run in enumerate(runs):
@@ -264,7 +262,7 @@ def _window(samples: Sequence[Samples], stamps_s: Sequence[float], number: int) 
 
 def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) -> Variogram:
     """Variogram of the rate of each survey, by restricted maximum likelihood of the last ones together."""
-    last, *others = [merge_exactly(run.survey.samples)[0] for run in reversed(runs)]
+    last, *others = [run.survey.samples.merged for run in reversed(runs)]
     chosen, count = [], len(last)
     for one in others:
         count += len(one)

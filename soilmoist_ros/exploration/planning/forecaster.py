@@ -31,7 +31,6 @@ from soilmoist_ros.mapping import (
     Samples,
     Variogram,
     VariogramFit,
-    as_samples,
     correlation_model,
     sample_correlation,
     spatial_blocks,
@@ -278,4 +277,4 @@ def _few(samples: Samples) -> Samples:
     pools = spatial_blocks(samples.xy, 0, -(-len(samples) // _MAX_PLACES))
     exposure_s = np.array([samples.exposure_s[pool].sum() for pool in pools])
     xy = np.array([np.average(samples.xy[pool], axis=0, weights=samples.exposure_s[pool]) for pool in pools])
-    return as_samples(xy, np.array([samples.counts[pool].sum() for pool in pools]), exposure_s)
+    return Samples(xy, np.array([samples.counts[pool].sum() for pool in pools]), exposure_s)

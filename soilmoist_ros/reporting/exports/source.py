@@ -133,11 +133,11 @@ class PropertyMap:
 
     def quantile(self, end: str) -> Array:
         """Quantile ``p05`` or ``p95`` of :attr:`values`; by the standard deviation where there is no such band."""
-        from soilmoist_ros.mapping import QUANTILE_SD
+        from soilmoist_ros.mapping import SoilMap
 
         band = self.bands.get(f"{self.quantity.band}_{end}")
         if band is None:
-            return self.values + (QUANTILE_SD if end == "p95" else -QUANTILE_SD) * self.sd
+            return self.values + (SoilMap.QUANTILE_SD if end == "p95" else -SoilMap.QUANTILE_SD) * self.sd
         return band * self.quantity.scale
 
     def probability(self, number: int, edges: Array, relative: bool) -> Array:

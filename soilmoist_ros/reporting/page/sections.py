@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from soilmoist_ros.exploration import Visit, polyline_length_m
-from soilmoist_ros.mapping import FALSE_SHARE, Estimate, possible_moisture
+from soilmoist_ros.mapping import Estimate, FieldChange, possible_moisture
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.earlier.run_change import RunChange
 from soilmoist_ros.reporting.page import numbers
@@ -107,8 +107,8 @@ def change_text(found: RunChange) -> str:
     return (
         f"{since[:1].upper()}{since[1:]}, {amount}. {numbers.percent(wetter)} of the field has become wetter "
         f"and {numbers.percent(drier)} drier significantly: of the cells called changed, "
-        f"{numbers.percent(FALSE_SHARE)} at most are expected not to be. The uncertainty is that of both surveys "
-        "together."
+        f"{numbers.percent(FieldChange.FALSE_SHARE)} at most are expected not to be. The uncertainty is that "
+        "of both surveys together."
     )
 
 

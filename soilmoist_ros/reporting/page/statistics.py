@@ -21,6 +21,8 @@ from soilmoist_ros.mapping import (
     moisture_terms,
     possible_moisture,
 )
+from soilmoist_ros.foundation import squared_distances
+from soilmoist_ros.mapping import Effect, SoilMap, moisture_terms, possible_moisture
 from soilmoist_ros.reporting.run import MapRun
 
 if TYPE_CHECKING:
@@ -281,7 +283,7 @@ def _of_places(soil_map: SoilMap) -> PoissonKriging | None:
     if fit is None or fit.method != "reml" or not means:
         return None
     columns = samples.xy, samples.counts, samples.exposure_s
-    spread = samples.spread + footprint_spread(radius_m)
+    spread = samples.spread + np.array([0.0, 0.0, 0.0, radius_m])
     model, extent_m, local = soil_map.variogram.model, soil_map.grid.extent_m, fit.local_rate is not None
     found = estimate_variogram(*columns, model, extent_m=extent_m, spread=spread, local_noise=local)
     kriging = PoissonKriging(found.variogram, soil_map.keep_nugget, found.noise_rate, fit.prior)
@@ -332,7 +334,7 @@ def mean_moisture(soil_map: SoilMap) -> MeanMoisture | None:
     if soil_map.curve is None or limits is None or between is None:
         return None
     common = calibration_sd(soil_map) or 0.0
-    away = QUANTILE_SD * math.hypot(between, common)
+    away = SoilMap.QUANTILE_SD * math.hypot(between, common)
     return MeanMoisture(
         value, between, common, max(value - away, limits.dryness), min(value + away, limits.saturation)
     )
@@ -419,7 +421,7 @@ def covariate_importance(run: MapRun) -> list[Importance]:
     if covariates is None:
         return []
     effects = [Effect(name, 0.0, 0.0) for name in covariates.names] if prior is None else prior.effects
-    covered, mask = coverage(covariates, soil_map.grid), soil_map.grid.mask
+    covered, mask = covariates.coverage(soil_map.grid), soil_map.grid.mask
     rate, curve = float(soil_map.rate[mask].mean()), soil_map.curve
     # The variance of the rate itself: the map is smoother, by its kriging variance.
     total = float(soil_map.rate[mask].var() + soil_map.variance[mask].mean())

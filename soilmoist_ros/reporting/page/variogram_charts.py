@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping import Samples, Supports, Variogram, default_edges, mode_of, sample_correlation
+from soilmoist_ros.mapping import Samples, Supports, Variogram, default_edges, sample_correlation
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, Mark
 from soilmoist_ros.reporting.page.numbers import number, percent
 from soilmoist_ros.reporting.run import MapRun
@@ -65,7 +65,7 @@ class Classes:
 def fitted_mode(soil_map: SoilMap) -> Variogram:
     """The variogram that fits the counts best; the map may use another one."""
     fit, used = soil_map.fit, soil_map.variogram
-    return used if fit is None or used.amplitude is not None else mode_of(used, fit.log_sd)
+    return used if fit is None or used.amplitude is not None else fit.mode
 
 
 def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, spread: Array) -> Array:

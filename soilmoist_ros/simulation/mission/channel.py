@@ -22,7 +22,6 @@ from soilmoist_ros.mapping import (
     MapState,
     SoilMap,
     default_merge_radius_m,
-    joined,
 )
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -83,7 +82,7 @@ class Channel:
         self.series = earlier_series(field, grid, settings, number)
         merge_m = default_merge_radius_m(grid, choices.margin_m)
         surveys = (one.survey(merge_m, choices.sample_radius_m) for one in self.series)
-        covariates = joined(covariates, simulated_covariates(field, grid, settings, number))
+        covariates = Covariates.joined(covariates, simulated_covariates(field, grid, settings, number))
         mapped = grid if whole else planning_grid(grid)
         self.field_map = FieldMap(mapped, choices, Knowledge((*earlier, *surveys), covariates))
         self.drift = settings.rate_drift
