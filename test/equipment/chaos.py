@@ -3,14 +3,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Puts the real nodes through random faults, and counts what must not happen.
 
-usage: .venv/bin/python scripts/chaos [--runs N] [--seed S] [--only NUMBER] [--time-factor F] [--out FOLDER]
+usage: .venv/bin/python test/equipment/chaos.py [--runs N] [--seed S] [--only NUMBER] [--out FOLDER]
 
-Each run is a mission of driver, mapper, planner, recorder and simulator as processes, in accelerated time. Seed and
-number draw field, strategy, navigator and faults: nodes are killed, links are cut or full of garbage, the receiver is
-wrong, the clock is set, the disk is full, a bag is deleted, the navigation fails, and people interfere. The judge of
-scripts/safety sees all that was published. Each run is one line of FOLDER/chaos.jsonl; the same command goes on after
-the last one. A run with a violation keeps its folder, and says how to run it again. The exit code is 1 on any
-violation. It needs a C compiler.
+Each run is a mission of driver, mapper, planner, recorder and simulator as processes, in accelerated time. Seed
+and number draw field, strategy, navigator and faults: nodes are killed, links are cut or full of garbage, the
+receiver is wrong, the clock is set, the disk is full, a bag is deleted, the navigation fails, and people
+interfere. The judge of scripts/safety sees all that was published. Each run is one line of FOLDER/chaos.jsonl; the
+same command goes on after the last one. A run with a violation keeps its folder, and says how to run it again. The
+exit code is 1 on any violation. It needs a C compiler.
 """
 
 from __future__ import annotations
