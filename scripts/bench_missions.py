@@ -53,21 +53,19 @@ from scipy.ndimage import uniform_filter
 
 import soilmoist_ros
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.simulation.campaign.hindsight import (
+from soilmoist_ros.lab.hindsight import (
     LATTICE_DWELLS,
     QUARTER,
     Against,
     Outcome,
     against_best_lattice,
 )
+from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.rate_formula import formula
+from soilmoist_ros.simulation.fields.formulas import formula
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.forecasts import achieved, reported
-from soilmoist_ros.simulation.mission.map_errors import map_errors
-from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.simulation.mission.mission_result import MissionResult, achieved, map_errors, reported
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
 

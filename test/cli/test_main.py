@@ -21,7 +21,7 @@ from soilmoist_ros.cli.options.examples import EXAMPLES
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.simulation.mission.settings import SETTINGS
-from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+from virtual_survey import write_survey
 
 OUTPUTS = ["map.tif", "records.csv", "report.html", "samples.geojson", "soilmoist.qgs", "summary.json"]
 
@@ -458,7 +458,7 @@ def test_built_graphs_keep_the_radius_that_the_planner_keeps():
     pytest.importorskip("rclpy")
     from soilmoist_ros.cli.check import command as check
     from soilmoist_ros.cli.graph import command as graph
-    from soilmoist_ros.nodes.parameters.planner import PARAMETERS
+    from soilmoist_ros.nodes.planner_parameters import PARAMETERS
 
     planner = next(row.default for row in PARAMETERS if row.name == "robot_radius_m")
     for command, name in ((graph, "margin"), (check, "robot_radius_m")):

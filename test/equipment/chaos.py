@@ -26,19 +26,20 @@ from pathlib import Path
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # rehearsals
 
 import numpy as np
 import yaml
 from disturbed_nodes import ON_NODES, Disturber, judged, scenario_of
 from real_nodes import NodesSettings, RealNodes
 
+from rehearsal.cases import Faults, random_faults
+from rehearsal.judge import Kind, Violation
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.strategies.registry import BUILT_IN
 from soilmoist_ros.foundation.configuration import config_folder
-from soilmoist_ros.nodes.runtime.loopback import free_domain
+from soilmoist_ros.nodes.process_group import free_domain
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.rehearsal.faults import Faults, random_faults
-from soilmoist_ros.simulation.rehearsal.judge import Kind, Violation
 
 FIELDS = ("rough", "patches", "smooth", "strips")
 NAVIGATORS = ("goto_node", "navigate_to_pose")

@@ -26,13 +26,15 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # rehearsals
+
 from disturbed_nodes import Disturber, judged, scenario_of
 from real_nodes import ON_ROBOT, NodesSettings, RealNodes
 
+from rehearsal.cases import Fault, Span
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.loopback import free_domain
+from soilmoist_ros.nodes.process_group import free_domain
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.rehearsal.faults import Fault, Span
 
 NODES = (*ON_ROBOT, "field_simulator")
 MISSION_H = 2.0

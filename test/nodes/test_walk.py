@@ -15,7 +15,7 @@ pytest.importorskip("topological_navigation_msgs")
 import walk
 from real_nodes import LIMIT_S, NodesSettings, RealNodes
 
-from soilmoist_ros.nodes.runtime.loopback import free_domain
+from soilmoist_ros.nodes.process_group import free_domain
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 ROOT = Path(__file__).resolve().parents[2]
