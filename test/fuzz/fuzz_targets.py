@@ -82,7 +82,7 @@ from soilmoist_ros.recording.journal import ENTRIES, load_journal
 from soilmoist_ros.recording.record_table import read_records
 from soilmoist_ros.reporting.earlier.run_records import read_run
 from soilmoist_ros.reporting.opened_run import open_run
-from soilmoist_ros.sensing.corrections.neutron_monitor import read_neutron_monitor
+from soilmoist_ros.sensing.corrections.intensity import read_neutron_monitor
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.logger_reader import parse_log, read_log
 from soilmoist_ros.sensing.moisture.cores import read_soil_cores

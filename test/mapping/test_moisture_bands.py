@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping.moisture_bands import common_rate_sd, make_bands, moisture_terms, possible_moisture
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, soil_limits
 
 CURVE = CalibrationCurve(n0_cps=6.0, bulk_density_gcm3=1.4)
 positive = st.floats(0.01, 20.0)

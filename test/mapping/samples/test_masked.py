@@ -14,8 +14,7 @@ from soilmoist_ros.mapping import (
     empirical_semivariogram,
     fit_variogram,
 )
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 XY = np.array([(0.0, 0.0), (10.0, 0.0), (20.0, 5.0), (40.0, 10.0), (45.0, 30.0)])
 COUNTS, TIME_S = np.array([300.0, 320.0, 380.0, 500.0, 470.0]), np.full(5, 100.0)
