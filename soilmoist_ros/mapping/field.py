@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-MIN_AREA_M2, MAX_AREA_M2 = 1.0, 1e9
+MIN_AREA_M2 = 1.0
+MAX_AREA_M2 = 1e9
 """Areas beyond which a boundary is a mistake [m^2]."""
 MIN_NO_GO_M2 = 1.0
 """Area below which a no-go area in metres is a mistake of units, such as degrees [m^2]."""

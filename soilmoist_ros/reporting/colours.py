@@ -13,7 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-WATER, RATE, UNCERTAIN, DIFFERENCE = "YlGnBu", "YlOrBr", "Purples", "BrBG"
+WATER = "YlGnBu"
+RATE = "YlOrBr"
+UNCERTAIN = "Purples"
+DIFFERENCE = "BrBG"
 """Colour maps that colour-blind readers can distinguish. Each quantity has its own in every report, dark for wet,
 for many counts and for uncertain."""
 PALEST, DARKEST = 0.06, 0.97
