@@ -5,7 +5,7 @@
 The moisture curve is monotone, so quantiles of the rate become quantiles of the moisture: an interval that is
 symmetric in the rate is long towards wet soil. The rate is taken as normal with the mean and variance of kriging.
 A gamma or log-normal rate of the same mean and variance missed more truths on one side in simulated surveys,
-also with five counts a stop (``scripts/tail_coverage.py``).
+also with five counts a stop (``test/mapping/test_soil_map.py``).
 """
 
 from __future__ import annotations

@@ -15,9 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-INK, SOFT, FAINT, BLUE, ORANGE = "#22303c", "#5d6b78", "#d5dbe1", "#0072b2", "#d55e00"
-"""Colours of texts, lines and marks."""
-WATER, RATE, UNCERTAIN, DIFFERENCE = "YlGnBu", "YlOrBr", "Purples", "BrBG"
+INK = "#22303c"
+SOFT = "#5d6b78"
+FAINT = "#d5dbe1"
+BLUE = "#0072b2"
+ORANGE = "#d55e00"
+WATER = "YlGnBu"
+RATE = "YlOrBr"
+UNCERTAIN = "Purples"
+DIFFERENCE = "BrBG"
 """Colour maps that colour-blind readers can distinguish. Each quantity has its own in every report, dark for wet,
 for many counts and for uncertain."""
 PALEST, DARKEST = 0.06, 0.97

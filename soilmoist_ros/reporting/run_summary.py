@@ -16,8 +16,6 @@ import numpy as np
 
 from soilmoist_ros.exploration import LearnedMotion, polyline_length_m
 from soilmoist_ros.foundation import __version__, shown_path
-from soilmoist_ros.mapping import FALSE_SHARE, Drift, Estimate
-from soilmoist_ros.foundation import shown_path
 from soilmoist_ros.mapping import Drift, Estimate, FieldChange
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.failed_run import FailedRun

@@ -321,11 +321,12 @@ def dask_config(path):
 
 @pytest.mark.slow
 def test_a_cluster_with_keys_computes_encrypted_and_refuses_others(tmp_path, slow, started):
-    script = Path(__file__).resolve().parents[2] / "scripts" / "cluster_keys"
-    told = subprocess.run([script, tmp_path / "keys"], check=True, capture_output=True, text=True).stdout
+    script = Path(__file__).resolve().parents[2] / "scripts" / "keystore"
+    making = [script, tmp_path / "keys", "--cluster"]
+    told = subprocess.run(making, check=True, capture_output=True, text=True).stdout
     config = Path(told.strip().removeprefix("export DASK_CONFIG="))
     assert {path.stat().st_mode & 0o077 for path in config.parent.iterdir()} == {0}
-    assert subprocess.run([script, config.parent], capture_output=True).returncode == 2, "keys are never replaced"
+    assert subprocess.run(making, capture_output=True).returncode == 2, "keys are never replaced"
     started.environment["DASK_CONFIG"] = str(config)
     port = started.port()
     address = f"tls://127.0.0.1:{port}"

@@ -13,15 +13,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping import (
-    QUANTILE_SD,
-    Effect,
-    coverage,
-    footprint_spread,
-    moisture_terms,
-    possible_moisture,
-)
-from soilmoist_ros.foundation import squared_distances
 from soilmoist_ros.mapping import Effect, SoilMap, moisture_terms, possible_moisture
 from soilmoist_ros.reporting.run import MapRun
 

@@ -3,14 +3,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Puts the real nodes through random faults, and counts what must not happen.
 
-usage: .venv/bin/python scripts/chaos [--runs N] [--seed S] [--only NUMBER] [--time-factor F] [--out FOLDER]
+usage: .venv/bin/python test/equipment/chaos.py [--runs N] [--seed S] [--only NUMBER] [--out FOLDER]
 
-Each run is a mission of driver, mapper, planner, recorder and simulator as processes, in accelerated time. Seed and
-number draw field, strategy, navigator and faults: nodes are killed, links are cut or full of garbage, the receiver is
-wrong, the clock is set, the disk is full, a bag is deleted, the navigation fails, and people interfere. The judge of
-scripts/safety sees all that was published. Each run is one line of FOLDER/chaos.jsonl; the same command goes on after
-the last one. A run with a violation keeps its folder, and says how to run it again. The exit code is 1 on any
-violation. It needs a C compiler.
+Each run is a mission of driver, mapper, planner, recorder and simulator as processes, in accelerated time. Seed
+and number draw field, strategy, navigator and faults: nodes are killed, links are cut or full of garbage, the
+receiver is wrong, the clock is set, the disk is full, a bag is deleted, the navigation fails, and people
+interfere. The judge of scripts/safety sees all that was published. Each run is one line of FOLDER/chaos.jsonl; the
+same command goes on after the last one. A run with a violation keeps its folder, and says how to run it again. The
+exit code is 1 on any violation. It needs a C compiler.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from pathlib import Path
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))  # rehearsals
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # rehearsals
 
 import numpy as np
 import yaml
 from disturbed_nodes import ON_NODES, Disturber, judged, scenario_of
 from real_nodes import NodesSettings, RealNodes
 
+from rehearsal.cases import Faults, random_faults
+from rehearsal.judge import Kind, Violation
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.strategies.registry import BUILT_IN
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.nodes.process_group import free_domain
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from rehearsal.cases import Faults, random_faults
-from rehearsal.judge import Kind, Violation
 
 FIELDS = ("rough", "patches", "smooth", "strips")
 NAVIGATORS = ("goto_node", "navigate_to_pose")

@@ -27,7 +27,7 @@ from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.journal import ENTRIES, Journal
 from soilmoist_ros.sensing.records import CountRecord
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SQUARE = [[5.0, 52.0], [5.001, 52.0], [5.001, 52.001], [5.0, 52.001], [5.0, 52.0]]
 
 

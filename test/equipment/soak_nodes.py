@@ -1,6 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The real nodes for a simulated day, sampled all the time: what must not grow, and what must not be lost."""
+"""Lets the real nodes work for a simulated day: nothing may grow, and nothing may be lost.
+
+usage: .venv/bin/python test/equipment/soak_nodes.py [--hours H] [--seed S] [--time-factor F] [--out FOLDER]
+
+Driver, mapper, planner, recorder and simulator run in accelerated time, with missions of two hours one after the
+other. Links are cut and full of garbage, navigation and receiver fail, the clock is set, the disk is full, a bag
+is deleted, people interfere, and in the first hours nodes are killed. A sample of every process is a line of
+FOLDER/soak_nodes.jsonl. The same command goes on after the last one, as after a power cut. It needs a C compiler.
+The exit code is 1 if a record was lost, the judge found a violation, or something grew.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +19,14 @@ import os
 import random
 import re
 import statistics
+import sys
 import time
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # rehearsals
 
 from disturbed_nodes import Disturber, judged, scenario_of
 from real_nodes import ON_ROBOT, NodesSettings, RealNodes
@@ -263,3 +275,19 @@ def grown(samples: Sequence[Sample]) -> list[str]:
         if late_s > (1 + GROWTH_WORK) * early_s:
             faults.append(f"{name}: an hour took {early_s:.1f} s of processor time, and takes {late_s:.1f} s")
     return faults
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--hours", type=float, default=24.0, help="simulated hours (default 24)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of everything random (default 1)")
+    parser.add_argument("--time-factor", type=float, default=30.0, help="simulated seconds a second (default 30)")
+    parser.add_argument("--sample-s", type=float, default=20.0, help="time between samples [s]")
+    parser.add_argument("--out", type=Path, default=Path("out/soak"), help="folder (default out/soak)")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    return soak_nodes(options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

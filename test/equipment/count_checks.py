@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How good the tests of counts are: false alarms in days of good records, and maps with faults against clean ones.
 
-``python scripts/count_checks.py alarms --days 10``: false alarms in a day of good records, for several sensors.
-``python scripts/count_checks.py faults --seeds 5``: error of the map with each fault, by that of clean data.
+usage: .venv/bin/python test/equipment/count_checks.py alarms|faults [--days 10] [--seeds 5] [--save]
 
 Both tables depend on nothing but their seeds.
 """
@@ -15,7 +14,8 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))  # virtual_survey
+TESTS = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(TESTS), str(TESTS.parent / "scripts")]  # virtual surveys, results
 import numpy as np
 import results
 

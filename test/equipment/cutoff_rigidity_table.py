@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computes soilmoist_ros/sensing/corrections/cutoff_rigidity.csv by tracing cosmic rays through the earth's field.
 
-usage: scripts/cutoff_rigidity_table.py IGRF.shc OUT.csv [--epoch 2020] [--degree 10] [--places FILE]
+usage: test/equipment/cutoff_rigidity_table.py IGRF.shc OUT.csv [--epoch 2020] [--degree 10] [--places FILE]
 IGRF.shc holds the coefficients of the International Geomagnetic Reference Field (https://doi.org/10.5281/zenodo.14012302)
 --places computes the rows latitude,longitude of a CSV file instead of the grid
 

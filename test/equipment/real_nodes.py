@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real nodes on a simulated field, with faults of every kind, watched by the judge of the rehearsals.
 
-The robot's computer is made unreliable by a library that its processes preload (scripts/unreliable.c): its clock
+The robot's computer is made unreliable by a library that its processes preload (unreliable.c): its clock
 is set, and its disk fills. What the nodes publish is noted with its simulated time, and judged afterwards. The
 simulator itself writes down where the robot truly drives, and which goals reach its navigation.
 """
