@@ -82,10 +82,8 @@ class SeasonSettings:
 class SeasonSurvey:
     """A survey of the season, mapped with the counts of all.
 
-    :param run: the survey
     :param bands: its maps, each of shape (ny, nx)
-    :param mean_rate: mean rate of the field [counts/s]
-    :param mean_vwc: mean moisture of the field [m^3/m^3], ``None`` without a calibration
+    :param mean_rate: mean of the field [counts/s]; ``mean_vwc`` [m^3/m^3] is ``None`` without a calibration
     :param change: change since the survey before it, ``None`` for the first
     """
 
@@ -100,16 +98,9 @@ class SeasonSurvey:
 class Season:
     """The surveys of a field over time.
 
-    :param title: title for readers
-    :param field_name: name of the field
-    :param frame: plane of the field
-    :param grid: cells of the maps
     :param surveys: in order of time, at least two
     :param variogram: variogram of the rate of each survey
     :param persistence: how alike the patterns of the surveys are
-    :param curve: calibration, if any
-    :param simulated: whether the counts are simulated
-    :param created_utc: when it was made
     :param notes: what the user should know, in sentences
     :param illustrative: whether the calibration is a guess
     :param time_zone: name of the time zone of the field; empty if it is not known

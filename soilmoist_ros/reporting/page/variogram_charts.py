@@ -34,6 +34,7 @@ DIRECTIONS = 6
 """Directions of a curve on each side of the main one."""
 SIMULATIONS = 200
 SEED = 20060215
+UNIT = "Semivariance of the rate [(counts/s)²]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +44,8 @@ class Classes:
     :param angle_deg: direction anticlockwise from east [deg]; ``None`` for all directions
     :param lag_m: weighted mean distance of the pairs [m]
     :param gamma: semivariance without counting noise [(counts/s)^2]; may be negative by chance
-    :param pairs: number of pairs
-    :param expected: mean of ``gamma`` under the model of the map
-    :param low: 5 % of the surveys of a field with this model have a lower semivariance
-    :param high: 5 % have a higher one
+    :param expected: mean of ``gamma`` under the model of the map; 5 % of the surveys of a field with this model
+        have a semivariance below ``low``, 5 % above ``high``
     """
 
     angle_deg: float | None
@@ -183,8 +182,6 @@ def _support_points(spread: Array) -> tuple[Array, Array]:
 
 
 # The variogram chart: circles, the interval that they should lie in, and the fitted and the used model ----------
-
-UNIT = "Semivariance of the rate [(counts/s)²]"
 
 
 def variogram_charts(run: MapRun) -> Iterator[tuple[Chart, Classes]]:
