@@ -37,7 +37,6 @@ def test_a_round_ellipse_has_no_direction() -> None:
 
 
 def test_the_standard_deviation_of_a_coordinate_is_hdop_times_range_error_over_root_two() -> None:
-    assert horizontal_sd(1, 2.0, {1: 10.0}) == pytest.approx(20 / math.sqrt(2))
     assert horizontal_sd(4, 1.0) == pytest.approx(DEFAULT_UERE_M[4] / math.sqrt(2))
 
 

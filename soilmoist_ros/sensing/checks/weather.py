@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from soilmoist_ros.sensing.corrections.factors import SEA_LEVEL_HPA as STANDARD_HPA
 from soilmoist_ros.sensing.corrections.factors import standard_pressure_hpa
+from soilmoist_ros.sensing.formats.log_values import Quantity, converter, units_of
 from soilmoist_ros.sensing.problems import Finding, Kind
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
@@ -45,17 +46,6 @@ FROZEN_KELVIN = 3.0
 """Change of temperature while the pressure stays the same [K]."""
 FROZEN_RECORDS = 10
 _REMEDY = "check the sensor; without a value the nearest records give it"
-_UNITS: dict[str, dict[str, Callable[[float], float]]] = {
-    "pressure": {
-        "Pa": lambda value: value / 100,
-        "kPa": lambda value: value * 10,
-        "mmHg": lambda value: value * 1.33322,
-        "inHg": lambda value: value * 33.8639,
-    },
-    "temperature": {"K": lambda value: value - 273.15, "degF": lambda value: (value - 32) / 1.8},
-    "humidity": {"percent": lambda value: value / 100, "fraction": lambda value: value},
-}
-"""Units that a logger format has, and what it makes of their values [hPa, degC, fraction]."""
 MAX_FRACTION = 0.0101
 """Relative humidity that no air near the ground stays below; fractions that were read as per cent do [-]."""
 MIN_MEDIAN_HUMIDITY = 0.2
@@ -74,13 +64,13 @@ def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:
     return low / STANDARD_HPA * lowest, high / STANDARD_HPA * highest
 
 
-def remedy_of_unit(quantity: str, value: float, low: float, high: float, otherwise: str = _REMEDY) -> str:
+def remedy_of_unit(quantity: Quantity, value: float, low: float, high: float, otherwise: str = _REMEDY) -> str:
     """What to do with an impossible value: units in which it would be possible come first.
 
     >>> remedy_of_unit("pressure", 99000.0, 300.0, 1085.0, "check the sensor")
     "if it is in Pa, write 'unit: Pa' into the logger format; else check the sensor"
     """
-    units = [unit for unit, convert in _UNITS[quantity].items() if low <= convert(value) <= high]
+    units = [unit for unit in units_of(quantity) if low <= converter(quantity, unit)(value) <= high]
     if not units:
         return otherwise
     keys = " or ".join(f"'unit: {unit}'" for unit in units)
@@ -119,7 +109,7 @@ class WeatherChecks:
 
     def check(self, record: LoggerRecord, altitude_m: float = NAN) -> tuple[LoggerRecord, list[Finding]]:
         """The record without impossible values, which become NaN, and its faults."""
-        limits = {
+        limits: dict[str, tuple[tuple[float, float], str, float, Quantity]] = {
             "pressure_hpa": (pressure_limits_hpa(altitude_m), "hPa", 1.0, "pressure"),
             "temperature_degc": (TEMPERATURES_DEGC, "degC", 1.0, "temperature"),
             "relative_humidity": (HUMIDITIES, "%", 100.0, "humidity"),

@@ -16,6 +16,7 @@ from soilmoist_ros.sensing.checks.weather import remedy_of_unit
 from soilmoist_ros.sensing.formats.log_layout import Layout, PositionLayout, Source
 from soilmoist_ros.sensing.formats.log_values import (
     Decimal,
+    Quantity,
     likely_time_formats,
     read_coordinate,
     read_number,
@@ -313,7 +314,7 @@ class FieldReader:
     def _quantity(
         self,
         fields: Sequence[str],
-        name: str,
+        name: Quantity,
         quantity: AirQuantity | None,
         sources: Sequence[Source],
     ) -> float:

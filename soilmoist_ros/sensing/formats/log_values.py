@@ -277,42 +277,15 @@ _SCALES: dict[Quantity, dict[str, float]] = {
     "humidity": {"percent": 0.01, "fraction": 1.0},
 }
 _SPELLINGS = {
-    "hpa": "hPa",
-    "hectopascal": "hPa",
-    "mb": "mb",
-    "mbar": "mbar",
-    "millibar": "mbar",
-    "pa": "Pa",
-    "pascal": "Pa",
-    "kpa": "kPa",
-    "mmhg": "mmHg",
-    "torr": "mmHg",
-    "inhg": "inHg",
-    "c": "degC",
-    "degc": "degC",
-    "celsius": "degC",
-    "degreescelsius": "degC",
-    "degcelsius": "degC",
-    "f": "degF",
-    "degf": "degF",
-    "fahrenheit": "degF",
-    "k": "K",
-    "kelvin": "K",
-    "%": "percent",
-    "percent": "percent",
-    "pct": "percent",
-    "%rh": "percent",
-    "fraction": "fraction",
-    "volt": "V",
-    "volts": "V",
-    "v": "V",
-    "count": "counts",
-    "counts": "counts",
-    "m": "m",
-    "mm": "mm",
-    "m/s": "m/s",
-    "w/m2": "W/m2",
-}
+    spelling: unit
+    for unit, spellings in {
+        "hPa": "hpa hectopascal", "mb": "mb", "mbar": "mbar millibar", "Pa": "pa pascal", "kPa": "kpa",
+        "mmHg": "mmhg torr", "inHg": "inhg", "degC": "c degc celsius degreescelsius degcelsius",
+        "degF": "f degf fahrenheit", "K": "k kelvin", "percent": "% percent pct %rh", "fraction": "fraction",
+        "V": "volt volts v", "counts": "count counts", "m": "m", "mm": "mm", "m/s": "m/s", "W/m2": "w/m2",
+    }.items()
+    for spelling in spellings.split()
+}  # fmt: skip
 _RATE = re.compile(
     r"cp([smh])(?![a-z])|(?:/|per)_?(s|sec|seconds?|min|minutes?|h|hrs?|hours?|heure)(?![a-z])"
     r"|(?<![a-z])(h|s|min)_?\^?(?:-1|⁻¹)"
@@ -327,6 +300,11 @@ def canonical(text: str) -> str:
     ('degC', 'mbar', '')
     """
     return _SPELLINGS.get(re.sub(r"[\s.°^_]|^[\[(]|[\])]$", "", text.casefold()), "")
+
+
+def units_of(quantity: Quantity) -> tuple[str, ...]:
+    """Units of a quantity."""
+    return tuple(_SCALES[quantity])
 
 
 def measures(quantity: Quantity, unit: str) -> bool:
