@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.formats.notation import UndecidedOrderError as UndecidedOrderError
     from soilmoist_ros.sensing.formats.notation import matching_formats as matching_formats
     from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME as FORMAT_NAME
-    from soilmoist_ros.sensing.formats.robot_logger import RECORDS_PER_HEADER as RECORDS_PER_HEADER
     from soilmoist_ros.sensing.formats.robot_logger import TUBES as TUBES
     from soilmoist_ros.sensing.formats.robot_logger import format_header as format_header
     from soilmoist_ros.sensing.formats.robot_logger import format_record as format_record
@@ -116,10 +115,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.records import CountRecord as CountRecord
     from soilmoist_ros.sensing.records import LoggerRecord as LoggerRecord
     from soilmoist_ros.sensing.records import Position as Position
-    from soilmoist_ros.sensing.survey.correction import factors_text as factors_text
     from soilmoist_ros.sensing.survey.correction import intensity_source as intensity_source
     from soilmoist_ros.sensing.survey.correction import unusual_factors as unusual_factors
-    from soilmoist_ros.sensing.survey.correction import unusual_pressure as unusual_pressure
     from soilmoist_ros.sensing.survey.driver import Batch as Batch
     from soilmoist_ros.sensing.survey.driver import Driver as Driver
     from soilmoist_ros.sensing.survey.driver import DriverSettings as DriverSettings
@@ -146,7 +143,7 @@ __getattr__, __dir__, __all__ = open_door(
         "formats.logger_format": "LoggerFormat load_logger_format logger_names logger_path",
         "formats.logger_reader": "LogFile detect_format format_of_lines log_files parse_log read_data read_log",
         "formats.notation": "UndecidedOrderError matching_formats",
-        "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
+        "formats.robot_logger": "FORMAT_NAME TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of utc_text",
         "moisture.cores": "possible_days read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
@@ -159,7 +156,7 @@ __getattr__, __dir__, __all__ = open_door(
         "position.track_file": "read_positions",
         "problems": "Consequence Kind Problem Severity reason_text",
         "records": "CountRecord FIRST_STAMP_S LAST_STAMP_S LoggerRecord Position",
-        "survey.correction": "factors_text intensity_source unusual_factors unusual_pressure",
+        "survey.correction": "intensity_source unusual_factors",
         "survey.driver": "Batch Driver DriverSettings logger_fault",
         "survey.logs": "CalibrationCounts SurveyRecords calibration_counts log_doubts process_logs stationary_records why_unplaced",
     },

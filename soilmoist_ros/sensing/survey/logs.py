@@ -23,7 +23,7 @@ from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms, Track
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
-from soilmoist_ros.sensing.survey.correction import counting_interval_s
+from soilmoist_ros.sensing.survey.correction import counting_interval_s, unusual_factors, unusual_pressure
 from soilmoist_ros.sensing.survey.survey import Survey
 
 
@@ -214,6 +214,17 @@ class CalibrationCounts:
     def rate_sd_cps(self) -> float:
         """Standard deviation of the rate [counts/s]."""
         return math.sqrt(self.raw_counts) / self.effective_exposure_s
+
+    @property
+    def factors_text(self) -> str:
+        """Ranges of the factors, in words."""
+        names = {"f_pressure": "pressure", "f_humidity": "humidity", "f_intensity": "incoming neutrons"}
+        return ", ".join(f"{names[name]} {low:.3f} to {high:.3f}" for name, (low, high) in self.factors.items())
+
+    def doubts(self, site: Site) -> list[str]:
+        """Doubts about factors that are far from 1, and about a pressure that does not fit the altitude."""
+        pressure = unusual_pressure(self.pressure_hpa, site)
+        return [*unusual_factors(self.factors), *([pressure] if pressure else [])]
 
 
 def calibration_counts(

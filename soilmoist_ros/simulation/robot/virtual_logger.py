@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.sensing import RECORDS_PER_HEADER, TUBES, LoggerRecord, format_header, format_record
+from soilmoist_ros.sensing import TUBES, LoggerRecord, format_header, format_record
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
 from soilmoist_ros.simulation.robot.sensor_faults import NO_FAULTS, FaultySensor
 from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
@@ -18,6 +18,9 @@ from soilmoist_ros.simulation.robot.weather import neutral_weather, warming_morn
 Array = NDArray[np.float64]
 
 _NOWHERE = (math.nan, math.nan)
+
+RECORDS_PER_HEADER = 60
+"""Number of records after which the header is repeated; it is also sent on connection."""
 
 
 class VirtualLogger:
