@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A GNSS fix, and its error from the receiver's quality figures."""
+"""A GNSS fix with its error, and what has come of a receiver: so why there is no position."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Interface and state of line sources."""
+"""From bytes to lines: sources of lines and their state, a thread that reads one, and recorded lines."""
 
 from __future__ import annotations
 
@@ -17,6 +17,16 @@ from typing import Protocol
 
 from soilmoist_ros.sensing.formats.log_values import MAX_LINE
 from soilmoist_ros.sensing.formats.logger_reader import read_lines
+
+MAX_WAITING = 20_000
+"""Maximum number of waiting lines; above it, the reader pauses."""
+MAX_WAITING_BYTES = 16 << 20
+"""Maximum size of waiting lines [bytes]; above it, the reader pauses."""
+_WAIT_S = 0.2
+_STOP_S = 5.0
+_log = logging.getLogger(__name__)
+StampOf = Callable[[bytes], float | None]
+"""Time at which a line was sent [s since 1970 UTC], ``None`` if the line has no time."""
 
 
 class LinkState(enum.Enum):
@@ -142,14 +152,6 @@ class LineBuffer:
 
 # A thread that reads lines in the background --------------------------------------------------------------------
 
-MAX_WAITING = 20_000
-"""Maximum number of waiting lines; above it, the reader pauses."""
-MAX_WAITING_BYTES = 16 << 20
-"""Maximum size of waiting lines [bytes]; above it, the reader pauses."""
-_WAIT_S = 0.2
-_STOP_S = 5.0
-_log = logging.getLogger(__name__)
-
 
 class LineReader:
     """Reads a source in a background thread.
@@ -212,9 +214,6 @@ class LineReader:
 
 
 # Recorded lines, played at the recorded speed or faster ---------------------------------------------------------
-
-StampOf = Callable[[bytes], float | None]
-"""Time at which a line was sent [s since 1970 UTC], ``None`` if the line has no time."""
 
 
 class PlaybackClock:

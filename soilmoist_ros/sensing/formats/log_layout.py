@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The columns of one log and their quantities."""
+"""The header of one log, and its columns with their quantities."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from soilmoist_ros.sensing.records import NAN
 
 TUBE = "{tube}"
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
+MAX_METADATA = 500
+_KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
 
 
 def plain_name(name: str) -> str:
@@ -309,9 +311,6 @@ def _find_position(columns: _Columns, logger: LoggerFormat) -> PositionLayout | 
 
 
 # The header lines of one log: names and units of the columns, and values such as the serial number --------------
-
-MAX_METADATA = 500
-_KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
 
 
 @dataclass(frozen=True)

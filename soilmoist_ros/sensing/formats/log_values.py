@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Converts bytes to text, and text to numbers and times; none of these functions raises."""
+"""Converts bytes to text, text to numbers, coordinates and times, and units; none of these functions raises."""
 
 from __future__ import annotations
 
@@ -53,6 +53,29 @@ COMMON_TIME_FORMATS = (
 _BLANKS = dict.fromkeys(map(ord, "\u00a0\u2007\u2009\u202f"), " ")
 """Blanks that do not break a line, which spreadsheets write between thousands."""
 UTF8_BOM = b"\xef\xbb\xbf"
+Converter = Callable[[float], float]
+Quantity = Literal["pressure", "temperature", "humidity"]
+_DURATION = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0}
+_SCALES: dict[Quantity, dict[str, float]] = {
+    "pressure": {"hPa": 1.0, "mb": 1.0, "mbar": 1.0, "Pa": 0.01, "kPa": 10.0, "mmHg": 1.33322, "inHg": 33.8639},
+    "temperature": {"degC": 1.0, "degF": 1.0, "K": 1.0},
+    "humidity": {"percent": 0.01, "fraction": 1.0},
+}
+_SPELLINGS = {
+    spelling: unit
+    for unit, spellings in {
+        "hPa": "hpa hectopascal", "mb": "mb", "mbar": "mbar millibar", "Pa": "pa pascal", "kPa": "kpa",
+        "mmHg": "mmhg torr", "inHg": "inhg", "degC": "c degc celsius degreescelsius degcelsius",
+        "degF": "f degf fahrenheit", "K": "k kelvin", "percent": "% percent pct %rh", "fraction": "fraction",
+        "V": "volt volts v", "counts": "count counts", "m": "m", "mm": "mm", "m/s": "m/s", "W/m2": "w/m2",
+    }.items()
+    for spelling in spellings.split()
+}  # fmt: skip
+_RATE = re.compile(
+    r"cp([smh])(?![a-z])|(?:/|per)_?(s|sec|seconds?|min|minutes?|h|hrs?|hours?|heure)(?![a-z])"
+    r"|(?<![a-z])(h|s|min)_?\^?(?:-1|⁻¹)"
+)
+_RATES = {"s": "counts_per_second", "m": "counts_per_minute", "h": "counts_per_hour"}
 
 
 def decode_line(line: bytes) -> str:
@@ -266,31 +289,6 @@ def _read_formatted(text: str, layout: str) -> tuple[float, float | None] | None
 
 
 # Conversion from the units of loggers to the units of this package ----------------------------------------------
-
-Converter = Callable[[float], float]
-Quantity = Literal["pressure", "temperature", "humidity"]
-
-_DURATION = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0}
-_SCALES: dict[Quantity, dict[str, float]] = {
-    "pressure": {"hPa": 1.0, "mb": 1.0, "mbar": 1.0, "Pa": 0.01, "kPa": 10.0, "mmHg": 1.33322, "inHg": 33.8639},
-    "temperature": {"degC": 1.0, "degF": 1.0, "K": 1.0},
-    "humidity": {"percent": 0.01, "fraction": 1.0},
-}
-_SPELLINGS = {
-    spelling: unit
-    for unit, spellings in {
-        "hPa": "hpa hectopascal", "mb": "mb", "mbar": "mbar millibar", "Pa": "pa pascal", "kPa": "kpa",
-        "mmHg": "mmhg torr", "inHg": "inhg", "degC": "c degc celsius degreescelsius degcelsius",
-        "degF": "f degf fahrenheit", "K": "k kelvin", "percent": "% percent pct %rh", "fraction": "fraction",
-        "V": "volt volts v", "counts": "count counts", "m": "m", "mm": "mm", "m/s": "m/s", "W/m2": "w/m2",
-    }.items()
-    for spelling in spellings.split()
-}  # fmt: skip
-_RATE = re.compile(
-    r"cp([smh])(?![a-z])|(?:/|per)_?(s|sec|seconds?|min|minutes?|h|hrs?|hours?|heure)(?![a-z])"
-    r"|(?<![a-z])(h|s|min)_?\^?(?:-1|⁻¹)"
-)
-_RATES = {"s": "counts_per_second", "m": "counts_per_minute", "h": "counts_per_hour"}
 
 
 def canonical(text: str) -> str:

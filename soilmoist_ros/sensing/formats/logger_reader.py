@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Parses the bytes of loggers into records, for live streams and files; no input makes the parser raise."""
+"""Parses the lines of loggers into records, live or from files; no line makes the parser raise."""
 
 from __future__ import annotations
 
@@ -67,6 +67,16 @@ REMEMBERED_RECORDS = 10_000
 """Latest records of a live link by which a repeated one is known: more than a day of records of 10 s."""
 CLOCK_TOLERANCE_S = 5.0
 _LEADING_NUMBER = re.compile(r"[0-9.]{1,20}", re.ASCII)
+_GNSS_SENTENCE = re.compile(rb"\s*\$G[A-Z](GGA|RMC|GST|GLL|GSA|GSV|VTG|ZDA),")
+_MAGIC = {
+    b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)",
+    b"\x1f\x8b": "a gzip archive",
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "an image",
+    b"\xd0\xcf\x11\xe0": "an old Office document (.xls)",
+    b"\x89MCAP": "a ROS bag (MCAP)",
+    b"SQLite": "a database",
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -509,17 +519,6 @@ def _checked_side(logger: LoggerFormat, longitude: Longitude, path: Path | None)
 
 
 # Finds and reads logger files, and explains unreadable files ----------------------------------------------------
-
-_GNSS_SENTENCE = re.compile(rb"\s*\$G[A-Z](GGA|RMC|GST|GLL|GSA|GSV|VTG|ZDA),")
-_MAGIC = {
-    b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)",
-    b"\x1f\x8b": "a gzip archive",
-    b"%PDF": "a PDF document",
-    b"\x89PNG": "an image",
-    b"\xd0\xcf\x11\xe0": "an old Office document (.xls)",
-    b"\x89MCAP": "a ROS bag (MCAP)",
-    b"SQLite": "a database",
-}
 
 
 def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:

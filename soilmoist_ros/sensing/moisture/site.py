@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The site file: corrections, soil and calibration of one sensor at one place."""
+"""The site file of one sensor at one place (corrections, soil, calibration), and N0 from soil cores."""
 
 from __future__ import annotations
 
@@ -35,6 +35,10 @@ _log = logging.getLogger(__name__)
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 WaterFraction = Annotated[float, Field(ge=0, lt=1)]
+USUAL_N0_CPS = (0.05, 30.0)
+"""N0 of sensors from one small tube at sea level to twelve large ones in the mountains [counts/s]."""
+OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}
+"""Times per which other programs give N0 [s]."""
 
 
 class Soil(Section):
@@ -344,12 +348,6 @@ def estimate_n0(
     cores = abs(n0 / unit_rate / float(unit_curve.slope(unit_rate))) * vwc_sd
     total = math.hypot(counting, 0.0 if math.isnan(cores) else cores)
     return N0Estimate(n0, total, counting, cores)
-
-
-USUAL_N0_CPS = (0.05, 30.0)
-"""N0 of sensors from one small tube at sea level to twelve large ones in the mountains [counts/s]."""
-OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}
-"""Times per which other programs give N0 [s]."""
 
 
 def unusual_n0(n0_cps: float) -> str:

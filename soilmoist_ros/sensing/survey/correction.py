@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The steps from a raw record to a corrected, geo-tagged record."""
+"""The steps from a raw record to a corrected, geo-tagged record; missing weather comes from other records."""
 
 from __future__ import annotations
 
