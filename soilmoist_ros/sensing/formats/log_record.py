@@ -6,14 +6,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NoReturn
 from zoneinfo import ZoneInfo
 
 from soilmoist_ros.sensing import gnss
 from soilmoist_ros.sensing.checks.weather import remedy_of_unit
-from soilmoist_ros.sensing.formats.log_layout import Layout, PositionLayout, Source
+from soilmoist_ros.sensing.formats.log_layout import Layout, Source
 from soilmoist_ros.sensing.formats.log_values import (
     Decimal,
     Quantity,
@@ -343,35 +343,35 @@ class FieldReader:
             self._note(Kind.MISSING_VALUE, f"no {name}")
         return NAN
 
-    def _position(self, fields: Sequence[str], layout: PositionLayout) -> Position | None:
+    def _position(self, fields: Sequence[str], layout: Mapping[str, Source]) -> Position | None:
         settings = self._logger.position
         assert settings is not None
-        quality = fields[layout.quality.index].strip() if layout.quality else ""
+        quality = fields[layout["quality"].index].strip() if "quality" in layout else ""
         noted = len(self._notes)
         if settings.notation == "auto":
-            self._packed = self._packed or is_packed(fields[layout.latitude.index], self._logger.decimal)
+            self._packed = self._packed or is_packed(fields[layout["latitude"].index], self._logger.decimal)
         else:
             self._packed = settings.notation == "degrees_minutes"
-        latitude = self._coordinate(fields, layout.latitude, layout.latitude_side, 90)
-        longitude = self._coordinate(fields, layout.longitude, layout.longitude_side, 180)
+        latitude = self._coordinate(fields, layout["latitude"], layout.get("latitude_hemisphere"), 90)
+        longitude = self._coordinate(fields, layout["longitude"], layout.get("longitude_hemisphere"), 180)
         if latitude is None or longitude is None:
             if len(self._notes) == noted:
-                self._note(Kind.NO_FIX, "no position fix", layout.latitude.name)
+                self._note(Kind.NO_FIX, "no position fix", layout["latitude"].name)
             return None
         nowhere = settings.zero_is_no_fix and latitude == 0 and longitude == 0
-        if nowhere or (layout.quality and quality in settings.no_fix_quality):
-            self._note(Kind.NO_FIX, "no position fix", layout.latitude.name)
+        if nowhere or ("quality" in layout and quality in settings.no_fix_quality):
+            self._note(Kind.NO_FIX, "no position fix", layout["latitude"].name)
             return None
         if not settings.longitude_signed:
             if self._side == "east" and longitude < 0:
                 message = f"the longitude {longitude:g} is west, the site file says east"
                 self._note(
-                    Kind.BAD_POSITION, message, layout.longitude.name, "correct 'longitude' in the site file"
+                    Kind.BAD_POSITION, message, layout["longitude"].name, "correct 'longitude' in the site file"
                 )
                 return None
             longitude = -abs(longitude) if self._side == "west" else longitude
-        altitude = self._number(fields, layout.altitude)
-        hdop = self._number(fields, layout.hdop)
+        altitude = self._number(fields, layout.get("altitude"))
+        hdop = self._number(fields, layout.get("hdop"))
         sd = gnss.horizontal_sd(int(quality) if quality in set("12345678") else 1, hdop)
         return Position(latitude, longitude, altitude if -500 <= altitude <= 9000 else NAN, sd)
 
@@ -402,9 +402,9 @@ class FieldReader:
 
     def _gnss_offset(self, fields: Sequence[str], record: LoggerRecord) -> float:
         settings, layout = self._logger.position, self.layout.position
-        if settings is None or layout is None or layout.time_of_day is None or record.position is None:
+        if settings is None or layout is None or "time_of_day" not in layout or record.position is None:
             return NAN
-        text = "1970-01-01 " + fields[layout.time_of_day.index].strip()
+        text = "1970-01-01 " + fields[layout["time_of_day"].index].strip()
         time_of_day = read_time(text, [f"%Y-%m-%d {settings.time_of_day_format}"])
         if time_of_day is None:
             return NAN

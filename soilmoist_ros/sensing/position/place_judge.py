@@ -594,7 +594,8 @@ class PlaceAges:
     """Ages of the places of one source, by their stamps on any clock that runs evenly.
 
     A connection that stalls delivers all at once what it held back. The last of these places is where the robot
-    is, the others are where it was. The clock may be wrong, so an age is the delay of a place less the least delay of the last seconds.
+    is, the others are where it was. The clock may be wrong, so an age is the delay of a place less the least delay
+    of the last seconds.
     """
 
     def __init__(self) -> None:
