@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.formats.notation import UndecidedOrderError as UndecidedOrderError
     from soilmoist_ros.sensing.formats.notation import matching_formats as matching_formats
     from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME as FORMAT_NAME
+    from soilmoist_ros.sensing.formats.robot_logger import RECORDS_PER_HEADER as RECORDS_PER_HEADER
     from soilmoist_ros.sensing.formats.robot_logger import TUBES as TUBES
     from soilmoist_ros.sensing.formats.robot_logger import format_header as format_header
     from soilmoist_ros.sensing.formats.robot_logger import format_record as format_record
@@ -143,7 +144,7 @@ __getattr__, __dir__, __all__ = open_door(
         "formats.logger_format": "LoggerFormat load_logger_format logger_names logger_path",
         "formats.logger_reader": "LogFile detect_format format_of_lines log_files parse_log read_data read_log",
         "formats.notation": "UndecidedOrderError matching_formats",
-        "formats.robot_logger": "FORMAT_NAME TUBES format_header format_record",
+        "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of utc_text",
         "moisture.cores": "possible_days read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
