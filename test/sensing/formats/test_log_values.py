@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from zoneinfo import ZoneInfo
 
 import pytest
@@ -81,14 +80,6 @@ def test_checksum_of_a_known_sentence() -> None:
     assert strip_checksum(b"ab*03") == b"ab"
     assert strip_checksum(b"ab*04") is None
     assert strip_checksum(b"ab") is None
-
-
-@settings(deadline=None)
-@given(st.text())
-def test_readers_never_raise(text) -> None:
-    number = read_number(text)
-    assert number is None or math.isfinite(number)
-    read_time(text, FORMATS, 3)
 
 
 @settings(deadline=None)

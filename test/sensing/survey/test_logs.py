@@ -217,13 +217,6 @@ def test_a_dead_tube_changes_the_exposure_not_the_rate(tmp_path):
     assert rate == pytest.approx(6.0, rel=0.03)
 
 
-def test_tube_shares_of_the_site_file_are_used(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0)])
-    bad = Site(tube_shares=[1.0, 1.0], corrections=NO_CORRECTIONS.corrections)
-    with pytest.raises(InputError, match="has 2 values, but the logger has 12 tubes"):
-        process_logs([log], bad, track=track((0, 50.0), (10, 50.0)))
-
-
 def test_intensity_comes_from_a_neutron_monitor_file(tmp_path):
     (tmp_path / "monitor.csv").write_text("2024-05-01 00:00:00;100\n2024-05-01 01:00:00;100\n")
     (tmp_path / "site.yaml").write_text(
