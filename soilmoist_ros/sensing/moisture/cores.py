@@ -321,11 +321,15 @@ def _cells(cells: Sequence[str], header: Sequence[str], names: Sequence[str], co
         if name in _COLUMNS and comma:
             cell = re.sub(r"(?<=\d),(?=\d)", ".", cell)
         if raw in _OTHER_UNITS:
-            factor = _OTHER_UNITS[raw][1]
-            cell = re.sub(r"\d+(?:\.\d+)?", lambda number, by=factor: f"{float(number[0]) * by:.9g}", cell)
+            cell = _scaled(cell, _OTHER_UNITS[raw][1])
         if name in _NAMES:
             found[name] = cell
     return found
+
+
+def _scaled(cell: str, factor: float) -> str:
+    """A cell with its numbers in another unit."""
+    return re.sub(r"\d+(?:\.\d+)?", lambda number: f"{float(number[0]) * factor:.9g}", cell)
 
 
 def _without_units(
