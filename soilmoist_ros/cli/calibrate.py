@@ -94,7 +94,6 @@ def command(
         estimate_n0,
         load_site,
         mean_of_cores,
-        moisture_curve,
         read_soil_cores,
         write_calibration,
     )
@@ -121,7 +120,7 @@ def command(
     rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
     try:
         mean = mean_of_cores(sampled, weighting, around)
-        unit_curve = moisture_curve(unit, soil, known.reference_humidity_gm3)
+        unit_curve = unit.curve_of(soil, known.reference_humidity_gm3)
         estimate = estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve)
     except ValueError as error:
         raise InputError(

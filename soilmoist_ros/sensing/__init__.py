@@ -42,9 +42,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.formats.logger_reader import LogFile as LogFile
     from soilmoist_ros.sensing.formats.logger_reader import detect_format as detect_format
     from soilmoist_ros.sensing.formats.logger_reader import format_of_lines as format_of_lines
-    from soilmoist_ros.sensing.formats.logger_reader import log_files as log_files
     from soilmoist_ros.sensing.formats.logger_reader import parse_log as parse_log
-    from soilmoist_ros.sensing.formats.logger_reader import read_data as read_data
     from soilmoist_ros.sensing.formats.logger_reader import read_log as read_log
     from soilmoist_ros.sensing.formats.notation import UndecidedOrderError as UndecidedOrderError
     from soilmoist_ros.sensing.formats.notation import matching_formats as matching_formats
@@ -64,6 +62,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.gnss import fix_from_message as fix_from_message
     from soilmoist_ros.sensing.gnss import stamp_of as stamp_of
     from soilmoist_ros.sensing.gnss import utc_text as utc_text
+    from soilmoist_ros.sensing.lines import log_files as log_files
+    from soilmoist_ros.sensing.lines import read_data as read_data
     from soilmoist_ros.sensing.moisture.cores import possible_days as possible_days
     from soilmoist_ros.sensing.moisture.cores import read_soil_cores as read_soil_cores
     from soilmoist_ros.sensing.moisture.curve import CalibrationCurve as CalibrationCurve
@@ -83,7 +83,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.site import Soil as Soil
     from soilmoist_ros.sensing.moisture.site import estimate_n0 as estimate_n0
     from soilmoist_ros.sensing.moisture.site import load_site as load_site
-    from soilmoist_ros.sensing.moisture.site import moisture_curve as moisture_curve
     from soilmoist_ros.sensing.moisture.site import n0_in_other_time as n0_in_other_time
     from soilmoist_ros.sensing.moisture.site import unusual_n0 as unusual_n0
     from soilmoist_ros.sensing.moisture.site import write_calibration as write_calibration
@@ -142,14 +141,15 @@ __getattr__, __dir__, __all__ = open_door(
         "formats.log_layout": "Header",
         "formats.log_values": "split_lines",
         "formats.logger_format": "LoggerFormat load_logger_format logger_names logger_path",
-        "formats.logger_reader": "LogFile detect_format format_of_lines log_files parse_log read_data read_log",
+        "formats.logger_reader": "LogFile detect_format format_of_lines parse_log read_log",
         "formats.notation": "UndecidedOrderError matching_formats",
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of utc_text",
+        "lines": "log_files read_data",
         "moisture.cores": "possible_days read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Surroundings Weighting mean_of_cores sensed_soil",
-        "moisture.site": "Calibration Site Soil estimate_n0 load_site moisture_curve n0_in_other_time unusual_n0 write_calibration",
+        "moisture.site": "Calibration Site Soil estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration",
         "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",
         "position.place_judge": "Expected PlaceAges PlaceFix PlaceJudge PlaceLimits REPEATED_M Verdict",

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From bytes to lines: sources of lines and their state, a thread that reads one, and recorded lines."""
+"""From bytes to lines: sources of lines, a thread that reads one, recorded lines, and files."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ import logging
 import math
 import threading
 import time
+import zipfile
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from soilmoist_ros.sensing.formats.log_values import MAX_LINE
-from soilmoist_ros.sensing.formats.logger_reader import read_lines
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.sensing.formats.log_values import MAX_LINE, split_lines, utf16
 
 MAX_WAITING = 20_000
 """Maximum number of waiting lines; above it, the reader pauses."""
@@ -27,6 +28,15 @@ _STOP_S = 5.0
 _log = logging.getLogger(__name__)
 StampOf = Callable[[bytes], float | None]
 """Time at which a line was sent [s since 1970 UTC], ``None`` if the line has no time."""
+_MAGIC = {
+    b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)",
+    b"\x1f\x8b": "a gzip archive",
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "an image",
+    b"\xd0\xcf\x11\xe0": "an old Office document (.xls)",
+    b"\x89MCAP": "a ROS bag (MCAP)",
+    b"SQLite": "a database",
+}
 
 
 class LinkState(enum.Enum):
@@ -336,3 +346,76 @@ class RecordingSource:
         if self._stamp_s is None:
             return True
         return self._playback.is_due(self._number, self._stamp_s, self._speed, timeout_s)
+
+
+# Files ----------------------------------------------------------------------------------------------------------
+
+
+def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
+    """Lines of a text file without line ends, and whether the last line had an end.
+
+    :param path: the file; the path of an archive, followed by the name of a file in it, is one as well
+    :param binary: whether other bytes may stand between the lines
+    :raises InputError: if the file is missing, a folder, not readable, empty or not text
+    """
+    if path.is_dir():
+        raise InputError("is a folder, not a file", "give the path of a log file in it", path)
+    try:
+        data = read_data(path)
+    except FileNotFoundError:
+        raise InputError("there is no such file", "check the path", path) from None
+    except (OSError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {reason}", "check the path and its permissions", path) from None
+    if not data.strip(b"\x00 \t\r\n\xef\xbb\xbf\xff\xfe"):
+        raise EmptyFileError("is empty", "check that the logger wrote it, and that it was copied as a whole", path)
+    for magic, what in _MAGIC.items():
+        if data.startswith(magic):
+            raise InputError(f"is {what}, not a text file", "unpack it or export it as text first", path)
+    if not binary and _is_binary(data[:4096]):
+        raise InputError("is not a text file", "give the text file that the logger wrote", path)
+    return split_lines(data)
+
+
+class EmptyFileError(InputError):
+    """A file without content, as loggers leave them when the power fails."""
+
+
+def read_data(path: Path) -> bytes:
+    """Content of a file, or of a file in a ZIP archive."""
+    archive = next((parent for parent in path.parents if parent.is_file()), None)
+    if archive is None:
+        return path.read_bytes()
+    with zipfile.ZipFile(archive) as content:
+        return content.read(path.relative_to(archive).as_posix())
+
+
+def log_files(paths: Iterable[Path]) -> list[Path]:
+    """Files to read: those that are given, and those in folders and ZIP archives, without hidden ones.
+
+    :raises InputError: if a folder or archive has no file
+    """
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            runs = {one.parent for one in path.rglob("summary.json")}
+            names = sorted(one for one in path.rglob("*") if one.is_file() and not runs.intersection(one.parents))
+        elif path.suffix.lower() == ".zip" and zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as content:
+                names = sorted(path / one.filename for one in content.infolist() if not one.is_dir())
+        else:
+            found.append(path)
+            continue
+        files = [one for one in names if not any(part[0] in "._" for part in one.relative_to(path).parts)]
+        if not files:
+            raise InputError("has no file", "give a log file, or a folder or archive with log files", path)
+        found += files
+    return found
+
+
+def _is_binary(start: bytes) -> bool:
+    if utf16(start):
+        return False
+    start = start.replace(b"\x00", b"")  # a power cut leaves blocks of zeros
+    control = sum(byte < 32 and byte not in b"\t\r\n\x0c\x1a" for byte in start)
+    return control > 0.05 * len(start)

@@ -95,6 +95,15 @@ class Calibration(Section):
         """Whether the file says where N0 comes from: a day, a method or a standard deviation."""
         return bool(self.date or self.note or self.n0_sd_cps)
 
+    def curve_of(self, soil: Soil, reference_humidity_gm3: float = 0.0) -> MoistureCurve:
+        """Curve from the rate to the moisture of a soil.
+
+        :param reference_humidity_gm3: absolute humidity to which the rates are corrected [g/m^3]
+        """
+        if self.curve == "universal":
+            return _universal_curve(self, soil, reference_humidity_gm3)
+        return CalibrationCurve(*_common(self, soil))
+
 
 class Irrigation(Section):
     """Limits of dry and moist soil for the report; terciles of the field if none are given."""
@@ -247,17 +256,7 @@ class Site(Section):
         """Calibration curve, ``None`` until the site has both soil properties and N0."""
         if self.soil is None or self.calibration is None:
             return None
-        return moisture_curve(self.calibration, self.soil, self.reference_humidity_gm3)
-
-
-def moisture_curve(calibration: Calibration, soil: Soil, reference_humidity_gm3: float = 0.0) -> MoistureCurve:
-    """The curve that a calibration names.
-
-    :param reference_humidity_gm3: absolute humidity to which the rates are corrected [g/m^3]
-    """
-    if calibration.curve == "universal":
-        return _universal_curve(calibration, soil, reference_humidity_gm3)
-    return CalibrationCurve(*_common(calibration, soil))
+        return self.calibration.curve_of(self.soil, self.reference_humidity_gm3)
 
 
 def _universal_curve(calibration: Calibration, soil: Soil, humidity_gm3: float) -> UniversalCurve:

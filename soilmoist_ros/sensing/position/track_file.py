@@ -23,8 +23,8 @@ from soilmoist_ros.sensing.formats.log_values import (
     read_number,
     read_time,
 )
-from soilmoist_ros.sensing.formats.logger_reader import read_lines
 from soilmoist_ros.sensing.gnss import STATUS_OF_QUALITY, Fix, FixStatus, NoPlace, is_place, utc_text
+from soilmoist_ros.sensing.lines import read_lines
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position

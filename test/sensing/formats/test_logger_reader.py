@@ -18,14 +18,13 @@ from soilmoist_ros.sensing.formats.log_layout import Header
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import (
     REMEMBERED_RECORDS,
-    Kind,
     RecordParser,
-    Severity,
     detect_format,
     parse_log,
     read_log,
 )
 from soilmoist_ros.sensing.formats.robot_logger import format_header
+from soilmoist_ros.sensing.problems import Kind, Severity
 
 FORMATS = {
     name: load_logger_format(name)
