@@ -41,7 +41,7 @@ from soilmoist_ros.recording.mcap.definitions import find_definition
 from soilmoist_ros.recording.mcap.metadata import Qos, Topic
 from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.reporting.field_survey import open_survey
-from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
+from soilmoist_ros.reporting.live_view import LiveMap, LiveMission
 from soilmoist_ros.sensing.records import CountRecord
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
