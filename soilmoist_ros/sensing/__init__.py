@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.corrections.settings import IntensityCorrection as IntensityCorrection
     from soilmoist_ros.sensing.formats.draft import draft_format as draft_format
     from soilmoist_ros.sensing.formats.log_layout import Header as Header
-    from soilmoist_ros.sensing.formats.log_values import split_lines as split_lines
     from soilmoist_ros.sensing.formats.logger_format import LoggerFormat as LoggerFormat
     from soilmoist_ros.sensing.formats.logger_format import load_logger_format as load_logger_format
     from soilmoist_ros.sensing.formats.logger_format import logger_names as logger_names
@@ -64,6 +63,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.gnss import utc_text as utc_text
     from soilmoist_ros.sensing.lines import log_files as log_files
     from soilmoist_ros.sensing.lines import read_data as read_data
+    from soilmoist_ros.sensing.lines import split_lines as split_lines
     from soilmoist_ros.sensing.moisture.cores import possible_days as possible_days
     from soilmoist_ros.sensing.moisture.cores import read_soil_cores as read_soil_cores
     from soilmoist_ros.sensing.moisture.curve import CalibrationCurve as CalibrationCurve
@@ -139,13 +139,12 @@ __getattr__, __dir__, __all__ = open_door(
         "corrections.settings": "CorrectionSettings IntensityCorrection",
         "formats.draft": "draft_format",
         "formats.log_layout": "Header",
-        "formats.log_values": "split_lines",
         "formats.logger_format": "LoggerFormat load_logger_format logger_names logger_path",
         "formats.logger_reader": "LogFile detect_format format_of_lines parse_log read_log",
         "formats.notation": "UndecidedOrderError matching_formats",
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of utc_text",
-        "lines": "log_files read_data",
+        "lines": "log_files read_data split_lines",
         "moisture.cores": "possible_days read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Surroundings Weighting mean_of_cores sensed_soil",

@@ -7,6 +7,7 @@ from __future__ import annotations
 import enum
 import logging
 import math
+import re
 import threading
 import time
 import zipfile
@@ -17,8 +18,9 @@ from pathlib import Path
 from typing import Protocol
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.sensing.formats.log_values import MAX_LINE, split_lines, utf16
 
+MAX_LINE = 65_536
+"""Maximum length of a line [bytes]; longer lines are noise and are dropped."""
 MAX_WAITING = 20_000
 """Maximum number of waiting lines; above it, the reader pauses."""
 MAX_WAITING_BYTES = 16 << 20
@@ -419,3 +421,25 @@ def _is_binary(start: bytes) -> bool:
     start = start.replace(b"\x00", b"")  # a power cut leaves blocks of zeros
     control = sum(byte < 32 and byte not in b"\t\r\n\x0c\x1a" for byte in start)
     return control > 0.05 * len(start)
+
+
+def split_lines(data: bytes) -> tuple[list[bytes], bool]:
+    """Lines of a file without line ends (LF, CR LF or CR), and whether the last line had an end.
+
+    UTF-16, common in Windows tools, is converted to UTF-8. A run of NUL bytes becomes one, and ends no line.
+    """
+    if encoding := utf16(data):
+        data = data.decode(encoding, errors="replace").encode("utf-8", errors="replace")
+    data = re.sub(rb"\x00+", b"\x00", data) if b"\x00" in data else data
+    return data.splitlines(), data.endswith((b"\n", b"\r"))
+
+
+def utf16(data: bytes) -> str:
+    """Encoding of a text in UTF-16, by its byte order mark or by every other byte of its start; else empty."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    start = data[:400]
+    for name, high in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
+        if len(high) > 4 and high.count(0) > 0.9 * len(high) and start.count(0) < 0.6 * len(start):
+            return name
+    return ""

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from soilmoist_ros.sensing.corrections.factors import SEA_LEVEL_HPA as STANDARD_HPA
 from soilmoist_ros.sensing.corrections.factors import standard_pressure_hpa
-from soilmoist_ros.sensing.formats.log_values import Quantity, converter, units_of
+from soilmoist_ros.sensing.formats.log_values import Quantity, remedy_of_unit
 from soilmoist_ros.sensing.problems import Finding, Kind
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
@@ -64,19 +64,6 @@ def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:
     return low / STANDARD_HPA * lowest, high / STANDARD_HPA * highest
 
 
-def remedy_of_unit(quantity: Quantity, value: float, low: float, high: float, otherwise: str = _REMEDY) -> str:
-    """What to do with an impossible value: units in which it would be possible come first.
-
-    >>> remedy_of_unit("pressure", 99000.0, 300.0, 1085.0, "check the sensor")
-    "if it is in Pa, write 'unit: Pa' into the logger format; else check the sensor"
-    """
-    units = [unit for unit in units_of(quantity) if low <= converter(quantity, unit)(value) <= high]
-    if not units:
-        return otherwise
-    keys = " or ".join(f"'unit: {unit}'" for unit in units)
-    return f"if it is in {' or '.join(units)}, write {keys} into the logger format; else {otherwise}"
-
-
 def unlikely_weather(records: Sequence[LoggerRecord]) -> list[Finding]:
     """Doubts about the units of a whole log, whose values are possible one by one."""
     found = []
@@ -123,7 +110,7 @@ class WeatherChecks:
                 what = name.rsplit("_", 1)[0] if unit != "%" else "relative humidity"
                 span = f"{low * scale:.0f}..{high * scale:.0f} {unit}"
                 message = f"the {what} {value * scale:.1f} {unit} is impossible here ({span})"
-                remedy = remedy_of_unit(quantity, value, low, high)
+                remedy = remedy_of_unit(quantity, value, low, high, _REMEDY)
                 findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, remedy))
                 kept[name] = NAN
         jump_hpa = self._jump_hpa(record.stamp_s, kept["pressure_hpa"], altitude_m)

@@ -12,7 +12,6 @@ from typing import Literal, NoReturn
 from zoneinfo import ZoneInfo
 
 from soilmoist_ros.sensing import gnss
-from soilmoist_ros.sensing.checks.weather import remedy_of_unit
 from soilmoist_ros.sensing.formats.log_layout import Layout, Source
 from soilmoist_ros.sensing.formats.log_values import (
     Decimal,
@@ -21,6 +20,7 @@ from soilmoist_ros.sensing.formats.log_values import (
     read_coordinate,
     read_number,
     read_time,
+    remedy_of_unit,
     zone_doubt,
 )
 from soilmoist_ros.sensing.formats.logger_format import (
@@ -44,12 +44,12 @@ class LostRecordError(Exception):
     """The line is damaged, or the record has no counts."""
 
     def __init__(self, kind: Kind, message: str, column: str = "", remedy: str = "") -> None:
-        self.note = Note(kind, message, column, remedy)
+        self.note = Remark(kind, message, column, remedy)
         super().__init__(message)
 
 
 @dataclass(frozen=True)
-class Note:
+class Remark:
     """A remark about a record."""
 
     kind: Kind
@@ -70,7 +70,7 @@ class Reading:
 
     record: LoggerRecord
     key: int
-    notes: list[Note] = field(default_factory=list)
+    notes: list[Remark] = field(default_factory=list)
     gnss_offset_s: float = NAN
     left_out: dict[int, float] = field(default_factory=dict)
 
@@ -88,7 +88,7 @@ class FieldReader:
         self.layout = layout
         self._side = longitude
         self._missing = {text.casefold() for text in logger.missing} | {""}
-        self._notes: list[Note] = []
+        self._notes: list[Remark] = []
         self._formats, self._clock = list(logger.time.used_formats), logger.time.clock
         self._rivals = logger.time.rivals if logger.time.date_order == "auto" else ()
         self._packed = False
@@ -137,7 +137,7 @@ class FieldReader:
         return Reading(record, key, self._notes, self._gnss_offset(fields, record), left_out)
 
     def _note(self, kind: Kind, message: str, column: str = "", remedy: str = "") -> None:
-        self._notes.append(Note(kind, message, column, remedy))
+        self._notes.append(Remark(kind, message, column, remedy))
 
     def _is_missing(self, text: str) -> bool:
         return text.strip().casefold() in self._missing

@@ -15,8 +15,6 @@ from zoneinfo import ZoneInfo
 
 Decimal = Literal["auto", "point", "comma"]
 
-MAX_LINE = 65_536
-"""Maximum length of a line [bytes]; longer lines are noise and are dropped."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _ISO = re.compile(
     r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?\s?(Z|[+-]\d\d:?\d\d)?", re.ASCII
@@ -86,28 +84,6 @@ def decode_line(line: bytes) -> str:
     except UnicodeDecodeError:
         text = line.decode("latin-1")
     return text if text.isascii() else text.translate(_BLANKS)
-
-
-def split_lines(data: bytes) -> tuple[list[bytes], bool]:
-    """Lines of a file without line ends (LF, CR LF or CR), and whether the last line had an end.
-
-    UTF-16, common in Windows tools, is converted to UTF-8. A run of NUL bytes becomes one, and ends no line.
-    """
-    if encoding := utf16(data):
-        data = data.decode(encoding, errors="replace").encode("utf-8", errors="replace")
-    data = re.sub(rb"\x00+", b"\x00", data) if b"\x00" in data else data
-    return data.splitlines(), data.endswith((b"\n", b"\r"))
-
-
-def utf16(data: bytes) -> str:
-    """Encoding of a text in UTF-16, by its byte order mark or by every other byte of its start; else empty."""
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return "utf-16"
-    start = data[:400]
-    for name, high in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
-        if len(high) > 4 and high.count(0) > 0.9 * len(high) and start.count(0) < 0.6 * len(start):
-            return name
-    return ""
 
 
 def nmea_checksum(body: bytes) -> int:
@@ -344,3 +320,16 @@ def _scale(factor: float) -> Converter:
     if factor == 0.01:
         return lambda value: value / 100.0  # dividing keeps 965.0 hPa exactly 965.0
     return lambda value: value * factor
+
+
+def remedy_of_unit(quantity: Quantity, value: float, low: float, high: float, otherwise: str) -> str:
+    """What to do with an impossible value: units in which it would be possible come first.
+
+    >>> remedy_of_unit("pressure", 99000.0, 300.0, 1085.0, "check the sensor")
+    "if it is in Pa, write 'unit: Pa' into the logger format; else check the sensor"
+    """
+    units = [unit for unit in units_of(quantity) if low <= converter(quantity, unit)(value) <= high]
+    if not units:
+        return otherwise
+    keys = " or ".join(f"'unit: {unit}'" for unit in units)
+    return f"if it is in {' or '.join(units)}, write {keys} into the logger format; else {otherwise}"

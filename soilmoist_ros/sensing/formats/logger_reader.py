@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from soilmoist_ros.foundation import InputError, Mistake
-from soilmoist_ros.sensing.checks.clock import ClockDrift
+from soilmoist_ros.sensing.clock_drift import ClockDrift
 from soilmoist_ros.sensing.formats import log_values as units
 from soilmoist_ros.sensing.formats.log_layout import (
     Header,
@@ -24,14 +24,8 @@ from soilmoist_ros.sensing.formats.log_layout import (
     build_layout,
     split_fields,
 )
-from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Note, Reading
-from soilmoist_ros.sensing.formats.log_values import (
-    MAX_LINE,
-    decode_line,
-    read_number,
-    read_time,
-    strip_checksum,
-)
+from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Reading, Remark
+from soilmoist_ros.sensing.formats.log_values import decode_line, read_number, read_time, strip_checksum
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.notation import (
     HEADER_LINES,
@@ -42,7 +36,7 @@ from soilmoist_ros.sensing.formats.notation import (
     settle,
     stamp_text,
 )
-from soilmoist_ros.sensing.lines import read_lines
+from soilmoist_ros.sensing.lines import MAX_LINE, read_lines
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
@@ -221,7 +215,7 @@ class RecordParser:
         """
         self.line_number += 1
         if len(line) > MAX_LINE:
-            self._lose(Note(Kind.TOO_LONG, f"the line has {len(line)} bytes"))
+            self._lose(Remark(Kind.TOO_LONG, f"the line has {len(line)} bytes"))
             return None
         line = line.strip(b"\r\n")
         if not line.strip(b" \t\x03\x04\x1a"):  # includes end marks of text, transmission and DOS file
@@ -232,7 +226,7 @@ class RecordParser:
             if before and not after.strip():
                 line, complete = before, False
             elif before and self._has_record(after):
-                self._lose(Note(Kind.TRUNCATED, "zero bytes end the line, and another one begins"))
+                self._lose(Remark(Kind.TRUNCATED, "zero bytes end the line, and another one begins"))
                 line = after
             if not line.strip():
                 return None
@@ -244,7 +238,9 @@ class RecordParser:
                 body = self._after_foreign_text(line)
             if body is None:
                 kind = Kind.CHECKSUM if complete else Kind.TRUNCATED
-                self._lose(Note(kind, "the checksum is absent or wrong", "", "check the connection to the logger"))
+                self._lose(
+                    Remark(kind, "the checksum is absent or wrong", "", "check the connection to the logger")
+                )
                 return None
             line = body
         text = decode_line(line)
@@ -266,7 +262,7 @@ class RecordParser:
             text = line[:start].decode("ascii", "backslashreplace")
             remedy = "switch off the heartbeat or banner of the serial server"
             self._report(
-                Note(Kind.FOREIGN_TEXT, f"the text {text[:60]!r} stands before it", "", remedy), lost=False
+                Remark(Kind.FOREIGN_TEXT, f"the text {text[:60]!r} stands before it", "", remedy), lost=False
             )
             return body
         return None
@@ -294,20 +290,22 @@ class RecordParser:
         except MissingColumnsError as error:
             self._reader = None
             self._bad_header = error
-            note = Note(Kind.BAD_HEADER, f"the header has {error}", "", "is this the right logger format?")
+            note = Remark(Kind.BAD_HEADER, f"the header has {error}", "", "is this the right logger format?")
             self._report(note, lost=False)
             return
         self._reader = FieldReader(self.format, layout, self._side)
         self._bad_header = None
         for quantity in ("pressure", "temperature", "humidity"):
             if getattr(self.format, quantity) and not getattr(layout, quantity):
-                self._report(Note(Kind.MISSING_COLUMN, f"no column of the {quantity}"), lost=False)
+                self._report(Remark(Kind.MISSING_COLUMN, f"no column of the {quantity}"), lost=False)
         for column, remark in layout.remarks:
-            self._report(Note(Kind.OTHER_UNIT, remark, column, "check the unit in the logger format"), lost=False)
+            self._report(
+                Remark(Kind.OTHER_UNIT, remark, column, "check the unit in the logger format"), lost=False
+            )
 
     def _take_record(self, text: str, complete: bool) -> LoggerRecord | None:
         if not text.replace("\t", " ").strip("\ufeff").isprintable():
-            self._lose(Note(Kind.UNREADABLE, "the line has bytes that are not text"))
+            self._lose(Remark(Kind.UNREADABLE, "the line has bytes that are not text"))
             return None
         fields = split_fields(self.format, text)
         if self._header.takes(fields):
@@ -315,7 +313,7 @@ class RecordParser:
         self._use_new_header()
         if self._reader is None:
             remedy = "is this the right logger format?"
-            self._report(Note(Kind.NO_HEADER, "no usable header before this line", "", remedy), lost=True)
+            self._report(Remark(Kind.NO_HEADER, "no usable header before this line", "", remedy), lost=True)
             return None
         names = self._reader.layout.names
         fitted = self._reader.layout.fit(fields)
@@ -325,16 +323,16 @@ class RecordParser:
             remedy = (
                 "if it has decimal commas, export the table with semicolons between the columns" if commas else ""
             )
-            self._lose(Note(kind, f"the line has {len(fields)} fields, the header {len(names)}", "", remedy))
+            self._lose(Remark(kind, f"the line has {len(fields)} fields, the header {len(names)}", "", remedy))
             return None
         fields = fitted
         if not complete and self.format.checksum == "none" and self._reader.layout.last_needed == len(names) - 1:
-            self._lose(Note(Kind.TRUNCATED, "the last line has no end: its last number may have been cut"))
+            self._lose(Remark(Kind.TRUNCATED, "the last line has no end: its last number may have been cut"))
             return None
         try:
             reading = self._reader.read(fields, self.period_s, self.line_number)
         except LostRecordError as error:
-            self._lose(error.note if complete else Note(Kind.TRUNCATED, error.note.message))
+            self._lose(error.note if complete else Remark(Kind.TRUNCATED, error.note.message))
             return None
         return self._accept(reading)
 
@@ -342,16 +340,16 @@ class RecordParser:
         """Check a record against the earlier ones; drop a duplicate."""
         record, notes, key = reading.record, reading.notes, reading.key
         if key in self._seen:
-            self._lose(Note(Kind.DUPLICATE, f"record {record.record_number} is repeated, and dropped"))
+            self._lose(Remark(Kind.DUPLICATE, f"record {record.record_number} is repeated, and dropped"))
             return None
         if record.stamp_s in self._stamps:
-            notes.append(Note(Kind.SAME_TIME, "another record has the same time and other counts"))
+            notes.append(Remark(Kind.SAME_TIME, "another record has the same time and other counts"))
         elif self._previous and record.stamp_s < self._previous.stamp_s:
             back_s = self._previous.stamp_s - record.stamp_s
-            notes.append(Note(Kind.CLOCK_BACKWARDS, f"the clock went back by {back_s:g} s"))
+            notes.append(Remark(Kind.CLOCK_BACKWARDS, f"the clock went back by {back_s:g} s"))
         if self._previous and 0 <= self._previous.record_number < record.record_number - 1:
             gap = record.record_number - self._previous.record_number - 1
-            notes.append(Note(Kind.GAP, f"{gap} record(s) missing before this one"))
+            notes.append(Remark(Kind.GAP, f"{gap} record(s) missing before this one"))
         self._remember(self._seen, key)
         self._remember(self._stamps, record.stamp_s)
         self._previous = record
@@ -374,13 +372,13 @@ class RecordParser:
         if not len(self.clock) and abs(offset_s) > CLOCK_TOLERANCE_S:
             message = f"the logger's clock is {offset_s:+.0f} s off GNSS time"
             remedy = "set it, or consider it when you join the records with other positions"
-            reading.notes.append(Note(Kind.CLOCK_OFFSET, message, "", remedy))
+            reading.notes.append(Remark(Kind.CLOCK_OFFSET, message, "", remedy))
         self.clock.add(reading.record.stamp_s, offset_s)
 
-    def _lose(self, note: Note) -> None:
+    def _lose(self, note: Remark) -> None:
         self._report(note, lost=True)
 
-    def _report(self, note: Note, lost: bool) -> None:
+    def _report(self, note: Remark, lost: bool) -> None:
         mistake = Mistake(note.message, note.remedy, self._path, self.line_number, note.column)
         self._on_problem(Problem(note.kind, mistake, lost))
 

@@ -23,14 +23,7 @@ from soilmoist_ros.sensing.formats.log_layout import (
     plain_name,
     split_fields,
 )
-from soilmoist_ros.sensing.formats.log_values import (
-    MAX_LINE,
-    Decimal,
-    decode_line,
-    read_coordinate,
-    read_number,
-    read_time,
-)
+from soilmoist_ros.sensing.formats.log_values import Decimal, decode_line, read_coordinate, read_number, read_time
 from soilmoist_ros.sensing.formats.logger_format import (
     DateOrder,
     LoggerFormat,
@@ -38,6 +31,7 @@ from soilmoist_ros.sensing.formats.logger_format import (
     logger_names,
     order_of,
 )
+from soilmoist_ros.sensing.lines import MAX_LINE
 
 MAX_SAMPLE = 2_000
 """Number of first lines, and of later lines, from which the notation of numbers is decided."""

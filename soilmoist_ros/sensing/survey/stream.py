@@ -9,7 +9,7 @@ from itertools import pairwise
 from statistics import median_low
 
 from soilmoist_ros.foundation import LocalFrame, Mistake
-from soilmoist_ros.sensing.checks.clock import STEP_PAIRS, ClockDrift
+from soilmoist_ros.sensing.clock_drift import STEP_PAIRS, ClockDrift
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.formats.notation import matching_formats

@@ -20,9 +20,9 @@ from soilmoist_ros.sensing.formats.log_values import (
     read_coordinate,
     read_number,
     read_time,
-    split_lines,
     strip_checksum,
 )
+from soilmoist_ros.sensing.lines import split_lines
 
 FORMATS = ["iso8601", "%Y/%m/%d %H:%M:%S", "unix_s", "unix_ms"]
 

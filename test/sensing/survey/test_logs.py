@@ -13,8 +13,8 @@ import pytest
 from crnpy import crnpy
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.checks.clock import ClockDrift
 from soilmoist_ros.sensing.checks.weather import unlikely_weather
+from soilmoist_ros.sensing.clock_drift import ClockDrift
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
