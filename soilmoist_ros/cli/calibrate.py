@@ -92,13 +92,9 @@ def command(
         Calibration,
         Soil,
         estimate_n0,
-        factors_text,
         load_site,
         mean_of_cores,
-        moisture_curve,
         read_soil_cores,
-        unusual_factors,
-        unusual_pressure,
         write_calibration,
     )
 
@@ -124,7 +120,7 @@ def command(
     rate, rate_sd = counted.rate_cps, counted.rate_sd_cps
     try:
         mean = mean_of_cores(sampled, weighting, around)
-        unit_curve = moisture_curve(unit, soil, known.reference_humidity_gm3)
+        unit_curve = unit.curve_of(soil, known.reference_humidity_gm3)
         estimate = estimate_n0(rate, rate_sd, mean.vwc, mean.vwc_sd, unit_curve)
     except ValueError as error:
         raise InputError(
@@ -148,16 +144,15 @@ def command(
     assumed = "" if counted.records and math.isfinite(counted.pressure_hpa) else " (assumed for the weights)"
     say(f"air        {around.pressure_hpa:.1f} hPa, {around.humidity_gm3:.1f} g/m3{assumed}")
     if counted.factors:
-        say(f"factors    {factors_text(counted.factors)}")
+        say(f"factors    {counted.factors_text}")
     say(f"rate       {rate:.4f} +- {rate_sd:.4f} counts/s, corrected{_of_records(counted)}")
     say(f"N0         {estimate.n0_cps:.4f} +- {estimate.n0_sd_cps:.4f} counts/s, curve {unit.curve}")
     of_cores = "an unknown part" if math.isnan(estimate.from_cores_cps) else f"{estimate.from_cores_cps:.4f}"
     say(f"of which   {estimate.from_counting_cps:.4f} from counting, {of_cores} from cores")
     if before is not None and before.curve != unit.curve:
         before = None  # its N0 is of another kind
-    for doubt in [*unusual_factors(counted.factors), unusual_pressure(counted.pressure_hpa, known)]:
-        if doubt:
-            warn(f"doubt      {doubt}")
+    for doubt in counted.doubts(known):
+        warn(f"doubt      {doubt}")
     for doubt in _doubts(estimate.n0_cps, before, mean.bulk_density_gcm3, soil):
         warn(f"doubt      {doubt}")
     if dry_run:

@@ -42,7 +42,6 @@ from soilmoist_ros.sensing import (
     Site,
     Track,
     calibration_counts,
-    factors_text,
     intensity_source,
     log_doubts,
     n0_in_other_time,
@@ -51,7 +50,6 @@ from soilmoist_ros.sensing import (
     unlikely_weather,
     unusual_factors,
     unusual_n0,
-    unusual_pressure,
     why_unplaced,
 )
 from soilmoist_ros.simulation import SurrogateField
@@ -483,10 +481,8 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]
             f"{counted.left_out} records are quarantined or cannot be corrected: soilmoist map lists them. Most "
             f"often: {counted.reason or 'no reason is known'}"
         )
-    yield Finding("factors", factors_text(counted.factors))
-    yield from map(_doubt, unusual_factors(counted.factors))
-    if doubt := unusual_pressure(counted.pressure_hpa, site):
-        yield _doubt(doubt)
+    yield Finding("factors", counted.factors_text)
+    yield from map(_doubt, counted.doubts(site))
     rate_cps, curve = counted.rate_cps, site.curve
     if curve is None:
         yield Finding("rate", f"mean {rate_cps:.3f} counts/s, corrected")

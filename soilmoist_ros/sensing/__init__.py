@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.corrections.settings import IntensityCorrection as IntensityCorrection
     from soilmoist_ros.sensing.formats.draft import draft_format as draft_format
     from soilmoist_ros.sensing.formats.log_layout import Header as Header
-    from soilmoist_ros.sensing.formats.log_values import split_lines as split_lines
     from soilmoist_ros.sensing.formats.logger_format import LoggerFormat as LoggerFormat
     from soilmoist_ros.sensing.formats.logger_format import load_logger_format as load_logger_format
     from soilmoist_ros.sensing.formats.logger_format import logger_names as logger_names
@@ -42,9 +41,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.formats.logger_reader import LogFile as LogFile
     from soilmoist_ros.sensing.formats.logger_reader import detect_format as detect_format
     from soilmoist_ros.sensing.formats.logger_reader import format_of_lines as format_of_lines
-    from soilmoist_ros.sensing.formats.logger_reader import log_files as log_files
     from soilmoist_ros.sensing.formats.logger_reader import parse_log as parse_log
-    from soilmoist_ros.sensing.formats.logger_reader import read_data as read_data
     from soilmoist_ros.sensing.formats.logger_reader import read_log as read_log
     from soilmoist_ros.sensing.formats.notation import UndecidedOrderError as UndecidedOrderError
     from soilmoist_ros.sensing.formats.notation import matching_formats as matching_formats
@@ -64,6 +61,9 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.gnss import fix_from_message as fix_from_message
     from soilmoist_ros.sensing.gnss import stamp_of as stamp_of
     from soilmoist_ros.sensing.gnss import utc_text as utc_text
+    from soilmoist_ros.sensing.lines import log_files as log_files
+    from soilmoist_ros.sensing.lines import read_data as read_data
+    from soilmoist_ros.sensing.lines import split_lines as split_lines
     from soilmoist_ros.sensing.moisture.cores import possible_days as possible_days
     from soilmoist_ros.sensing.moisture.cores import read_soil_cores as read_soil_cores
     from soilmoist_ros.sensing.moisture.curve import CalibrationCurve as CalibrationCurve
@@ -83,7 +83,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.moisture.site import Soil as Soil
     from soilmoist_ros.sensing.moisture.site import estimate_n0 as estimate_n0
     from soilmoist_ros.sensing.moisture.site import load_site as load_site
-    from soilmoist_ros.sensing.moisture.site import moisture_curve as moisture_curve
     from soilmoist_ros.sensing.moisture.site import n0_in_other_time as n0_in_other_time
     from soilmoist_ros.sensing.moisture.site import unusual_n0 as unusual_n0
     from soilmoist_ros.sensing.moisture.site import write_calibration as write_calibration
@@ -116,10 +115,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.records import CountRecord as CountRecord
     from soilmoist_ros.sensing.records import LoggerRecord as LoggerRecord
     from soilmoist_ros.sensing.records import Position as Position
-    from soilmoist_ros.sensing.survey.correction import factors_text as factors_text
     from soilmoist_ros.sensing.survey.correction import intensity_source as intensity_source
     from soilmoist_ros.sensing.survey.correction import unusual_factors as unusual_factors
-    from soilmoist_ros.sensing.survey.correction import unusual_pressure as unusual_pressure
     from soilmoist_ros.sensing.survey.driver import Batch as Batch
     from soilmoist_ros.sensing.survey.driver import Driver as Driver
     from soilmoist_ros.sensing.survey.driver import DriverSettings as DriverSettings
@@ -142,16 +139,16 @@ __getattr__, __dir__, __all__ = open_door(
         "corrections.settings": "CorrectionSettings IntensityCorrection",
         "formats.draft": "draft_format",
         "formats.log_layout": "Header",
-        "formats.log_values": "split_lines",
         "formats.logger_format": "LoggerFormat load_logger_format logger_names logger_path",
-        "formats.logger_reader": "LogFile detect_format format_of_lines log_files parse_log read_data read_log",
+        "formats.logger_reader": "LogFile detect_format format_of_lines parse_log read_log",
         "formats.notation": "UndecidedOrderError matching_formats",
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
         "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of utc_text",
+        "lines": "log_files read_data split_lines",
         "moisture.cores": "possible_days read_soil_cores",
         "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
         "moisture.footprint": "CoreMean Footprint SensedSoil Surroundings Weighting mean_of_cores sensed_soil",
-        "moisture.site": "Calibration Site Soil estimate_n0 load_site moisture_curve n0_in_other_time unusual_n0 write_calibration",
+        "moisture.site": "Calibration Site Soil estimate_n0 load_site n0_in_other_time unusual_n0 write_calibration",
         "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",
         "position.place_judge": "Expected PlaceAges PlaceFix PlaceJudge PlaceLimits REPEATED_M Verdict",
@@ -159,7 +156,7 @@ __getattr__, __dir__, __all__ = open_door(
         "position.track_file": "read_positions",
         "problems": "Consequence Kind Problem Severity reason_text",
         "records": "CountRecord FIRST_STAMP_S LAST_STAMP_S LoggerRecord Position",
-        "survey.correction": "factors_text intensity_source unusual_factors unusual_pressure",
+        "survey.correction": "intensity_source unusual_factors",
         "survey.driver": "Batch Driver DriverSettings logger_fault",
         "survey.logs": "CalibrationCounts SurveyRecords calibration_counts log_doubts process_logs stationary_records why_unplaced",
     },

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A GNSS fix, and its error from the receiver's quality figures."""
+"""A GNSS fix with its error, and what has come of a receiver: so why there is no position."""
 
 from __future__ import annotations
 
@@ -108,20 +108,19 @@ STATUS_OF_QUALITY: dict[int, FixStatus] = {
 }
 
 # User-equivalent range error [m], one standard deviation, by GGA quality: usual values of single-frequency
-# receivers under open sky. Replace them if the receiver is known.
+# receivers under open sky.
 DEFAULT_UERE_M: dict[int, float] = {1: 4.0, 2: 1.5, 3: 3.0, 4: 0.02, 5: 0.4, 6: 20.0, 8: 4.0, 9: 1.5}
 
 
-def horizontal_sd(quality: int, hdop: float, uere_m: dict[int, float] | None = None) -> float:
+def horizontal_sd(quality: int, hdop: float) -> float:
     """Standard deviation of each horizontal coordinate [m], NaN if unknown.
 
     ``HDOP^2 = (var_east + var_north) / UERE^2``, so each coordinate has ``HDOP * UERE / sqrt(2)``.
 
     :param quality: as in NMEA GGA
     :param hdop: horizontal dilution of precision, > 0
-    :param uere_m: user-equivalent range error by quality [m]; :data:`DEFAULT_UERE_M` if not given
     """
-    error = (DEFAULT_UERE_M if uere_m is None else uere_m).get(quality, math.nan)
+    error = DEFAULT_UERE_M.get(quality, math.nan)
     if not (0 < hdop < 100):
         return math.nan
     return hdop * error / math.sqrt(2)
@@ -138,7 +137,6 @@ class Fix:
     :param satellites: number of satellites in use, -1 if unknown
     :param hdop: horizontal dilution of precision, NaN if unknown
     :param speed_mps: speed over ground [m/s], NaN if unknown
-    :param course_deg: course over ground, clockwise from true north [deg], NaN if unknown
     :param geoid_separation_m: geoid above ellipsoid [m], NaN if unknown; the height above the ellipsoid is the
         altitude above mean sea level plus this separation
     :param covariance_m2: covariance of east, north, up [m^2], rows; NaN where unknown
@@ -154,7 +152,6 @@ class Fix:
     satellites: int = -1
     hdop: float = NAN
     speed_mps: float = NAN
-    course_deg: float = NAN
     geoid_separation_m: float = NAN
     covariance_m2: Covariance = UNKNOWN_COVARIANCE
     covariance_kind: CovarianceKind = CovarianceKind.UNKNOWN

@@ -1,22 +1,44 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Interface and state of line sources."""
+"""From bytes to lines: sources of lines, a thread that reads one, recorded lines, and files."""
 
 from __future__ import annotations
 
 import enum
 import logging
 import math
+import re
 import threading
 import time
+import zipfile
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from soilmoist_ros.sensing.formats.log_values import MAX_LINE
-from soilmoist_ros.sensing.formats.logger_reader import read_lines
+from soilmoist_ros.foundation import InputError
+
+MAX_LINE = 65_536
+"""Maximum length of a line [bytes]; longer lines are noise and are dropped."""
+MAX_WAITING = 20_000
+"""Maximum number of waiting lines; above it, the reader pauses."""
+MAX_WAITING_BYTES = 16 << 20
+"""Maximum size of waiting lines [bytes]; above it, the reader pauses."""
+_WAIT_S = 0.2
+_STOP_S = 5.0
+_log = logging.getLogger(__name__)
+StampOf = Callable[[bytes], float | None]
+"""Time at which a line was sent [s since 1970 UTC], ``None`` if the line has no time."""
+_MAGIC = {
+    b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)",
+    b"\x1f\x8b": "a gzip archive",
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "an image",
+    b"\xd0\xcf\x11\xe0": "an old Office document (.xls)",
+    b"\x89MCAP": "a ROS bag (MCAP)",
+    b"SQLite": "a database",
+}
 
 
 class LinkState(enum.Enum):
@@ -142,14 +164,6 @@ class LineBuffer:
 
 # A thread that reads lines in the background --------------------------------------------------------------------
 
-MAX_WAITING = 20_000
-"""Maximum number of waiting lines; above it, the reader pauses."""
-MAX_WAITING_BYTES = 16 << 20
-"""Maximum size of waiting lines [bytes]; above it, the reader pauses."""
-_WAIT_S = 0.2
-_STOP_S = 5.0
-_log = logging.getLogger(__name__)
-
 
 class LineReader:
     """Reads a source in a background thread.
@@ -212,9 +226,6 @@ class LineReader:
 
 
 # Recorded lines, played at the recorded speed or faster ---------------------------------------------------------
-
-StampOf = Callable[[bytes], float | None]
-"""Time at which a line was sent [s since 1970 UTC], ``None`` if the line has no time."""
 
 
 class PlaybackClock:
@@ -337,3 +348,98 @@ class RecordingSource:
         if self._stamp_s is None:
             return True
         return self._playback.is_due(self._number, self._stamp_s, self._speed, timeout_s)
+
+
+# Files ----------------------------------------------------------------------------------------------------------
+
+
+def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
+    """Lines of a text file without line ends, and whether the last line had an end.
+
+    :param path: the file; the path of an archive, followed by the name of a file in it, is one as well
+    :param binary: whether other bytes may stand between the lines
+    :raises InputError: if the file is missing, a folder, not readable, empty or not text
+    """
+    if path.is_dir():
+        raise InputError("is a folder, not a file", "give the path of a log file in it", path)
+    try:
+        data = read_data(path)
+    except FileNotFoundError:
+        raise InputError("there is no such file", "check the path", path) from None
+    except (OSError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {reason}", "check the path and its permissions", path) from None
+    if not data.strip(b"\x00 \t\r\n\xef\xbb\xbf\xff\xfe"):
+        raise EmptyFileError("is empty", "check that the logger wrote it, and that it was copied as a whole", path)
+    for magic, what in _MAGIC.items():
+        if data.startswith(magic):
+            raise InputError(f"is {what}, not a text file", "unpack it or export it as text first", path)
+    if not binary and _is_binary(data[:4096]):
+        raise InputError("is not a text file", "give the text file that the logger wrote", path)
+    return split_lines(data)
+
+
+class EmptyFileError(InputError):
+    """A file without content, as loggers leave them when the power fails."""
+
+
+def read_data(path: Path) -> bytes:
+    """Content of a file, or of a file in a ZIP archive."""
+    archive = next((parent for parent in path.parents if parent.is_file()), None)
+    if archive is None:
+        return path.read_bytes()
+    with zipfile.ZipFile(archive) as content:
+        return content.read(path.relative_to(archive).as_posix())
+
+
+def log_files(paths: Iterable[Path]) -> list[Path]:
+    """Files to read: those that are given, and those in folders and ZIP archives, without hidden ones.
+
+    :raises InputError: if a folder or archive has no file
+    """
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            runs = {one.parent for one in path.rglob("summary.json")}
+            names = sorted(one for one in path.rglob("*") if one.is_file() and not runs.intersection(one.parents))
+        elif path.suffix.lower() == ".zip" and zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as content:
+                names = sorted(path / one.filename for one in content.infolist() if not one.is_dir())
+        else:
+            found.append(path)
+            continue
+        files = [one for one in names if not any(part[0] in "._" for part in one.relative_to(path).parts)]
+        if not files:
+            raise InputError("has no file", "give a log file, or a folder or archive with log files", path)
+        found += files
+    return found
+
+
+def _is_binary(start: bytes) -> bool:
+    if utf16(start):
+        return False
+    start = start.replace(b"\x00", b"")  # a power cut leaves blocks of zeros
+    control = sum(byte < 32 and byte not in b"\t\r\n\x0c\x1a" for byte in start)
+    return control > 0.05 * len(start)
+
+
+def split_lines(data: bytes) -> tuple[list[bytes], bool]:
+    """Lines of a file without line ends (LF, CR LF or CR), and whether the last line had an end.
+
+    UTF-16, common in Windows tools, is converted to UTF-8. A run of NUL bytes becomes one, and ends no line.
+    """
+    if encoding := utf16(data):
+        data = data.decode(encoding, errors="replace").encode("utf-8", errors="replace")
+    data = re.sub(rb"\x00+", b"\x00", data) if b"\x00" in data else data
+    return data.splitlines(), data.endswith((b"\n", b"\r"))
+
+
+def utf16(data: bytes) -> str:
+    """Encoding of a text in UTF-16, by its byte order mark or by every other byte of its start; else empty."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    start = data[:400]
+    for name, high in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
+        if len(high) > 4 and high.count(0) > 0.9 * len(high) and start.count(0) < 0.6 * len(start):
+            return name
+    return ""

@@ -127,22 +127,6 @@ def test_refused_connections_and_unknown_names_are_reported_and_retried():
         assert source.status.last_error
 
 
-@pytest.mark.slow
-def test_it_connects_to_a_server_that_starts_late():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        address = server.getsockname()
-    with opened(f"tcp://127.0.0.1:{address[1]}") as source:
-        read_until(source, lambda: source.status.attempts >= 2)
-        with socket.create_server(address) as server:
-            server.settimeout(LIMIT_S)
-            assert source.read_line(0.5) is None
-            client, _ = server.accept()
-            with client:
-                client.sendall(b"late\n")
-                assert read(source, 1) == [b"late"]
-        assert source.status.attempts == 0
-
-
 class SlowLogger:
     """A logger that sends a line each period to whoever listens then, in its own time."""
 

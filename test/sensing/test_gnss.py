@@ -17,7 +17,6 @@ from soilmoist_ros.sensing.gnss import (
     NoPlace,
     clock_words,
     covariance_of_ellipse,
-    diagonal_covariance,
     horizontal_sd,
 )
 from soilmoist_ros.sensing.records import Position
@@ -30,14 +29,7 @@ def test_error_ellipse_at_an_angle_has_its_axes() -> None:
     np.testing.assert_allclose(np.linalg.eigvalsh(matrix), [1, 4, 9])
 
 
-def test_a_round_ellipse_has_no_direction() -> None:
-    for orientation_deg in (0.0, 17.0, 90.0):
-        found = covariance_of_ellipse(2.0, 2.0, orientation_deg, 3.0)
-        np.testing.assert_allclose(found, diagonal_covariance(2.0, 2.0, 3.0), atol=1e-12)
-
-
 def test_the_standard_deviation_of_a_coordinate_is_hdop_times_range_error_over_root_two() -> None:
-    assert horizontal_sd(1, 2.0, {1: 10.0}) == pytest.approx(20 / math.sqrt(2))
     assert horizontal_sd(4, 1.0) == pytest.approx(DEFAULT_UERE_M[4] / math.sqrt(2))
 
 

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from soilmoist_ros.sensing.corrections.factors import SEA_LEVEL_HPA as STANDARD_HPA
 from soilmoist_ros.sensing.corrections.factors import standard_pressure_hpa
+from soilmoist_ros.sensing.formats.log_values import Quantity, remedy_of_unit
 from soilmoist_ros.sensing.problems import Finding, Kind
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
@@ -45,17 +46,6 @@ FROZEN_KELVIN = 3.0
 """Change of temperature while the pressure stays the same [K]."""
 FROZEN_RECORDS = 10
 _REMEDY = "check the sensor; without a value the nearest records give it"
-_UNITS: dict[str, dict[str, Callable[[float], float]]] = {
-    "pressure": {
-        "Pa": lambda value: value / 100,
-        "kPa": lambda value: value * 10,
-        "mmHg": lambda value: value * 1.33322,
-        "inHg": lambda value: value * 33.8639,
-    },
-    "temperature": {"K": lambda value: value - 273.15, "degF": lambda value: (value - 32) / 1.8},
-    "humidity": {"percent": lambda value: value / 100, "fraction": lambda value: value},
-}
-"""Units that a logger format has, and what it makes of their values [hPa, degC, fraction]."""
 MAX_FRACTION = 0.0101
 """Relative humidity that no air near the ground stays below; fractions that were read as per cent do [-]."""
 MIN_MEDIAN_HUMIDITY = 0.2
@@ -72,19 +62,6 @@ def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:
     low, high = SEA_LEVEL_HPA
     lowest, highest = (standard_pressure_hpa(45.0, min(max(each, -500.0), 9000.0)) for each in (high_m, low_m))
     return low / STANDARD_HPA * lowest, high / STANDARD_HPA * highest
-
-
-def remedy_of_unit(quantity: str, value: float, low: float, high: float, otherwise: str = _REMEDY) -> str:
-    """What to do with an impossible value: units in which it would be possible come first.
-
-    >>> remedy_of_unit("pressure", 99000.0, 300.0, 1085.0, "check the sensor")
-    "if it is in Pa, write 'unit: Pa' into the logger format; else check the sensor"
-    """
-    units = [unit for unit, convert in _UNITS[quantity].items() if low <= convert(value) <= high]
-    if not units:
-        return otherwise
-    keys = " or ".join(f"'unit: {unit}'" for unit in units)
-    return f"if it is in {' or '.join(units)}, write {keys} into the logger format; else {otherwise}"
 
 
 def unlikely_weather(records: Sequence[LoggerRecord]) -> list[Finding]:
@@ -119,7 +96,7 @@ class WeatherChecks:
 
     def check(self, record: LoggerRecord, altitude_m: float = NAN) -> tuple[LoggerRecord, list[Finding]]:
         """The record without impossible values, which become NaN, and its faults."""
-        limits = {
+        limits: dict[str, tuple[tuple[float, float], str, float, Quantity]] = {
             "pressure_hpa": (pressure_limits_hpa(altitude_m), "hPa", 1.0, "pressure"),
             "temperature_degc": (TEMPERATURES_DEGC, "degC", 1.0, "temperature"),
             "relative_humidity": (HUMIDITIES, "%", 100.0, "humidity"),
@@ -133,7 +110,7 @@ class WeatherChecks:
                 what = name.rsplit("_", 1)[0] if unit != "%" else "relative humidity"
                 span = f"{low * scale:.0f}..{high * scale:.0f} {unit}"
                 message = f"the {what} {value * scale:.1f} {unit} is impossible here ({span})"
-                remedy = remedy_of_unit(quantity, value, low, high)
+                remedy = remedy_of_unit(quantity, value, low, high, _REMEDY)
                 findings.append(Finding(Kind.IMPOSSIBLE_WEATHER, message, remedy))
                 kept[name] = NAN
         jump_hpa = self._jump_hpa(record.stamp_s, kept["pressure_hpa"], altitude_m)

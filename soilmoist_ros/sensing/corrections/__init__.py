@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Factors for air pressure, humidity and incoming intensity; several detector tubes as one sensor."""
+"""Correction factors, the incoming intensity, and the settings of a site file that lead to them."""

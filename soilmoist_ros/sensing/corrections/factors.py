@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Correction of neutron counts for air pressure, humidity and incoming cosmic-ray intensity.
+"""Factors of neutron counts: air pressure, humidity, incoming intensity, plants and road; the standard atmosphere.
 
 The counts stay unchanged: the *exposure* is divided by the product of the factors
 (:func:`effective_exposure`), so the counts remain Poisson.
@@ -13,6 +13,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+
+SEA_LEVEL_HPA = 1013.25
+DRY_BIOMASS_SHARE_M2KG = 0.009
+"""Share of the counts that 1 kg/m^2 of dry biomass takes (Baatz et al. 2015, abstract)."""
+BIOMASS_WATER_SHARE_M2KG = 6.4 / 1210
+"""Share of the counts that 1 kg/m^2 of biomass water equivalent takes: r2 / N0 of Baatz et al. (2015)."""
+CELLULOSE_WATER = 0.494
+"""Water equivalent of dry biomass [kg/kg] (Wahbi & Avery 2018, In situ destructive sampling, Springer)."""
 
 
 @dataclass(frozen=True)
@@ -131,8 +139,6 @@ def _require_positive(name: str, value: float) -> None:
 
 # Pressure and depth of the air above a place, and the barometric coefficient of the neutrons there --------------
 
-SEA_LEVEL_HPA = 1013.25
-
 
 def gravity_ms2(latitude_deg: float, altitude_m: float) -> float:
     """Acceleration of gravity on land [m/s^2]: the 1967 formula with free-air and Bouguer terms.
@@ -193,13 +199,6 @@ def barometric_coefficient(depth_gcm2: float, cutoff_rigidity_gv: float) -> floa
 
 
 # Constant factors of a site: plants around the probe, and the road that it drives on ----------------------------
-
-DRY_BIOMASS_SHARE_M2KG = 0.009
-"""Share of the counts that 1 kg/m^2 of dry biomass takes (Baatz et al. 2015, abstract)."""
-BIOMASS_WATER_SHARE_M2KG = 6.4 / 1210
-"""Share of the counts that 1 kg/m^2 of biomass water equivalent takes: r2 / N0 of Baatz et al. (2015)."""
-CELLULOSE_WATER = 0.494
-"""Water equivalent of dry biomass [kg/kg] (Wahbi & Avery 2018, In situ destructive sampling, Springer)."""
 
 
 def biomass_water_kgm2(fresh_kgm2: float, dry_kgm2: float) -> float:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Scaling of the incoming intensity from a neutron monitor to the site.
+"""Incoming cosmic-ray intensity: from a file of neutron monitors or from outside, and its scaling to the site.
 
 A monitor and a probe respond differently to a change of the cosmic rays, depending on cutoff rigidity and
 atmospheric depth. With the rate C of the monitor and its reference C0 the correction factor is
@@ -24,6 +24,22 @@ from soilmoist_ros.foundation import InputError, Mistake, did_you_mean, read_lin
 from soilmoist_ros.sensing.corrections.factors import atmospheric_depth_gcm2
 
 Scaling = Literal["none", "hawdon2014", "mcjannet2023"]
+TABLE = Path(__file__).with_name("cutoff_rigidity.csv")
+Gaps = Literal["interpolate", "hold"]
+MAX_GAP_S = 6 * 3600.0
+MAX_MISTAKES = 3
+"""Maximum number of rows that are named in an error for one remedy."""
+_TAG = re.compile(r"<[^<>]{1,40}>")
+_KEY_AND_VALUE = re.compile(r"#\s*([A-Z][A-Z .]{2,20}):\s*(.*?)\s*")
+_DURATION = re.compile(r"(\d+)\s*(min|hour|day)")
+_SECONDS = {"min": 60.0, "hour": 3600.0, "day": 86_400.0}
+_MISSING = ("", "null", "nan", "na", "-")
+_DATA_TYPES = re.compile(r"(?:R|1H)?(?:CORR?|UNCORR?|PRESS)(?:_\w+)?|\w*mbar", re.IGNORECASE)
+_CORRECTED_E = re.compile(r"(?:R|1H)?CORR?_E", re.IGNORECASE)
+_NOT_CORRECTED = re.compile(r"uncorr|press_|pressure_mbar", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
+_WORDS = re.compile(r"(\S+(?:[ T]\d\d?:\d\d\S*)?)\s+(.+)")
+_EXPECTED = "expected lines such as '2018-05-01 14:00:00;151.2' (UTC), as exported from nmdb.eu"
 
 
 @dataclass(frozen=True)
@@ -118,8 +134,6 @@ def _tau(place: CosmicPlace) -> float:
 
 # Vertical cutoff rigidity of a place, from a table of the world -------------------------------------------------
 
-TABLE = Path(__file__).with_name("cutoff_rigidity.csv")
-
 
 @lru_cache(maxsize=256)
 def cutoff_rigidity_gv(latitude_deg: float, longitude_deg: float) -> float:
@@ -197,23 +211,6 @@ class LatestIntensity:
 
 
 # Incoming cosmic-ray intensity from a file of neutron monitors, such as an export of the database NMDB ----------
-
-Gaps = Literal["interpolate", "hold"]
-
-MAX_GAP_S = 6 * 3600.0
-MAX_MISTAKES = 3
-"""Maximum number of rows that are named in an error for one remedy."""
-_TAG = re.compile(r"<[^<>]{1,40}>")
-_KEY_AND_VALUE = re.compile(r"#\s*([A-Z][A-Z .]{2,20}):\s*(.*?)\s*")
-_DURATION = re.compile(r"(\d+)\s*(min|hour|day)")
-_SECONDS = {"min": 60.0, "hour": 3600.0, "day": 86_400.0}
-_MISSING = ("", "null", "nan", "na", "-")
-_DATA_TYPES = re.compile(r"(?:R|1H)?(?:CORR?|UNCORR?|PRESS)(?:_\w+)?|\w*mbar", re.IGNORECASE)
-_CORRECTED_E = re.compile(r"(?:R|1H)?CORR?_E", re.IGNORECASE)
-_NOT_CORRECTED = re.compile(r"uncorr|press_|pressure_mbar", re.IGNORECASE)
-_NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
-_WORDS = re.compile(r"(\S+(?:[ T]\d\d?:\d\d\S*)?)\s+(.+)")
-_EXPECTED = "expected lines such as '2018-05-01 14:00:00;151.2' (UTC), as exported from nmdb.eu"
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from soilmoist_ros.sensing.formats.log_values import (
     read_time,
 )
 from soilmoist_ros.sensing.formats.logger_format import MISSING, load_logger_format, order_of
-from soilmoist_ros.sensing.formats.logger_reader import read_lines
 from soilmoist_ros.sensing.formats.notation import matching_formats
+from soilmoist_ros.sensing.lines import read_lines
 
 MAX_LINES = 2_000
 """Number of lines from which a format is drafted."""

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The columns of one log and their quantities."""
+"""The header of one log, and its columns with their quantities."""
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from soilmoist_ros.sensing.formats import log_values as units
@@ -15,7 +15,12 @@ from soilmoist_ros.sensing.formats.logger_format import AirQuantity, LoggerForma
 from soilmoist_ros.sensing.records import NAN
 
 TUBE = "{tube}"
+_PLACE = ("latitude", "longitude", "altitude", "quality", "hdop", "time_of_day",
+          "latitude_hemisphere", "longitude_hemisphere")  # fmt: skip
+"""Keys of the columns of a position."""
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
+MAX_METADATA = 500
+_KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
 
 
 def plain_name(name: str) -> str:
@@ -67,20 +72,6 @@ class Source:
 
 
 @dataclass(frozen=True)
-class PositionLayout:
-    """Columns of the position; ``None`` for absent ones."""
-
-    latitude: Source
-    longitude: Source
-    altitude: Source | None
-    quality: Source | None
-    hdop: Source | None
-    time_of_day: Source | None
-    latitude_side: Source | None = None
-    longitude_side: Source | None = None
-
-
-@dataclass(frozen=True)
 class Layout:
     """Columns of one log.
 
@@ -93,7 +84,7 @@ class Layout:
     :param pressure: barometers in order of preference
     :param temperature: thermometers in order of preference
     :param humidity: hygrometers in order of preference
-    :param position: columns of the position
+    :param position: columns of the position, by the key of the format; ``None`` without latitude or longitude
     :param count_rate: unit of a count rate in the header of the counts, empty without one
     :param remarks: differences between the units of the header and the format, with the name of the column
     """
@@ -107,7 +98,7 @@ class Layout:
     pressure: tuple[Source, ...]
     temperature: tuple[Source, ...]
     humidity: tuple[Source, ...]
-    position: PositionLayout | None
+    position: Mapping[str, Source] | None
     count_rate: str = ""
     remarks: tuple[tuple[str, str], ...] = ()
 
@@ -124,7 +115,7 @@ class Layout:
         place = self.position
         groups = (self.time, self.counts, self.live, self.pressure, self.temperature, self.humidity)
         used = {source.index for group in groups for source in group if source is not None}
-        fields = [self.record_number, *([] if place is None else vars(place).values())]
+        fields = [self.record_number, *(place or {}).values()]
         used |= {source.index for source in fields if source is not None}
         return tuple(name for index, name in enumerate(self.names) if name and index not in used)
 
@@ -139,8 +130,8 @@ class Layout:
             return fields
         if len(fields) > count and not any(fields[count:]):
             return fields[:count]
-        if len(fields) == count + 2 and place is not None and place.latitude_side is None:
-            first, second = sorted((place.latitude.index, place.longitude.index))
+        if len(fields) == count + 2 and place is not None and "latitude_hemisphere" not in place:
+            first, second = sorted((place["latitude"].index, place["longitude"].index))
             sides = {fields[first + 1].upper(), fields[second + 2].upper()}
             if sides in ({"N", "E"}, {"N", "W"}, {"S", "E"}, {"S", "W"}, {""}):
                 joined = [*fields[:first], fields[first] + fields[first + 1], *fields[first + 2 : second + 1]]
@@ -289,29 +280,13 @@ def _sensors(columns: _Columns, settings: AirQuantity | None, quantity: units.Qu
     return tuple(source for source in found if source is not None)
 
 
-def _find_position(columns: _Columns, logger: LoggerFormat) -> PositionLayout | None:
-    position = logger.position
-    if position is None:
-        return None
-    latitude, longitude = columns.find(position.latitude), columns.find(position.longitude)
-    if latitude is None or longitude is None:
-        return None
-    return PositionLayout(
-        latitude,
-        longitude,
-        columns.find(position.altitude),
-        columns.find(position.quality),
-        columns.find(position.hdop),
-        columns.find(position.time_of_day),
-        columns.find(position.latitude_hemisphere),
-        columns.find(position.longitude_hemisphere),
-    )
+def _find_position(columns: _Columns, logger: LoggerFormat) -> dict[str, Source] | None:
+    found = {name: columns.find(getattr(logger.position, name)) for name in _PLACE} if logger.position else {}
+    known = {name: source for name, source in found.items() if source is not None}
+    return known if {"latitude", "longitude"} <= known.keys() else None
 
 
 # The header lines of one log: names and units of the columns, and values such as the serial number --------------
-
-MAX_METADATA = 500
-_KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
 
 
 @dataclass(frozen=True)

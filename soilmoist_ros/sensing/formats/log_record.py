@@ -6,20 +6,21 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NoReturn
 from zoneinfo import ZoneInfo
 
 from soilmoist_ros.sensing import gnss
-from soilmoist_ros.sensing.checks.weather import remedy_of_unit
-from soilmoist_ros.sensing.formats.log_layout import Layout, PositionLayout, Source
+from soilmoist_ros.sensing.formats.log_layout import Layout, Source
 from soilmoist_ros.sensing.formats.log_values import (
     Decimal,
+    Quantity,
     likely_time_formats,
     read_coordinate,
     read_number,
     read_time,
+    remedy_of_unit,
     zone_doubt,
 )
 from soilmoist_ros.sensing.formats.logger_format import (
@@ -43,12 +44,12 @@ class LostRecordError(Exception):
     """The line is damaged, or the record has no counts."""
 
     def __init__(self, kind: Kind, message: str, column: str = "", remedy: str = "") -> None:
-        self.note = Note(kind, message, column, remedy)
+        self.note = Remark(kind, message, column, remedy)
         super().__init__(message)
 
 
 @dataclass(frozen=True)
-class Note:
+class Remark:
     """A remark about a record."""
 
     kind: Kind
@@ -69,7 +70,7 @@ class Reading:
 
     record: LoggerRecord
     key: int
-    notes: list[Note] = field(default_factory=list)
+    notes: list[Remark] = field(default_factory=list)
     gnss_offset_s: float = NAN
     left_out: dict[int, float] = field(default_factory=dict)
 
@@ -87,7 +88,7 @@ class FieldReader:
         self.layout = layout
         self._side = longitude
         self._missing = {text.casefold() for text in logger.missing} | {""}
-        self._notes: list[Note] = []
+        self._notes: list[Remark] = []
         self._formats, self._clock = list(logger.time.used_formats), logger.time.clock
         self._rivals = logger.time.rivals if logger.time.date_order == "auto" else ()
         self._packed = False
@@ -136,7 +137,7 @@ class FieldReader:
         return Reading(record, key, self._notes, self._gnss_offset(fields, record), left_out)
 
     def _note(self, kind: Kind, message: str, column: str = "", remedy: str = "") -> None:
-        self._notes.append(Note(kind, message, column, remedy))
+        self._notes.append(Remark(kind, message, column, remedy))
 
     def _is_missing(self, text: str) -> bool:
         return text.strip().casefold() in self._missing
@@ -313,7 +314,7 @@ class FieldReader:
     def _quantity(
         self,
         fields: Sequence[str],
-        name: str,
+        name: Quantity,
         quantity: AirQuantity | None,
         sources: Sequence[Source],
     ) -> float:
@@ -342,35 +343,35 @@ class FieldReader:
             self._note(Kind.MISSING_VALUE, f"no {name}")
         return NAN
 
-    def _position(self, fields: Sequence[str], layout: PositionLayout) -> Position | None:
+    def _position(self, fields: Sequence[str], layout: Mapping[str, Source]) -> Position | None:
         settings = self._logger.position
         assert settings is not None
-        quality = fields[layout.quality.index].strip() if layout.quality else ""
+        quality = fields[layout["quality"].index].strip() if "quality" in layout else ""
         noted = len(self._notes)
         if settings.notation == "auto":
-            self._packed = self._packed or is_packed(fields[layout.latitude.index], self._logger.decimal)
+            self._packed = self._packed or is_packed(fields[layout["latitude"].index], self._logger.decimal)
         else:
             self._packed = settings.notation == "degrees_minutes"
-        latitude = self._coordinate(fields, layout.latitude, layout.latitude_side, 90)
-        longitude = self._coordinate(fields, layout.longitude, layout.longitude_side, 180)
+        latitude = self._coordinate(fields, layout["latitude"], layout.get("latitude_hemisphere"), 90)
+        longitude = self._coordinate(fields, layout["longitude"], layout.get("longitude_hemisphere"), 180)
         if latitude is None or longitude is None:
             if len(self._notes) == noted:
-                self._note(Kind.NO_FIX, "no position fix", layout.latitude.name)
+                self._note(Kind.NO_FIX, "no position fix", layout["latitude"].name)
             return None
         nowhere = settings.zero_is_no_fix and latitude == 0 and longitude == 0
-        if nowhere or (layout.quality and quality in settings.no_fix_quality):
-            self._note(Kind.NO_FIX, "no position fix", layout.latitude.name)
+        if nowhere or ("quality" in layout and quality in settings.no_fix_quality):
+            self._note(Kind.NO_FIX, "no position fix", layout["latitude"].name)
             return None
         if not settings.longitude_signed:
             if self._side == "east" and longitude < 0:
                 message = f"the longitude {longitude:g} is west, the site file says east"
                 self._note(
-                    Kind.BAD_POSITION, message, layout.longitude.name, "correct 'longitude' in the site file"
+                    Kind.BAD_POSITION, message, layout["longitude"].name, "correct 'longitude' in the site file"
                 )
                 return None
             longitude = -abs(longitude) if self._side == "west" else longitude
-        altitude = self._number(fields, layout.altitude)
-        hdop = self._number(fields, layout.hdop)
+        altitude = self._number(fields, layout.get("altitude"))
+        hdop = self._number(fields, layout.get("hdop"))
         sd = gnss.horizontal_sd(int(quality) if quality in set("12345678") else 1, hdop)
         return Position(latitude, longitude, altitude if -500 <= altitude <= 9000 else NAN, sd)
 
@@ -401,9 +402,9 @@ class FieldReader:
 
     def _gnss_offset(self, fields: Sequence[str], record: LoggerRecord) -> float:
         settings, layout = self._logger.position, self.layout.position
-        if settings is None or layout is None or layout.time_of_day is None or record.position is None:
+        if settings is None or layout is None or "time_of_day" not in layout or record.position is None:
             return NAN
-        text = "1970-01-01 " + fields[layout.time_of_day.index].strip()
+        text = "1970-01-01 " + fields[layout["time_of_day"].index].strip()
         time_of_day = read_time(text, [f"%Y-%m-%d {settings.time_of_day_format}"])
         if time_of_day is None:
             return NAN

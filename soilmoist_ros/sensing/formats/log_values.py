@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Converts bytes to text, and text to numbers and times; none of these functions raises."""
+"""Converts bytes to text, text to numbers, coordinates and times, and units; none of these functions raises."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ from zoneinfo import ZoneInfo
 
 Decimal = Literal["auto", "point", "comma"]
 
-MAX_LINE = 65_536
-"""Maximum length of a line [bytes]; longer lines are noise and are dropped."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _ISO = re.compile(
     r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?\s?(Z|[+-]\d\d:?\d\d)?", re.ASCII
@@ -53,6 +51,29 @@ COMMON_TIME_FORMATS = (
 _BLANKS = dict.fromkeys(map(ord, "\u00a0\u2007\u2009\u202f"), " ")
 """Blanks that do not break a line, which spreadsheets write between thousands."""
 UTF8_BOM = b"\xef\xbb\xbf"
+Converter = Callable[[float], float]
+Quantity = Literal["pressure", "temperature", "humidity"]
+_DURATION = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0}
+_SCALES: dict[Quantity, dict[str, float]] = {
+    "pressure": {"hPa": 1.0, "mb": 1.0, "mbar": 1.0, "Pa": 0.01, "kPa": 10.0, "mmHg": 1.33322, "inHg": 33.8639},
+    "temperature": {"degC": 1.0, "degF": 1.0, "K": 1.0},
+    "humidity": {"percent": 0.01, "fraction": 1.0},
+}
+_SPELLINGS = {
+    spelling: unit
+    for unit, spellings in {
+        "hPa": "hpa hectopascal", "mb": "mb", "mbar": "mbar millibar", "Pa": "pa pascal", "kPa": "kpa",
+        "mmHg": "mmhg torr", "inHg": "inhg", "degC": "c degc celsius degreescelsius degcelsius",
+        "degF": "f degf fahrenheit", "K": "k kelvin", "percent": "% percent pct %rh", "fraction": "fraction",
+        "V": "volt volts v", "counts": "count counts", "m": "m", "mm": "mm", "m/s": "m/s", "W/m2": "w/m2",
+    }.items()
+    for spelling in spellings.split()
+}  # fmt: skip
+_RATE = re.compile(
+    r"cp([smh])(?![a-z])|(?:/|per)_?(s|sec|seconds?|min|minutes?|h|hrs?|hours?|heure)(?![a-z])"
+    r"|(?<![a-z])(h|s|min)_?\^?(?:-1|⁻¹)"
+)
+_RATES = {"s": "counts_per_second", "m": "counts_per_minute", "h": "counts_per_hour"}
 
 
 def decode_line(line: bytes) -> str:
@@ -63,28 +84,6 @@ def decode_line(line: bytes) -> str:
     except UnicodeDecodeError:
         text = line.decode("latin-1")
     return text if text.isascii() else text.translate(_BLANKS)
-
-
-def split_lines(data: bytes) -> tuple[list[bytes], bool]:
-    """Lines of a file without line ends (LF, CR LF or CR), and whether the last line had an end.
-
-    UTF-16, common in Windows tools, is converted to UTF-8. A run of NUL bytes becomes one, and ends no line.
-    """
-    if encoding := utf16(data):
-        data = data.decode(encoding, errors="replace").encode("utf-8", errors="replace")
-    data = re.sub(rb"\x00+", b"\x00", data) if b"\x00" in data else data
-    return data.splitlines(), data.endswith((b"\n", b"\r"))
-
-
-def utf16(data: bytes) -> str:
-    """Encoding of a text in UTF-16, by its byte order mark or by every other byte of its start; else empty."""
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return "utf-16"
-    start = data[:400]
-    for name, high in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
-        if len(high) > 4 and high.count(0) > 0.9 * len(high) and start.count(0) < 0.6 * len(start):
-            return name
-    return ""
 
 
 def nmea_checksum(body: bytes) -> int:
@@ -267,58 +266,6 @@ def _read_formatted(text: str, layout: str) -> tuple[float, float | None] | None
 
 # Conversion from the units of loggers to the units of this package ----------------------------------------------
 
-Converter = Callable[[float], float]
-Quantity = Literal["pressure", "temperature", "humidity"]
-
-_DURATION = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0}
-_SCALES: dict[Quantity, dict[str, float]] = {
-    "pressure": {"hPa": 1.0, "mb": 1.0, "mbar": 1.0, "Pa": 0.01, "kPa": 10.0, "mmHg": 1.33322, "inHg": 33.8639},
-    "temperature": {"degC": 1.0, "degF": 1.0, "K": 1.0},
-    "humidity": {"percent": 0.01, "fraction": 1.0},
-}
-_SPELLINGS = {
-    "hpa": "hPa",
-    "hectopascal": "hPa",
-    "mb": "mb",
-    "mbar": "mbar",
-    "millibar": "mbar",
-    "pa": "Pa",
-    "pascal": "Pa",
-    "kpa": "kPa",
-    "mmhg": "mmHg",
-    "torr": "mmHg",
-    "inhg": "inHg",
-    "c": "degC",
-    "degc": "degC",
-    "celsius": "degC",
-    "degreescelsius": "degC",
-    "degcelsius": "degC",
-    "f": "degF",
-    "degf": "degF",
-    "fahrenheit": "degF",
-    "k": "K",
-    "kelvin": "K",
-    "%": "percent",
-    "percent": "percent",
-    "pct": "percent",
-    "%rh": "percent",
-    "fraction": "fraction",
-    "volt": "V",
-    "volts": "V",
-    "v": "V",
-    "count": "counts",
-    "counts": "counts",
-    "m": "m",
-    "mm": "mm",
-    "m/s": "m/s",
-    "w/m2": "W/m2",
-}
-_RATE = re.compile(
-    r"cp([smh])(?![a-z])|(?:/|per)_?(s|sec|seconds?|min|minutes?|h|hrs?|hours?|heure)(?![a-z])"
-    r"|(?<![a-z])(h|s|min)_?\^?(?:-1|⁻¹)"
-)
-_RATES = {"s": "counts_per_second", "m": "counts_per_minute", "h": "counts_per_hour"}
-
 
 def canonical(text: str) -> str:
     """A unit as a format file spells it, such as degC for ``Deg C``; empty if the unit is unknown.
@@ -327,6 +274,11 @@ def canonical(text: str) -> str:
     ('degC', 'mbar', '')
     """
     return _SPELLINGS.get(re.sub(r"[\s.°^_]|^[\[(]|[\])]$", "", text.casefold()), "")
+
+
+def units_of(quantity: Quantity) -> tuple[str, ...]:
+    """Units of a quantity."""
+    return tuple(_SCALES[quantity])
 
 
 def measures(quantity: Quantity, unit: str) -> bool:
@@ -368,3 +320,16 @@ def _scale(factor: float) -> Converter:
     if factor == 0.01:
         return lambda value: value / 100.0  # dividing keeps 965.0 hPa exactly 965.0
     return lambda value: value * factor
+
+
+def remedy_of_unit(quantity: Quantity, value: float, low: float, high: float, otherwise: str) -> str:
+    """What to do with an impossible value: units in which it would be possible come first.
+
+    >>> remedy_of_unit("pressure", 99000.0, 300.0, 1085.0, "check the sensor")
+    "if it is in Pa, write 'unit: Pa' into the logger format; else check the sensor"
+    """
+    units = [unit for unit in units_of(quantity) if low <= converter(quantity, unit)(value) <= high]
+    if not units:
+        return otherwise
+    keys = " or ".join(f"'unit: {unit}'" for unit in units)
+    return f"if it is in {' or '.join(units)}, write {keys} into the logger format; else {otherwise}"

@@ -1,21 +1,20 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Parses the bytes of loggers into records, for live streams and files; no input makes the parser raise."""
+"""Parses the lines of loggers into records, live or from files; no line makes the parser raise."""
 
 from __future__ import annotations
 
 import contextlib
 import math
 import re
-import zipfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
 
 from soilmoist_ros.foundation import InputError, Mistake
-from soilmoist_ros.sensing.checks.clock import ClockDrift
+from soilmoist_ros.sensing.clock_drift import ClockDrift
 from soilmoist_ros.sensing.formats import log_values as units
 from soilmoist_ros.sensing.formats.log_layout import (
     Header,
@@ -25,16 +24,8 @@ from soilmoist_ros.sensing.formats.log_layout import (
     build_layout,
     split_fields,
 )
-from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Note, Reading
-from soilmoist_ros.sensing.formats.log_values import (
-    MAX_LINE,
-    decode_line,
-    read_number,
-    read_time,
-    split_lines,
-    strip_checksum,
-    utf16,
-)
+from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Reading, Remark
+from soilmoist_ros.sensing.formats.log_values import decode_line, read_number, read_time, strip_checksum
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.notation import (
     HEADER_LINES,
@@ -45,28 +36,18 @@ from soilmoist_ros.sensing.formats.notation import (
     settle,
     stamp_text,
 )
+from soilmoist_ros.sensing.lines import MAX_LINE, read_lines
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
 Key = TypeVar("Key")
-
-__all__ = [
-    "Kind",
-    "LogFile",
-    "Longitude",
-    "Problem",
-    "RecordParser",
-    "Severity",
-    "detect_format",
-    "parse_log",
-    "read_log",
-]
 
 MAX_PERIOD_S = 90_000.0
 REMEMBERED_RECORDS = 10_000
 """Latest records of a live link by which a repeated one is known: more than a day of records of 10 s."""
 CLOCK_TOLERANCE_S = 5.0
 _LEADING_NUMBER = re.compile(r"[0-9.]{1,20}", re.ASCII)
+_GNSS_SENTENCE = re.compile(rb"\s*\$G[A-Z](GGA|RMC|GST|GLL|GSA|GSV|VTG|ZDA),")
 
 
 @dataclass(frozen=True, repr=False)
@@ -234,7 +215,7 @@ class RecordParser:
         """
         self.line_number += 1
         if len(line) > MAX_LINE:
-            self._lose(Note(Kind.TOO_LONG, f"the line has {len(line)} bytes"))
+            self._lose(Remark(Kind.TOO_LONG, f"the line has {len(line)} bytes"))
             return None
         line = line.strip(b"\r\n")
         if not line.strip(b" \t\x03\x04\x1a"):  # includes end marks of text, transmission and DOS file
@@ -245,7 +226,7 @@ class RecordParser:
             if before and not after.strip():
                 line, complete = before, False
             elif before and self._has_record(after):
-                self._lose(Note(Kind.TRUNCATED, "zero bytes end the line, and another one begins"))
+                self._lose(Remark(Kind.TRUNCATED, "zero bytes end the line, and another one begins"))
                 line = after
             if not line.strip():
                 return None
@@ -257,7 +238,9 @@ class RecordParser:
                 body = self._after_foreign_text(line)
             if body is None:
                 kind = Kind.CHECKSUM if complete else Kind.TRUNCATED
-                self._lose(Note(kind, "the checksum is absent or wrong", "", "check the connection to the logger"))
+                self._lose(
+                    Remark(kind, "the checksum is absent or wrong", "", "check the connection to the logger")
+                )
                 return None
             line = body
         text = decode_line(line)
@@ -279,7 +262,7 @@ class RecordParser:
             text = line[:start].decode("ascii", "backslashreplace")
             remedy = "switch off the heartbeat or banner of the serial server"
             self._report(
-                Note(Kind.FOREIGN_TEXT, f"the text {text[:60]!r} stands before it", "", remedy), lost=False
+                Remark(Kind.FOREIGN_TEXT, f"the text {text[:60]!r} stands before it", "", remedy), lost=False
             )
             return body
         return None
@@ -307,20 +290,22 @@ class RecordParser:
         except MissingColumnsError as error:
             self._reader = None
             self._bad_header = error
-            note = Note(Kind.BAD_HEADER, f"the header has {error}", "", "is this the right logger format?")
+            note = Remark(Kind.BAD_HEADER, f"the header has {error}", "", "is this the right logger format?")
             self._report(note, lost=False)
             return
         self._reader = FieldReader(self.format, layout, self._side)
         self._bad_header = None
         for quantity in ("pressure", "temperature", "humidity"):
             if getattr(self.format, quantity) and not getattr(layout, quantity):
-                self._report(Note(Kind.MISSING_COLUMN, f"no column of the {quantity}"), lost=False)
+                self._report(Remark(Kind.MISSING_COLUMN, f"no column of the {quantity}"), lost=False)
         for column, remark in layout.remarks:
-            self._report(Note(Kind.OTHER_UNIT, remark, column, "check the unit in the logger format"), lost=False)
+            self._report(
+                Remark(Kind.OTHER_UNIT, remark, column, "check the unit in the logger format"), lost=False
+            )
 
     def _take_record(self, text: str, complete: bool) -> LoggerRecord | None:
         if not text.replace("\t", " ").strip("\ufeff").isprintable():
-            self._lose(Note(Kind.UNREADABLE, "the line has bytes that are not text"))
+            self._lose(Remark(Kind.UNREADABLE, "the line has bytes that are not text"))
             return None
         fields = split_fields(self.format, text)
         if self._header.takes(fields):
@@ -328,7 +313,7 @@ class RecordParser:
         self._use_new_header()
         if self._reader is None:
             remedy = "is this the right logger format?"
-            self._report(Note(Kind.NO_HEADER, "no usable header before this line", "", remedy), lost=True)
+            self._report(Remark(Kind.NO_HEADER, "no usable header before this line", "", remedy), lost=True)
             return None
         names = self._reader.layout.names
         fitted = self._reader.layout.fit(fields)
@@ -338,16 +323,16 @@ class RecordParser:
             remedy = (
                 "if it has decimal commas, export the table with semicolons between the columns" if commas else ""
             )
-            self._lose(Note(kind, f"the line has {len(fields)} fields, the header {len(names)}", "", remedy))
+            self._lose(Remark(kind, f"the line has {len(fields)} fields, the header {len(names)}", "", remedy))
             return None
         fields = fitted
         if not complete and self.format.checksum == "none" and self._reader.layout.last_needed == len(names) - 1:
-            self._lose(Note(Kind.TRUNCATED, "the last line has no end: its last number may have been cut"))
+            self._lose(Remark(Kind.TRUNCATED, "the last line has no end: its last number may have been cut"))
             return None
         try:
             reading = self._reader.read(fields, self.period_s, self.line_number)
         except LostRecordError as error:
-            self._lose(error.note if complete else Note(Kind.TRUNCATED, error.note.message))
+            self._lose(error.note if complete else Remark(Kind.TRUNCATED, error.note.message))
             return None
         return self._accept(reading)
 
@@ -355,16 +340,16 @@ class RecordParser:
         """Check a record against the earlier ones; drop a duplicate."""
         record, notes, key = reading.record, reading.notes, reading.key
         if key in self._seen:
-            self._lose(Note(Kind.DUPLICATE, f"record {record.record_number} is repeated, and dropped"))
+            self._lose(Remark(Kind.DUPLICATE, f"record {record.record_number} is repeated, and dropped"))
             return None
         if record.stamp_s in self._stamps:
-            notes.append(Note(Kind.SAME_TIME, "another record has the same time and other counts"))
+            notes.append(Remark(Kind.SAME_TIME, "another record has the same time and other counts"))
         elif self._previous and record.stamp_s < self._previous.stamp_s:
             back_s = self._previous.stamp_s - record.stamp_s
-            notes.append(Note(Kind.CLOCK_BACKWARDS, f"the clock went back by {back_s:g} s"))
+            notes.append(Remark(Kind.CLOCK_BACKWARDS, f"the clock went back by {back_s:g} s"))
         if self._previous and 0 <= self._previous.record_number < record.record_number - 1:
             gap = record.record_number - self._previous.record_number - 1
-            notes.append(Note(Kind.GAP, f"{gap} record(s) missing before this one"))
+            notes.append(Remark(Kind.GAP, f"{gap} record(s) missing before this one"))
         self._remember(self._seen, key)
         self._remember(self._stamps, record.stamp_s)
         self._previous = record
@@ -387,13 +372,13 @@ class RecordParser:
         if not len(self.clock) and abs(offset_s) > CLOCK_TOLERANCE_S:
             message = f"the logger's clock is {offset_s:+.0f} s off GNSS time"
             remedy = "set it, or consider it when you join the records with other positions"
-            reading.notes.append(Note(Kind.CLOCK_OFFSET, message, "", remedy))
+            reading.notes.append(Remark(Kind.CLOCK_OFFSET, message, "", remedy))
         self.clock.add(reading.record.stamp_s, offset_s)
 
-    def _lose(self, note: Note) -> None:
+    def _lose(self, note: Remark) -> None:
         self._report(note, lost=True)
 
-    def _report(self, note: Note, lost: bool) -> None:
+    def _report(self, note: Remark, lost: bool) -> None:
         mistake = Mistake(note.message, note.remedy, self._path, self.line_number, note.column)
         self._on_problem(Problem(note.kind, mistake, lost))
 
@@ -509,87 +494,6 @@ def _checked_side(logger: LoggerFormat, longitude: Longitude, path: Path | None)
 
 
 # Finds and reads logger files, and explains unreadable files ----------------------------------------------------
-
-_GNSS_SENTENCE = re.compile(rb"\s*\$G[A-Z](GGA|RMC|GST|GLL|GSA|GSV|VTG|ZDA),")
-_MAGIC = {
-    b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)",
-    b"\x1f\x8b": "a gzip archive",
-    b"%PDF": "a PDF document",
-    b"\x89PNG": "an image",
-    b"\xd0\xcf\x11\xe0": "an old Office document (.xls)",
-    b"\x89MCAP": "a ROS bag (MCAP)",
-    b"SQLite": "a database",
-}
-
-
-def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
-    """Lines of a text file without line ends, and whether the last line had an end.
-
-    :param path: the file; the path of an archive, followed by the name of a file in it, is one as well
-    :param binary: whether other bytes may stand between the lines
-    :raises InputError: if the file is missing, a folder, not readable, empty or not text
-    """
-    if path.is_dir():
-        raise InputError("is a folder, not a file", "give the path of a log file in it", path)
-    try:
-        data = read_data(path)
-    except FileNotFoundError:
-        raise InputError("there is no such file", "check the path", path) from None
-    except (OSError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"cannot be read: {reason}", "check the path and its permissions", path) from None
-    if not data.strip(b"\x00 \t\r\n\xef\xbb\xbf\xff\xfe"):
-        raise EmptyFileError("is empty", "check that the logger wrote it, and that it was copied as a whole", path)
-    for magic, what in _MAGIC.items():
-        if data.startswith(magic):
-            raise InputError(f"is {what}, not a text file", "unpack it or export it as text first", path)
-    if not binary and _is_binary(data[:4096]):
-        raise InputError("is not a text file", "give the text file that the logger wrote", path)
-    return split_lines(data)
-
-
-class EmptyFileError(InputError):
-    """A file without content, as loggers leave them when the power fails."""
-
-
-def read_data(path: Path) -> bytes:
-    """Content of a file, or of a file in a ZIP archive."""
-    archive = next((parent for parent in path.parents if parent.is_file()), None)
-    if archive is None:
-        return path.read_bytes()
-    with zipfile.ZipFile(archive) as content:
-        return content.read(path.relative_to(archive).as_posix())
-
-
-def log_files(paths: Iterable[Path]) -> list[Path]:
-    """Files to read: those that are given, and those in folders and ZIP archives, without hidden ones.
-
-    :raises InputError: if a folder or archive has no file
-    """
-    found: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            runs = {one.parent for one in path.rglob("summary.json")}
-            names = sorted(one for one in path.rglob("*") if one.is_file() and not runs.intersection(one.parents))
-        elif path.suffix.lower() == ".zip" and zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as content:
-                names = sorted(path / one.filename for one in content.infolist() if not one.is_dir())
-        else:
-            found.append(path)
-            continue
-        files = [one for one in names if not any(part[0] in "._" for part in one.relative_to(path).parts)]
-        if not files:
-            raise InputError("has no file", "give a log file, or a folder or archive with log files", path)
-        found += files
-    return found
-
-
-def _is_binary(start: bytes) -> bool:
-    if utf16(start):
-        return False
-    start = start.replace(b"\x00", b"")  # a power cut leaves blocks of zeros
-    control = sum(byte < 32 and byte not in b"\t\r\n\x0c\x1a" for byte in start)
-    return control > 0.05 * len(start)
 
 
 def unreadable_header(path: Path, lines: Sequence[bytes], logger: LoggerFormat, missing: Sequence[str]) -> Mistake:

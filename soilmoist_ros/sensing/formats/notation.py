@@ -23,14 +23,7 @@ from soilmoist_ros.sensing.formats.log_layout import (
     plain_name,
     split_fields,
 )
-from soilmoist_ros.sensing.formats.log_values import (
-    MAX_LINE,
-    Decimal,
-    decode_line,
-    read_coordinate,
-    read_number,
-    read_time,
-)
+from soilmoist_ros.sensing.formats.log_values import Decimal, decode_line, read_coordinate, read_number, read_time
 from soilmoist_ros.sensing.formats.logger_format import (
     DateOrder,
     LoggerFormat,
@@ -38,6 +31,7 @@ from soilmoist_ros.sensing.formats.logger_format import (
     logger_names,
     order_of,
 )
+from soilmoist_ros.sensing.lines import MAX_LINE
 
 MAX_SAMPLE = 2_000
 """Number of first lines, and of later lines, from which the notation of numbers is decided."""
@@ -126,7 +120,7 @@ def _with_decimal(logger: LoggerFormat, rows: Sequence[Row], path: Path) -> tupl
     unclear: list[tuple[str, int, str]] = []
     for row in rows:
         layout, whole = row.layout, set(row.layout.counts) if logger.counts.unit == "counts" else set()
-        places = [] if layout.position is None else [layout.position.latitude, layout.position.longitude]
+        places = [layout.position[name] for name in ("latitude", "longitude")] if layout.position else []
         live = [source for source in layout.live if source is not None]
         sources = [*layout.counts, *live, *layout.pressure, *layout.temperature, *layout.humidity, *places]
         for source in sources:
@@ -184,9 +178,9 @@ def _with_position(logger: LoggerFormat, rows: Sequence[Row]) -> tuple[LoggerFor
         layout = row.layout.position
         if layout is None:
             continue
-        latitude, longitude = (row.fields[one.index] for one in (layout.latitude, layout.longitude))
+        latitude, longitude = (row.fields[layout[name].index] for name in ("latitude", "longitude"))
         unnamed = unnamed or (
-            layout.latitude_side is None and latitude[-1:].upper() in ("N", "S") and latitude[:1].isdigit()
+            "latitude_hemisphere" not in layout and latitude[-1:].upper() in ("N", "S") and latitude[:1].isdigit()
         )
         if read_coordinate(latitude, decimal=logger.decimal):
             pairs.append((latitude, longitude, row.line))

@@ -328,6 +328,7 @@ def _cells(cells: Sequence[str], header: Sequence[str], names: Sequence[str], co
 
 
 def _scaled(cell: str, factor: float) -> str:
+    """A cell with its numbers in another unit."""
     return re.sub(r"\d+(?:\.\d+)?", lambda number: f"{float(number[0]) * factor:.9g}", cell)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where the counts come from: weights of distance and depth, radius and depth of 86 % of the counts.
+"""Where the counts come from, and so the mean moisture of soil cores as a probe sees it.
 
 Köhli et al. (2015), Water Resources Research 51:5772-5790. Parameters, rescaling and depth: Schrön et al. (2017),
 Hydrology and Earth System Sciences 21:5009-5030, appendix A. The weights are sums of exponentials of the distance,
@@ -33,6 +33,12 @@ _NEAR_M, _FAR_M = 1.0, 50.0
 _TYPICAL_WATER = 0.2
 _SCREEN = 3.7
 """Decay of the dip below the probe, within 1 m [1/m]."""
+Weighting = Literal["revised", "conventional", "equal"]
+_CONVENTIONAL_REACH_M = 127.0
+_NEAREST_M = 0.5
+"""Least distance of the published weights [m]; a ring of no radius has no weight."""
+_MAX_ITERATIONS = 200
+_TOLERANCE_VWC = 1e-8
 
 
 def pressure_scale(pressure_hpa: float) -> float:
@@ -240,13 +246,6 @@ def sensed_soil(vwc: ArrayLike, bulk_density_gcm3: float, bound_water: float, ai
 
 
 # The mean moisture of soil cores as a probe sees it -------------------------------------------------------------
-
-Weighting = Literal["revised", "conventional", "equal"]
-_CONVENTIONAL_REACH_M = 127.0
-_NEAREST_M = 0.5
-"""Least distance of the published weights [m]; a ring of no radius has no weight."""
-_MAX_ITERATIONS = 200
-_TOLERANCE_VWC = 1e-8
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The site file: corrections, soil and calibration of one sensor at one place."""
+"""The site file of one sensor at one place (corrections, soil, calibration), and N0 from soil cores."""
 
 from __future__ import annotations
 
@@ -35,6 +35,10 @@ _log = logging.getLogger(__name__)
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 WaterFraction = Annotated[float, Field(ge=0, lt=1)]
+USUAL_N0_CPS = (0.05, 30.0)
+"""N0 of sensors from one small tube at sea level to twelve large ones in the mountains [counts/s]."""
+OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}
+"""Times per which other programs give N0 [s]."""
 
 
 class Soil(Section):
@@ -90,6 +94,15 @@ class Calibration(Section):
     def has_origin(self) -> bool:
         """Whether the file says where N0 comes from: a day, a method or a standard deviation."""
         return bool(self.date or self.note or self.n0_sd_cps)
+
+    def curve_of(self, soil: Soil, reference_humidity_gm3: float = 0.0) -> MoistureCurve:
+        """Curve from the rate to the moisture of a soil.
+
+        :param reference_humidity_gm3: absolute humidity to which the rates are corrected [g/m^3]
+        """
+        if self.curve == "universal":
+            return _universal_curve(self, soil, reference_humidity_gm3)
+        return CalibrationCurve(*_common(self, soil))
 
 
 class Irrigation(Section):
@@ -243,17 +256,7 @@ class Site(Section):
         """Calibration curve, ``None`` until the site has both soil properties and N0."""
         if self.soil is None or self.calibration is None:
             return None
-        return moisture_curve(self.calibration, self.soil, self.reference_humidity_gm3)
-
-
-def moisture_curve(calibration: Calibration, soil: Soil, reference_humidity_gm3: float = 0.0) -> MoistureCurve:
-    """The curve that a calibration names.
-
-    :param reference_humidity_gm3: absolute humidity to which the rates are corrected [g/m^3]
-    """
-    if calibration.curve == "universal":
-        return _universal_curve(calibration, soil, reference_humidity_gm3)
-    return CalibrationCurve(*_common(calibration, soil))
+        return self.calibration.curve_of(self.soil, self.reference_humidity_gm3)
 
 
 def _universal_curve(calibration: Calibration, soil: Soil, humidity_gm3: float) -> UniversalCurve:
@@ -344,12 +347,6 @@ def estimate_n0(
     cores = abs(n0 / unit_rate / float(unit_curve.slope(unit_rate))) * vwc_sd
     total = math.hypot(counting, 0.0 if math.isnan(cores) else cores)
     return N0Estimate(n0, total, counting, cores)
-
-
-USUAL_N0_CPS = (0.05, 30.0)
-"""N0 of sensors from one small tube at sea level to twelve large ones in the mountains [counts/s]."""
-OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}
-"""Times per which other programs give N0 [s]."""
 
 
 def unusual_n0(n0_cps: float) -> str:

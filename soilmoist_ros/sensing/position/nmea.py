@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parses NMEA 0183 (GGA, GNS, RMC, GLL, GST, ZDA and PUBX) of a GNSS receiver into one fix per epoch.
 
-:data:`SENTENCES` has the fields and converters of each sentence type. Sentences with one time of day form an
+:data:`SENTENCES` has the fields of each sentence type. Sentences with one time of day form an
 epoch. No line makes the parser raise; faults are reported and counted.
 """
 
@@ -21,7 +21,6 @@ import pynmea2
 from soilmoist_ros.foundation import DAY_S, InputError, Mistake
 from soilmoist_ros.sensing.formats.log_values import read_number, read_time, strip_checksum
 from soilmoist_ros.sensing.gnss import (
-    DEFAULT_UERE_M,
     EARLIEST_DATE_S,
     STATUS_OF_QUALITY,
     UNKNOWN_COVARIANCE,
@@ -117,71 +116,29 @@ def _speed(text: str) -> float:
     return _number(text) * KNOTS_MPS
 
 
-_PLACE = {
-    "latitude": ("lat", _degrees),
-    "north": ("lat_dir", _hemisphere),
-    "longitude": ("lon", _degrees),
-    "east": ("lon_dir", _hemisphere),
-}
-# Sentence -> quantity -> its field (as pynmea2 names it) and converter.
-SENTENCES: Mapping[str, Mapping[str, tuple[str, Callable[[str], float]]]] = {
-    "GGA": {
-        "time": ("timestamp", _time_of_day),
-        **_PLACE,
-        "quality": ("gps_qual", _number),
-        "satellites": ("num_sats", _number),
-        "hdop": ("horizontal_dil", _number),
-        "altitude": ("altitude", _number),
-        "geoid": ("geo_sep", _number),
-    },
-    "GNS": {
-        "time": ("timestamp", _time_of_day),
-        **_PLACE,
-        "mode": ("mode_indicator", _mode),
-        "satellites": ("num_sats", _number),
-        "hdop": ("hdop", _number),
-        "altitude": ("altitude", _number),
-        "geoid": ("geo_sep", _number),
-    },
-    "RMC": {
-        "time": ("timestamp", _time_of_day),
-        "date": ("datestamp", _date),
-        **_PLACE,
-        "valid": ("status", _status),
-        "mode": ("mode_indicator", _mode),
-        "speed": ("spd_over_grnd", _speed),
-        "course": ("true_course", _number),
-    },
-    "GLL": {
-        "time": ("timestamp", _time_of_day),
-        **_PLACE,
-        "valid": ("status", _status),
-        "mode": ("faa_mode", _mode),
-    },
-    "ZDA": {
-        "time": ("timestamp", _time_of_day),
-        "day": ("day", _number),
-        "month": ("month", _number),
-        "year": ("year", _number),
-    },
-    "PUBX,00": {
-        "time": ("timestamp", _time_of_day),
-        **_PLACE,
-        "quality": ("nav_stat", _pubx_state),
-        "satellites": ("num_svs", _number),
-        "hdop": ("hdop", _number),
-    },
-    "PUBX,04": {"time": ("time", _time_of_day), "date": ("date", _date)},
-    "GST": {
-        "time": ("timestamp", _time_of_day),
-        "major_sd": ("std_dev_major", _number),
-        "minor_sd": ("std_dev_minor", _number),
-        "orientation": ("orientation", _number),
-        "north_sd": ("std_dev_latitude", _number),
-        "east_sd": ("std_dev_longitude", _number),
-        "up_sd": ("std_dev_altitude", _number),
-    },
-}
+_CONVERTERS: Mapping[str, Callable[[str], float]] = {
+    "time": _time_of_day, "date": _date, "latitude": _degrees, "north": _hemisphere, "longitude": _degrees,
+    "east": _hemisphere, "valid": _status, "mode": _mode, "state": _pubx_state, "speed": _speed,
+}  # fmt: skip
+"""Converters of quantities that are no plain numbers."""
+_NEVER_EMPTY = ("valid", "state")
+"""Quantities whose empty field says that there is no fix."""
+_PLACE = {"time": "timestamp", "latitude": "lat", "north": "lat_dir", "longitude": "lon", "east": "lon_dir"}
+SENTENCES: Mapping[str, Mapping[str, str]] = {
+    "GGA": _PLACE | {"quality": "gps_qual", "satellites": "num_sats", "hdop": "horizontal_dil",
+                     "altitude": "altitude", "geoid": "geo_sep"},
+    "GNS": _PLACE | {"mode": "mode_indicator", "satellites": "num_sats", "hdop": "hdop",
+                     "altitude": "altitude", "geoid": "geo_sep"},
+    "RMC": _PLACE | {"date": "datestamp", "valid": "status", "mode": "mode_indicator", "speed": "spd_over_grnd"},
+    "GLL": _PLACE | {"valid": "status", "mode": "faa_mode"},
+    "ZDA": {"time": "timestamp", "day": "day", "month": "month", "year": "year"},
+    "PUBX,00": _PLACE | {"state": "nav_stat", "satellites": "num_svs", "hdop": "hdop"},
+    "PUBX,04": {"time": "time", "date": "date"},
+    "GST": {"time": "timestamp", "major_sd": "std_dev_major", "minor_sd": "std_dev_minor",
+            "orientation": "orientation", "north_sd": "std_dev_latitude", "east_sd": "std_dev_longitude",
+            "up_sd": "std_dev_altitude"},
+}  # fmt: skip
+"""Quantities of each sentence, and their fields as pynmea2 names them."""
 
 _PLACES = ("GGA", "GNS", "RMC", "GLL", "PUBX,00")
 """Sentences with a position, the best first."""
@@ -222,7 +179,6 @@ class NmeaParser:
     epoch begins. :meth:`flush` returns the last fix. GGA has no date: the date of the last RMC is used, and
     advances at midnight. Before the first one the time of day is that next to the present time, if known.
 
-    :param uere_m: user-equivalent range error by GGA quality [m], for receivers that send no GST
     :param reference_stamp_s: a time within 12 h of the first epoch [s since 1970 UTC], if known; until a date is
         known, the stamps of fixes are NaN
     :param require_checksum: whether sentences without a checksum are dropped
@@ -232,7 +188,6 @@ class NmeaParser:
 
     def __init__(
         self,
-        uere_m: Mapping[int, float] = DEFAULT_UERE_M,
         reference_stamp_s: float = NAN,
         require_checksum: bool = True,
         on_problem: Callable[[Problem], None] | None = None,
@@ -241,7 +196,6 @@ class NmeaParser:
         self.problems: list[Problem] = []
         self.sentences_read = 0
         self.line_number = 0
-        self._uere_m = dict(uere_m)
         self._last_stamp_s = reference_stamp_s
         self._has_date, self._now_s = False, NAN
         self.first_dated_s = NAN
@@ -348,7 +302,6 @@ class NmeaParser:
             satellites=-1 if math.isnan(satellites) else int(satellites),
             hdop=hdop,
             speed_mps=epoch.value("RMC", "speed"),
-            course_deg=epoch.value("RMC", "course"),
             geoid_separation_m=epoch.best("geoid"),
             covariance_m2=covariance,
             covariance_kind=known,
@@ -379,25 +332,21 @@ class NmeaParser:
             return covariance_of_ellipse(major, minor, orientation, up_sd), CovarianceKind.KNOWN
         if _are_sds(east, north):
             return diagonal_covariance(east, north, up_sd), CovarianceKind.DIAGONAL_KNOWN
-        sd = horizontal_sd(quality, hdop, self._uere_m)
+        sd = horizontal_sd(quality, hdop)
         if math.isnan(sd):
             return UNKNOWN_COVARIANCE, CovarianceKind.UNKNOWN
         return diagonal_covariance(sd, sd, VERTICAL_PER_HORIZONTAL * sd), CovarianceKind.APPROXIMATED
 
 
-def _values(message: pynmea2.NMEASentence, fields: Mapping[str, tuple[str, Callable[[str], float]]]) -> Values:
+def _values(message: pynmea2.NMEASentence, fields: Mapping[str, str]) -> Values:
     values: Values = {}
-    for name, (attribute, convert) in fields.items():
+    for name, attribute in fields.items():
         index = message.name_to_idx[attribute]
-        if index < len(message.data) and ((text := message.data[index].strip()) or convert in _NEVER_EMPTY):
-            values[name] = convert(text)
-        else:
-            values[name] = NAN
+        given = index < len(message.data)
+        text = message.data[index].strip() if given else ""
+        known = text or (given and name in _NEVER_EMPTY)
+        values[name] = _CONVERTERS.get(name, _number)(text) if known else NAN
     return values
-
-
-_NEVER_EMPTY = (_status, _pubx_state)
-"""An empty field of these says that there is no fix."""
 
 
 def _are_sds(*values: float) -> bool:
@@ -412,7 +361,7 @@ def _quality(epoch: _Epoch) -> tuple[int, str]:
             return 0, f"{kind} status V"
     for kind in _PLACES:
         if kind in epoch.sentences:
-            name = "quality" if kind in ("GGA", "PUBX,00") else "mode"
+            name = {"GGA": "quality", "PUBX,00": "state"}.get(kind, "mode")
             quality = epoch.value(kind, name)
             if math.isnan(quality):
                 quality = 0.0 if kind in ("GGA", "GNS") else 1.0

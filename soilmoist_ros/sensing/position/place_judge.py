@@ -51,6 +51,10 @@ MIN_LEARNED: Final = 10
 REPEATED_M: Final = 1e-3
 """Places this close are the very same one [m]: a receiver that works has more noise."""
 _NOWHERE: Final = (math.nan, math.nan)
+COMPARED: Final = 30
+"""Number of seconds with places, of which the least delay passes for none."""
+APART_S: Final = 1.0
+"""Places that come within this time count as one delay [s], so that many that come at once are not the rule."""
 
 
 class Expected(Enum):
@@ -585,16 +589,13 @@ def _noise_m(first: PlaceFix, last: PlaceFix) -> float:
 
 # How old measured places are when they come ---------------------------------------------------------------------
 
-COMPARED: Final = 30
-"""Number of seconds with places, of which the least delay passes for none."""
-APART_S: Final = 1.0
-"""Places that come within this time count as one delay [s], so that many that come at once are not the rule."""
-
 
 class PlaceAges:
     """Ages of the places of one source, by their stamps on any clock that runs evenly.
 
-    The clock may be wrong, so an age is the delay of a place less the least delay of the last seconds.
+    A connection that stalls delivers all at once what it held back. The last of these places is where the robot
+    is, the others are where it was. The clock may be wrong, so an age is the delay of a place less the least delay
+    of the last seconds.
     """
 
     def __init__(self) -> None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Positions of a receiver over time."""
+"""Positions of a receiver over time, without jumps of place, and the heading of the robot that carries it."""
 
 from __future__ import annotations
 
@@ -19,6 +19,27 @@ EDGE_TOLERANCE_S = 0.5
 """Time for which a single fix is valid before and after its stamp [s]."""
 CLOCK_CORRECTED_S = 60.0
 """Backward jump between epochs above which the receiver has corrected its clock [s]."""
+Offset = tuple[float, float]
+STEP_M = 1.0
+"""Distance from which two fixes give a heading [m]."""
+STEP_SDS = 3.0
+"""The same, in standard deviations of the fixes."""
+METRES_PER_DEGREE = math.tau * 6_371_000.0 / 360.0
+ARMS: Final = ("antenna_x_m", "antenna_y_m", "sensor_x_m", "sensor_y_m")
+"""Names of the parameters."""
+LIMITS: Final = PlaceLimits(
+    max_speed_mps=60.0,
+    max_sd_m=1e6,
+    first_fixes=1,
+    agree_fixes=5,
+    agree_s=60.0,
+    max_gap_s=1e6,
+    max_acceleration_mps2=4.0,
+    jump_sds=5.0,
+    unknown_jump_m=15.0,
+)
+"""Limits of any vehicle that counts neutrons: a steady new place counts as true after a minute."""
+METRES_PER_DEG = 111_195.0
 
 
 class Track:
@@ -141,15 +162,6 @@ def _is_known(position: Position) -> bool:
 
 # Where antenna and sensor sit on the robot, and the heading that this needs -------------------------------------
 
-Offset = tuple[float, float]
-STEP_M = 1.0
-"""Distance from which two fixes give a heading [m]."""
-STEP_SDS = 3.0
-"""The same, in standard deviations of the fixes."""
-METRES_PER_DEGREE = math.tau * 6_371_000.0 / 360.0
-ARMS: Final = ("antenna_x_m", "antenna_y_m", "sensor_x_m", "sensor_y_m")
-"""Names of the parameters."""
-
 
 @dataclass(frozen=True, slots=True)
 class LeverArms:
@@ -241,20 +253,6 @@ def _turned(offset_m: Offset, heading_rad: float) -> Offset | None:
 
 
 # A track without jumps of place, for vehicles of which nothing else is known ------------------------------------
-
-LIMITS: Final = PlaceLimits(
-    max_speed_mps=60.0,
-    max_sd_m=1e6,
-    first_fixes=1,
-    agree_fixes=5,
-    agree_s=60.0,
-    max_gap_s=1e6,
-    max_acceleration_mps2=4.0,
-    jump_sds=5.0,
-    unknown_jump_m=15.0,
-)
-"""Limits of any vehicle that counts neutrons: a steady new place counts as true after a minute."""
-METRES_PER_DEG = 111_195.0
 
 
 class CheckedTrack(Track):

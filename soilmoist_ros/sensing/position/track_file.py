@@ -23,8 +23,8 @@ from soilmoist_ros.sensing.formats.log_values import (
     read_number,
     read_time,
 )
-from soilmoist_ros.sensing.formats.logger_reader import read_lines
 from soilmoist_ros.sensing.gnss import STATUS_OF_QUALITY, Fix, FixStatus, NoPlace, is_place, utc_text
+from soilmoist_ros.sensing.lines import read_lines
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
@@ -35,23 +35,25 @@ _LEAP_S = 18.0
 """GPS time minus UTC since 2017 [s]."""
 _GPS_EPOCH_S = 315_964_800.0
 """1980-01-06, from which GPS counts its weeks [s since 1970]."""
-_LATITUDE = ("latitude", "lat", "y_lat", "gps_lat", "gps_latitude", "latitude_n")
-_LONGITUDE = ("longitude", "lon", "lng", "long", "gps_lon", "gps_long", "gps_longitude", "longitude_e")
-_ALTITUDE = ("altitude", "alt", "elevation", "ele", "height", "ellipsoidal_height", "gps_alt", "msl")
-_TIME = (
-    "time_utc", "utc_time", "utc", "utc_datetime", "date_time_utc", "datetime_utc", "utc_t", "timestamp_utc",
-    "time", "timestamp", "datetime", "date_time", "gps_time", "iso_time", "gpst", "unix_time", "unix", "epoch",
-    "stamp",
-)  # fmt: skip
-_QUALITY = ("quality", "fix_quality", "fixquality", "gps_quality", "gga_quality")
-"""Columns with the quality of GGA."""
-_STATE = ("fix", "fix_type", "fixtype", "gps_fix", "fix_status", "solution_status", "solution", "rmc_status",
-          "valid", "validity", "status", "status_status")  # fmt: skip
-"""Columns that say whether there is a fix, in words; or by 0, and by -1 in NavSatStatus."""
+_KNOWN: Mapping[str, Sequence[str]] = {
+    "lat": ("latitude", "lat", "y_lat", "gps_lat", "gps_latitude", "latitude_n"),
+    "lon": ("longitude", "lon", "lng", "long", "gps_lon", "gps_long", "gps_longitude", "longitude_e"),
+    "alt": ("altitude", "alt", "elevation", "ele", "height", "ellipsoidal_height", "gps_alt", "msl"),
+    "time": ("time_utc", "utc_time", "utc", "utc_datetime", "date_time_utc", "datetime_utc", "utc_t",
+             "timestamp_utc", "time", "timestamp", "datetime", "date_time", "gps_time", "iso_time",
+             "gpst", "unix_time", "unix", "epoch", "stamp"),
+    "date": ("utc_date", "date_utc", "utc_d", "date", "day"),
+    "quality": ("quality", "fix_quality", "fixquality", "gps_quality", "gga_quality"),  # of GGA
+    # Whether there is a fix, in words; or by 0, and by -1 in NavSatStatus.
+    "state": ("fix", "fix_type", "fixtype", "gps_fix", "fix_status", "solution_status", "solution", "rmc_status",
+              "valid", "validity", "status", "status_status"),
+    "sdn": ("sdn",), "sde": ("sde",), "hrms": ("hrms", "h_rms"),
+}  # fmt: skip
+"""Names of the columns of each quantity, the best first."""
+_ZERO_IS_NO_FIX = ("fix", "fix_type", "fixtype", "gps_fix", "valid")
 _NO_FIX = {"none", "no", "no fix", "no_fix", "nofix", "no solution", "invalid", "void", "v", "false", "-1"}
 _GGA_OF_RTKLIB = {0: 0, 1: 4, 2: 5, 3: 9, 4: 2, 5: 1, 6: 2}
 """Quality of GGA by the Q of RTKLIB: 1 fix, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP."""
-_DATE = ("utc_date", "date_utc", "utc_d", "date", "day")
 _PARTS = {"_min": ("_min", "_minutes", "_mins"), "_sec": ("_sec", "_seconds", "_secs")}
 _RTKLIB_HEADER = (
     "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
@@ -224,65 +226,51 @@ class _Table(NamedTuple):
 def _table(lines: Sequence[bytes], path: Path) -> _Table | None:
     """Columns of a table, ``None`` without a header."""
     for number, raw in enumerate(lines[:_HEAD], 1):
-        line = decode_line(raw)
         for delimiter in ";\t, ":
-            rtklib = line.startswith("%") and "latitude(" in line
-            text = line.lstrip("% ") if delimiter == " " else line
-            given = _split(re.sub(r"\(.*?\)", "", text) if delimiter == " " else text, delimiter)
-            if rtklib and "(d'" in line:  # degrees, minutes and seconds are three fields, one name
-                given = [
-                    one
-                    for name in given
-                    for one in ([name, "", ""] if name[:3].lower() in ("lat", "lon") else [name])
-                ]
-            names = [_plain(name) for name in given]
-            found = {
-                key: next((names.index(name) for name in known if name in names), -1)
-                for key, known in (("lat", _LATITUDE), ("lon", _LONGITUDE), ("alt", _ALTITUDE), ("time", _TIME),
-                                   ("date", _DATE), ("sdn", ("sdn",)), ("sde", ("sde",)), ("state", _STATE),
-                                   ("quality", _QUALITY), ("hrms", ("hrms", "h_rms")))
-            }  # fmt: skip
-            for key, known in (("lat", _LATITUDE), ("lon", _LONGITUDE)):
-                bare = [re.sub(r"_[nsew]$", "", name) for name in names]
-                same = [at for at, name in enumerate(bare) if name in known]
-                same = same or [
-                    at for at, name in enumerate(bare) if name.endswith((f"_{known[0]}", f"_{known[1]}"))
-                ]
-                found[key] = same[0] if same else -1
-                if len(same) > 1:
-                    several = ", ".join(given[at].strip() for at in same)
-                    raise InputError(
-                        f"has several columns of the {known[0]}: {several}", "rename those not meant", path
-                    )
-            if found["lat"] < 0 or found["lon"] < 0:
-                continue
-            if rtklib and "q" in names:
-                found["quality"] = names.index("q")
-            if found["state"] < 0:
-                found["state"] = next((at for at, name in enumerate(names) if name.endswith("_status_status")), -1)
-            zero = found["state"] >= 0 and names[found["state"]] in (
-                "fix",
-                "fix_type",
-                "fixtype",
-                "gps_fix",
-                "valid",
-            )
-            sides = {key: _side(given[found[key]]) for key in ("lat", "lon")}
-            for key in ("lat", "lon"):
-                for part, endings in _PARTS.items():
-                    stems = _LATITUDE[:2] if key == "lat" else _LONGITUDE[:4]
-                    at = (names.index(f"{a}{b}") for a in stems for b in endings if f"{a}{b}" in names)
-                    found[key + part] = next(
-                        at, found[key] + 1 + (part == "_sec") if rtklib and "(d'" in line else -1
-                    )
-            its = [names[at] for at in (found["time"], found["date"]) if at >= 0]
-            scale = "GPS" if "gpst" in its else "UTC" if any("utc" in name for name in its) else ""
-            if rtklib and delimiter == " ":  # date and time are two fields, one name
-                found = {key: at + (at > 0) for key, at in found.items()}
-                found["date"], found["time"] = 0, 1
-                names = ["", *names]
-            return _Table(delimiter, number, found, sides, names, scale, rtklib, zero)
+            if (table := _columns(decode_line(raw), delimiter, number, path)) is not None:
+                return table
     return None
+
+
+def _columns(line: str, delimiter: str, number: int, path: Path) -> _Table | None:
+    """Columns that a line names, ``None`` if it is no header."""
+    rtklib, blanks = line.startswith("%") and "latitude(" in line, delimiter == " "
+    in_parts = rtklib and "(d'" in line  # degrees, minutes and seconds are three fields, one name
+    given = _split(re.sub(r"\(.*?\)", "", line.lstrip("% ")) if blanks else line, delimiter)
+    if in_parts:
+        given = [
+            one for name in given for one in ([name, "", ""] if name[:3].lower() in ("lat", "lon") else [name])
+        ]
+    names = [_plain(name) for name in given]
+    found = {
+        key: next((names.index(name) for name in known if name in names), -1) for key, known in _KNOWN.items()
+    }
+    for key in ("lat", "lon"):
+        known, bare = _KNOWN[key], [re.sub(r"_[nsew]$", "", name) for name in names]
+        same = [at for at, name in enumerate(bare) if name in known]
+        same = same or [at for at, name in enumerate(bare) if name.endswith((f"_{known[0]}", f"_{known[1]}"))]
+        found[key] = same[0] if same else -1
+        if len(same) > 1:
+            several = ", ".join(given[at].strip() for at in same)
+            raise InputError(f"has several columns of the {known[0]}: {several}", "rename those not meant", path)
+    if found["lat"] < 0 or found["lon"] < 0:
+        return None
+    if rtklib and "q" in names:
+        found["quality"] = names.index("q")
+    if found["state"] < 0:
+        found["state"] = next((at for at, name in enumerate(names) if name.endswith("_status_status")), -1)
+    zero = found["state"] >= 0 and names[found["state"]] in _ZERO_IS_NO_FIX
+    sides = {key: _side(given[found[key]]) for key in ("lat", "lon")}
+    for key, stems in (("lat", _KNOWN["lat"][:2]), ("lon", _KNOWN["lon"][:4])):
+        for nth, (part, endings) in enumerate(_PARTS.items(), 1):
+            at = (names.index(f"{a}{b}") for a in stems for b in endings if f"{a}{b}" in names)
+            found[key + part] = next(at, found[key] + nth if in_parts else -1)
+    its = [names[at] for at in (found["time"], found["date"]) if at >= 0]
+    scale = "GPS" if "gpst" in its else "UTC" if any("utc" in name for name in its) else ""
+    if rtklib and blanks:  # date and time are two fields, one name
+        found = {key: at + (at > 0) for key, at in found.items()} | {"date": 0, "time": 1}
+        names = ["", *names]
+    return _Table(delimiter, number, found, sides, names, scale, rtklib, zero)
 
 
 def _side(name: str) -> str:

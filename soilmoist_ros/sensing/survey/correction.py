@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The steps from a raw record to a corrected, geo-tagged record."""
+"""The steps from a raw record to a corrected, geo-tagged record; missing weather comes from other records."""
 
 from __future__ import annotations
 
@@ -30,7 +30,6 @@ MAX_WEATHER_GAP_S = 1800.0
 MAX_GAP_RECORDS = 4.0
 """This gap in counting intervals: three records of a logger that writes every hour may lack a value."""
 QUANTITIES = ("pressure_hpa", "temperature_degc", "relative_humidity")
-_FACTORS = {"f_pressure": "pressure", "f_humidity": "humidity", "f_intensity": "incoming neutrons"}
 
 
 class UnusableRecordError(Exception):
@@ -133,11 +132,6 @@ def _lacking(record: LoggerRecord, settings: CorrectionSettings) -> list[str]:
     if settings.humidity is not None:
         needed |= {"air temperature": record.temperature_degc, "relative humidity": record.relative_humidity}
     return [name for name, value in needed.items() if math.isnan(value)]
-
-
-def factors_text(factors: Mapping[str, tuple[float, float]]) -> str:
-    """Ranges of the factors of the corrections, in words."""
-    return ", ".join(f"{_FACTORS[name]} {low:.3f} to {high:.3f}" for name, (low, high) in factors.items())
 
 
 def unusual_factors(factors: Mapping[str, tuple[float, float]]) -> list[str]:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The driver of a sensor: reads its links, and converts their lines to records."""
+"""The driver of a sensor: reads its links, converts their lines to records, and states its health."""
 
 from __future__ import annotations
 
@@ -29,6 +29,25 @@ from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
 LINES_PER_STEP = 500
 """Maximum number of lines per step; a backlog must not block other work."""
 LOGGER, GNSS = "logger", "GNSS"
+CLOCK_TOLERANCE_S = 5.0
+"""Maximum difference of the clocks without a warning [s]."""
+STALE_FIX_S = 5.0
+"""Maximum age of the last fix without a warning [s]."""
+NO_RECORD_S = 30.0
+"""Time from the first byte of a logger to its first record after which faulty lines are an error [s]."""
+MAX_LOSSES = 1
+"""Maximum number of recently lost records without a warning."""
+OLD_INTENSITY = 0.5
+"""Age of the incoming intensity without a warning, as a share of the age from which it is not used."""
+MIN_JUDGED = 3
+"""Number of records from which more than half in quarantine are an error."""
+_LINK_LEVELS = {
+    LinkState.CONNECTED: Level.OK,
+    LinkState.ENDED: Level.OK,
+    LinkState.CONNECTING: Level.ERROR,
+    LinkState.SILENT: Level.ERROR,
+    LinkState.CLOSED: Level.STALE,
+}
 
 
 @dataclass(frozen=True)
@@ -187,29 +206,6 @@ class Driver:
 
 
 # State of the links, the logger and the GNSS receiver, for diagnostics ------------------------------------------
-
-CLOCK_TOLERANCE_S = 5.0
-"""Maximum difference of the clocks without a warning [s]."""
-STALE_FIX_S = 5.0
-"""Maximum age of the last fix without a warning [s]."""
-NO_RECORD_S = 30.0
-"""Time from the first byte of a logger to its first record after which faulty lines are an error [s]."""
-MAX_LOSSES = 1
-"""Maximum number of recently lost records without a warning."""
-
-OLD_INTENSITY = 0.5
-"""Age of the incoming intensity without a warning, as a share of the age from which it is not used."""
-
-MIN_JUDGED = 3
-"""Number of records from which more than half in quarantine are an error."""
-
-_LINK_LEVELS = {
-    LinkState.CONNECTED: Level.OK,
-    LinkState.ENDED: Level.OK,
-    LinkState.CONNECTING: Level.ERROR,
-    LinkState.SILENT: Level.ERROR,
-    LinkState.CLOSED: Level.STALE,
-}
 
 
 def link_health(name: str, status: LinkStatus) -> Health:

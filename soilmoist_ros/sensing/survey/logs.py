@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Processes the logs of a survey into corrected, geo-tagged counts and a list of problems."""
+"""The logs of a survey to corrected, geo-tagged counts and a list of problems; doubts about whole logs."""
 
 from __future__ import annotations
 
@@ -23,8 +23,26 @@ from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms, Track
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
-from soilmoist_ros.sensing.survey.correction import counting_interval_s
+from soilmoist_ros.sensing.survey.correction import counting_interval_s, unusual_factors, unusual_pressure
 from soilmoist_ros.sensing.survey.survey import Survey
+
+MIN_OVERLAP = 0.2
+"""Share of a counting interval that lies before the record before, from which the two overlap."""
+MIN_OVERLAP_S = 5.0
+"""Overlap that rounded stamps and late lines do not cause [s]."""
+MONTH_S = 20 * 86_400.0
+"""Time between two days that is one of months [s]."""
+MIN_MONTHS = 3
+"""Number of such times that make the order of day and month doubtful."""
+MIN_BARE = 0.3
+"""Counts of a tube relative to the others below which it is not connected, rather than bare."""
+CHANCE_SD = 4.0
+"""Standard deviations of a count that chance explains: a log of minutes shows no bare tube."""
+BARE_SHARE = 0.7
+"""Counts of a tube relative to the others below which it may be bare: a thermal tube counts about half."""
+MIN_ALIKE = 20
+"""Number of records from which common factors of all counts are no chance."""
+_CHANGED = re.compile(r"corr|smooth|mov_?avg|filtered|norm")
 
 
 @dataclass(frozen=True, repr=False)
@@ -214,6 +232,17 @@ class CalibrationCounts:
     def rate_sd_cps(self) -> float:
         """Standard deviation of the rate [counts/s]."""
         return math.sqrt(self.raw_counts) / self.effective_exposure_s
+
+    @property
+    def factors_text(self) -> str:
+        """Ranges of the factors, in words."""
+        names = {"f_pressure": "pressure", "f_humidity": "humidity", "f_intensity": "incoming neutrons"}
+        return ", ".join(f"{names[name]} {low:.3f} to {high:.3f}" for name, (low, high) in self.factors.items())
+
+    def doubts(self, site: Site) -> list[str]:
+        """Doubts about factors that are far from 1, and about a pressure that does not fit the altitude."""
+        pressure = unusual_pressure(self.pressure_hpa, site)
+        return [*unusual_factors(self.factors), *([pressure] if pressure else [])]
 
 
 def calibration_counts(
@@ -413,24 +442,6 @@ def _reasons(problems: Sequence[Problem]) -> list[Mistake]:
 
 
 # Doubts about the meaning of whole logs: their times, and which of their tubes is moderated ---------------------
-
-MIN_OVERLAP = 0.2
-"""Share of a counting interval that lies before the record before, from which the two overlap."""
-MIN_OVERLAP_S = 5.0
-"""Overlap that rounded stamps and late lines do not cause [s]."""
-MONTH_S = 20 * 86_400.0
-"""Time between two days that is one of months [s]."""
-MIN_MONTHS = 3
-"""Number of such times that make the order of day and month doubtful."""
-MIN_BARE = 0.3
-"""Counts of a tube relative to the others below which it is not connected, rather than bare."""
-CHANCE_SD = 4.0
-"""Standard deviations of a count that chance explains: a log of minutes shows no bare tube."""
-BARE_SHARE = 0.7
-"""Counts of a tube relative to the others below which it may be bare: a thermal tube counts about half."""
-MIN_ALIKE = 20
-"""Number of records from which common factors of all counts are no chance."""
-_CHANGED = re.compile(r"corr|smooth|mov_?avg|filtered|norm")
 
 
 def log_doubts(logs: Sequence[LogFile]) -> Iterator[Problem]:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Converts the live lines of a logger and a GNSS receiver to the records of a survey."""
+"""Live lines of a logger and a GNSS receiver to the records of a survey; why lines of a logger become none."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import pairwise
 from statistics import median_low
 
 from soilmoist_ros.foundation import LocalFrame, Mistake
-from soilmoist_ros.sensing.checks.clock import STEP_PAIRS, ClockDrift
+from soilmoist_ros.sensing.clock_drift import STEP_PAIRS, ClockDrift
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
 from soilmoist_ros.sensing.formats.notation import matching_formats
@@ -25,6 +25,13 @@ LAST_RECORDS = 20
 """Number of latest records for the diagnostics."""
 SURE_GAPS = 3
 """Number of times between records from which they count more than the nominal period."""
+MAX_LINES = 50
+"""Number of lines kept for the search of their format."""
+MAX_EXAMPLE = 80
+"""Number of characters shown of a line."""
+_DAMAGED = frozenset((Kind.UNREADABLE, Kind.TOO_LONG))
+_OTHER_FORMAT = frozenset((Kind.NO_HEADER, Kind.BAD_HEADER, Kind.WRONG_FIELDS, Kind.BAD_TIME, Kind.NOT_A_NUMBER))
+_BAUD = "compare the baud rate in logger_uri with the logger's, and check the cable"
 
 
 class ProblemCount:
@@ -219,15 +226,6 @@ class SensorStream:
 
 
 # Why bytes of a logger become no record, and what to do about it ------------------------------------------------
-
-MAX_LINES = 50
-"""Number of lines kept for the search of their format."""
-MAX_EXAMPLE = 80
-"""Number of characters shown of a line."""
-
-_DAMAGED = frozenset((Kind.UNREADABLE, Kind.TOO_LONG))
-_OTHER_FORMAT = frozenset((Kind.NO_HEADER, Kind.BAD_HEADER, Kind.WRONG_FIELDS, Kind.BAD_TIME, Kind.NOT_A_NUMBER))
-_BAUD = "compare the baud rate in logger_uri with the logger's, and check the cable"
 
 
 class FaultyLines:

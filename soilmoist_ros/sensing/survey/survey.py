@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Corrects and geo-tags the records of one probe, one by one."""
+"""The survey: corrects and geo-tags the records of one probe, one by one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import LocalFrame, Mistake
-from soilmoist_ros.sensing.checks.totals import RecordChecks
+from soilmoist_ros.sensing.checks.record_checks import RecordChecks
 from soilmoist_ros.sensing.checks.tubes import RunningShares, tube_shares
 from soilmoist_ros.sensing.corrections.intensity import LatestIntensity, NeutronMonitor
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, Heard
@@ -43,6 +43,12 @@ LINE_DELAY_S = 0.25
 """Maximum delay of the receiver's lines after their record [s]."""
 MIN_INTENSITY_AGE_S = 3600.0
 """Least age from which an intensity from outside is not used [s]: monitors publish hourly values."""
+MAX_FIXES = 20_000
+"""Fixes kept during a survey: 5 h at 1 Hz, because a receiver may be far ahead of the logger."""
+MAX_EDGE_TOLERANCE_S = 5.0
+"""Maximum time between the middle of a counting interval and a single fix used as its position [s]."""
+MAX_ALTITUDE_AGE_S = 300.0
+"""Maximum time between a record and a position that shows its altitude [s]."""
 
 
 @dataclass(frozen=True)
@@ -328,13 +334,6 @@ class Survey:
 
 
 # Where the records of a survey were counted ---------------------------------------------------------------------
-
-MAX_FIXES = 20_000
-"""Fixes kept during a survey: 5 h at 1 Hz, because a receiver may be far ahead of the logger."""
-MAX_EDGE_TOLERANCE_S = 5.0
-"""Maximum time between the middle of a counting interval and a single fix used as its position [s]."""
-MAX_ALTITUDE_AGE_S = 300.0
-"""Maximum time between a record and a position that shows its altitude [s]."""
 
 
 class SurveyPlaces:

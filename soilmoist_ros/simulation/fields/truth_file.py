@@ -18,7 +18,7 @@ from pydantic import model_validator
 
 from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, Section, load_model, read_limited, read_yaml
 from soilmoist_ros.mapping import Field, FieldFile, ModelName, Variogram, load_field, opened_raster
-from soilmoist_ros.sensing import Calibration, MoistureCurve, Soil, moisture_curve
+from soilmoist_ros.sensing import Calibration, MoistureCurve, Soil
 from soilmoist_ros.simulation.fields.formulas import MAX_VWC, Formula, Quantity, RandomFieldFormula, Truth
 from soilmoist_ros.simulation.fields.rate_grid import (
     MAX_POINTS,
@@ -96,7 +96,7 @@ class TruthSection(Section):
         """Calibration curve, ``None`` without soil and calibration."""
         if self.soil is None or self.calibration is None:
             return None
-        return moisture_curve(self.calibration, self.soil)
+        return self.calibration.curve_of(self.soil)
 
 
 class SurrogateFile(FieldFile):

@@ -42,19 +42,9 @@ def test_factors_agree_with_an_independent_implementation(pressure, temperature,
     )
 
 
-def test_incoming_intensity_factor_is_reference_over_intensity():
-    assert Corrections(reference_intensity=150.0).f_intensity(75.0) == 2.0
-    assert Corrections().f_intensity(75.0) == 1.0
-
-
 def test_humidity_coefficient_is_that_for_grams_per_cubic_metre():
     # Air at 20 degC and 50 % contains 8.6 g/m^3: about 4.7 % more counts than in dry air, not 0.47 %.
     assert Corrections().f_humidity(20.0, 0.5) == pytest.approx(1.0467, abs=2e-4)
-
-
-@given(st.floats(1, 1e4), st.floats(0.5, 2), st.integers(0, 10**6))
-def test_counts_over_effective_exposure_are_the_corrected_rate(exposure, factor, counts):
-    assert counts / effective_exposure(exposure, factor) == pytest.approx(counts * factor / exposure, rel=1e-12)
 
 
 def test_corrected_counts_keep_poisson_statistics():

@@ -4,10 +4,8 @@
 
 import math
 
-import pytest
-
 from soilmoist_ros.sensing.formats.log_layout import build_layout
-from soilmoist_ros.sensing.formats.log_record import FieldReader, LostRecordError
+from soilmoist_ros.sensing.formats.log_record import FieldReader
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
 from soilmoist_ros.sensing.problems import Kind
 
@@ -55,43 +53,6 @@ def test_units_side_and_end_of_the_interval():
     assert record.stamp_s == 1714557660  # the stamp marks the start, the period is 60 s
     assert reading.gnss_offset_s == 5.0
     assert notes(reading) == []
-
-
-@pytest.mark.parametrize(
-    ("changes", "kind"),
-    [
-        ({"time": "yesterday"}, Kind.BAD_TIME),
-        ({"time": "0"}, Kind.BAD_TIME),
-        ({"n1": "four"}, Kind.NOT_A_NUMBER),
-        ({"n1": "-3"}, Kind.NEGATIVE_COUNT),
-        ({"n1": "4.5"}, Kind.NOT_WHOLE),
-        ({"n1": "1001"}, Kind.OUT_OF_RANGE),
-        ({"live1": "1e12"}, Kind.OUT_OF_RANGE),
-        ({"n1": "-1", "n2": "-1"}, Kind.NO_COUNTS),
-    ],
-)
-def test_a_damaged_field_loses_the_record_with_a_reason(changes, kind):
-    with pytest.raises(LostRecordError) as caught:
-        read(**changes)
-    assert caught.value.note.kind is kind
-
-
-@pytest.mark.parametrize(
-    ("changes", "kinds"),
-    [
-        ({"n2": "-1"}, [Kind.MISSING_TUBE]),
-        ({"live2": "0"}, [Kind.MISSING_TUBE]),
-        ({"live1": "", "live2": "30000"}, [Kind.ASSUMED_LIVE_TIME]),
-        ({"live1": "30000", "live2": "30000"}, [Kind.SHORT_LIVE_TIME]),
-        ({"rh": "-99"}, [Kind.SENTINEL, Kind.MISSING_VALUE]),
-        ({"rh": "120"}, [Kind.OUT_OF_RANGE, Kind.MISSING_VALUE]),
-        ({"number": "x"}, [Kind.NOT_A_NUMBER]),
-        ({"lat": "0", "lon": "0"}, [Kind.NO_FIX]),
-        ({"lat": "99"}, [Kind.BAD_POSITION]),
-    ],
-)
-def test_other_faults_are_noted_and_the_record_is_kept(changes, kinds):
-    assert notes(read(**changes)) == kinds
 
 
 def test_a_missing_tube_is_nan_and_a_value_slightly_above_saturation_is_saturation():

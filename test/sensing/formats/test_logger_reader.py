@@ -18,14 +18,13 @@ from soilmoist_ros.sensing.formats.log_layout import Header
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import (
     REMEMBERED_RECORDS,
-    Kind,
     RecordParser,
-    Severity,
     detect_format,
     parse_log,
     read_log,
 )
 from soilmoist_ros.sensing.formats.robot_logger import format_header
+from soilmoist_ros.sensing.problems import Kind, Severity
 
 FORMATS = {
     name: load_logger_format(name)
@@ -181,27 +180,7 @@ def test_any_bytes_never_raise(name, lines) -> None:
         check_record(parser.feed(one))
 
 
-@pytest.mark.slow
-@settings(deadline=None)
-@given(
-    st.lists(
-        st.lists(st.sampled_from(["1", "", "-1", "1e300", "nan", "0", "9e9", "x", "1714557610"]), max_size=25)
-    )
-)
-def test_any_fields_never_raise(rows) -> None:
-    for name, delimiter in (("styx", "\t"), ("finapp", ",")):
-        parser = RecordParser(FORMATS[name])
-        parser.feed(b"DateTimeUTC,neutrons,integration_time,pressure,latitude,longitude")
-        for row in rows:
-            check_record(parser.feed(delimiter.join(row).encode()))
-
-
 # ---------------------------------------------------------------- one test per kind of problem
-
-
-def test_good_lines_have_no_problems() -> None:
-    records, problems = rover(line(), line(time="2024/05/01 10:01:00", number="8"))
-    assert (len(records), problems) == (2, [])
 
 
 @pytest.mark.parametrize(
@@ -262,23 +241,6 @@ def test_the_next_sensor_replaces_a_faulty_one() -> None:
     records, _ = rover(line(p4="1098.5"), line(p4="-99", number="8"), line(p4="", p1="", number="9"))
     assert [record.pressure_hpa for record in records[:2]] == [979.9, 979.9]
     assert math.isnan(records[2].pressure_hpa)
-
-
-def test_short_record_keeps_its_live_time() -> None:
-    records, _ = rover(line(live="39"))
-    assert records[0].tube_live_s == (39, 39)
-
-
-def test_missing_tube_is_nan_in_counts_and_live_time() -> None:
-    record = rover(line(n1=""))[0][0]
-    assert math.isnan(record.tube_counts[0])
-    assert math.isnan(record.tube_live_s[0])
-    assert combine_tubes(record, [0.5, 0.5]) == (44, 30.0)
-
-
-def test_western_longitudes() -> None:
-    assert rover(line(), longitude="west")[0][0].position.longitude_deg == -13.4
-    assert rover(line(lon="-13.4"), longitude="west")[0][0].position.longitude_deg == -13.4
 
 
 def test_duplicates_are_dropped() -> None:
@@ -423,19 +385,6 @@ def test_column_of_a_quantity_is_missing() -> None:
     assert kinds(parser.problems) == [Kind.MISSING_COLUMN]
 
 
-def test_checksum() -> None:
-    parser = RecordParser(FORMATS["thorvald_crs"])
-    assert parser.feed(b"2024-05-01T10:00:10.000Z,1,10,1013,18,55,3,5,2,4,3,3,6,2,4,3,1,5*00") is None
-    assert kinds(parser.problems) == [Kind.CHECKSUM]
-
-
-def test_problems_may_go_to_a_callback() -> None:
-    heard: list = []
-    parser = RecordParser(FORMATS["hydroinnova_rover"], "east", on_problem=heard.append)
-    parser.feed(line())
-    assert (kinds(heard), parser.problems) == ([Kind.NO_HEADER], [])
-
-
 def test_unknown_side_of_greenwich() -> None:
     with pytest.raises(InputError, match="use signed, east or west"):
         RecordParser("thorvald_crs", "left")  # type: ignore[arg-type]
@@ -517,23 +466,12 @@ def test_no_record_usable(tmp_path) -> None:
         read_log(path, "hydroinnova_rover", "west")
 
 
-def test_header_alone_is_an_empty_log(tmp_path) -> None:
-    assert read_log(write(tmp_path, ROVER_HEAD), "hydroinnova_rover", "west").records == ()
-
-
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_encodings_and_line_ends(tmp_path, encoding, end) -> None:
     text = (ROVER_HEAD + rover_line() + b"\n").decode().replace("Filename", "Weiß").replace("\n", end)
     log = read_log(write(tmp_path, text.encode(encoding)), "hydroinnova_rover", "east")
     assert (len(log.records), log.problems, log.serial) == (1, (), "4711")
-
-
-@pytest.mark.slow
-def test_lines_of_both_encodings(tmp_path) -> None:
-    data = "//Ort: Gießen\n".encode("latin-1") + "//Straße: x\n".encode() + ROVER_HEAD + rover_line() + b"\n"
-    log = read_log(write(tmp_path, data), "hydroinnova_rover", "east")
-    assert (log.metadata["Ort"], log.metadata["Straße"]) == ("Gießen", "x")
 
 
 @pytest.mark.parametrize("kept", [20, 60, 70])

@@ -10,8 +10,9 @@ import pytest
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.formats import log_values as units
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
-from soilmoist_ros.sensing.formats.logger_reader import Kind, LogFile, RecordParser, detect_format, read_log
+from soilmoist_ros.sensing.formats.logger_reader import LogFile, RecordParser, detect_format, read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
+from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord
 
 

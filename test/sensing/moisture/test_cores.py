@@ -176,11 +176,6 @@ def test_the_mean_lies_between_the_cores(rows, weighting, radius_m):
     assert min(moistures) - 1e-9 <= mean <= max(moistures) + 1e-9
 
 
-def test_all_weights_zero_is_an_error():
-    with pytest.raises(ValueError, match="no core has a weight"):
-        mean_of_cores([SoilCore(0.2, weight=0.0)])
-
-
 @pytest.mark.parametrize(
     ("text", "where", "message"),
     [

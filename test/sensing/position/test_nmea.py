@@ -55,7 +55,6 @@ def test_published_sentences() -> None:
     assert (fix.position.altitude_m, fix.geoid_separation_m) == (545.4, 46.9)
     assert (fix.status, fix.quality, fix.satellites, fix.hdop) == (FixStatus.FIX, 1, 8, 0.9)
     assert fix.speed_mps == pytest.approx(22.4 * 1852 / 3600)
-    assert fix.course_deg == 84.4
     # The date is in the last century, before receivers of this kind existed: the reference is used.
     assert fix.stamp_s == stamp("2024-03-23 12:35:19")
     assert problems == []
@@ -160,11 +159,6 @@ def test_a_fix_without_figures_has_an_unknown_error() -> None:
     assert math.isnan(fix.position.horizontal_sd_m)
 
 
-def test_own_range_errors() -> None:
-    (fix,), _ = parse(rmc(), gga(hdop="2"), uere_m={1: 10.0})
-    assert fix.position.horizontal_sd_m == pytest.approx(20 / math.sqrt(2))
-
-
 def test_midnight_between_the_sentences() -> None:
     lines = [
         rmc("235959", date="311223"),
@@ -249,12 +243,6 @@ def test_any_fields_never_raise(rows) -> None:
     fixes, _ = parse(*(sentence(f"GP{kind},{','.join(fields)}") for kind, fields in rows))
     for fix in fixes:
         assert math.isnan(fix.position.latitude_deg) == (fix.status is FixStatus.NO_FIX)
-
-
-@settings(deadline=None)
-@given(st.sampled_from([GGA, rmc(), gst()]), st.integers(0, 60), st.binary(max_size=4))
-def test_damaged_real_sentences_never_raise(line, place, data) -> None:
-    parse(line[:place] + data + line[place + len(data) :], require_checksum=False)
 
 
 def test_file(tmp_path) -> None:

@@ -35,10 +35,6 @@ def test_linear_between_two_fixes() -> None:
     assert position.horizontal_sd_m == 0.05
 
 
-def test_a_fix_is_reproduced() -> None:
-    assert Track(LINE).at(10.0, 1.0) == LINE[1].position
-
-
 def test_too_long_a_gap() -> None:
     track = Track(LINE)
     assert track.at(5.0, 9.0) is None
@@ -65,16 +61,6 @@ def test_across_180_degrees() -> None:
     track = Track([fix(0.0, longitude=179.8), fix(10.0, longitude=-179.8)])
     assert track.at(2.5, 10).longitude_deg == pytest.approx(179.9)
     assert track.at(7.5, 10).longitude_deg == pytest.approx(-179.9)
-
-
-def test_empty_track() -> None:
-    assert len(Track([])) == 0
-    assert Track([]).at(0.0, 10.0) is None
-
-
-def test_from_positions() -> None:
-    track = Track.from_positions([(one.stamp_s, one.position) for one in LINE])
-    assert track.at(2.5, 10.0) == Track(LINE).at(2.5, 10.0)
 
 
 def test_unknown_altitude_and_sd_stay_unknown() -> None:

@@ -81,10 +81,6 @@ def test_the_interval_begins_at_the_record_before_up_to_one_and_a_half_live_time
     assert counting_interval_s(record(100.0 + since_s), record(100.0)) == pytest.approx(interval_s)
 
 
-def test_the_first_record_counted_for_its_live_time() -> None:
-    assert counting_interval_s(record(100.0), None) == 10.0
-
-
 def test_positions_are_interpolated_over_three_intervals_and_at_least_five_seconds() -> None:
     assert (position_gap_s(10.0), position_gap_s(1.0)) == (30.0, 5.0)
 
@@ -122,10 +118,6 @@ def test_gaps_of_a_logger_that_writes_every_hour_are_some_records_long() -> None
     assert series.filled(hourly(6)).pressure_hpa == pytest.approx(1004 + 6 * 2 / 5)
     series = series_of([hourly(0, 1000.0), hourly(9, 1010.0)])
     assert math.isnan(series.filled(hourly(4)).pressure_hpa)
-
-
-def test_a_value_of_the_record_itself_is_used() -> None:
-    assert series_of([air(0.0), air(20.0)]).filled(air(10.0, 990.0)).pressure_hpa == 990.0
 
 
 def test_at_the_end_the_last_value_serves_for_half_the_gap() -> None:

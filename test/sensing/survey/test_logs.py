@@ -13,8 +13,8 @@ import pytest
 from crnpy import crnpy
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.checks.clock import ClockDrift
 from soilmoist_ros.sensing.checks.weather import unlikely_weather
+from soilmoist_ros.sensing.clock_drift import ClockDrift
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
@@ -215,13 +215,6 @@ def test_a_dead_tube_changes_the_exposure_not_the_rate(tmp_path):
     assert late == pytest.approx(10.0 * 11 / 12, rel=0.03)
     rate = survey.raw_counts[-150:].sum() / late.sum()
     assert rate == pytest.approx(6.0, rel=0.03)
-
-
-def test_tube_shares_of_the_site_file_are_used(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0)])
-    bad = Site(tube_shares=[1.0, 1.0], corrections=NO_CORRECTIONS.corrections)
-    with pytest.raises(InputError, match="has 2 values, but the logger has 12 tubes"):
-        process_logs([log], bad, track=track((0, 50.0), (10, 50.0)))
 
 
 def test_intensity_comes_from_a_neutron_monitor_file(tmp_path):

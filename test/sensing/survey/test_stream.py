@@ -254,17 +254,6 @@ def test_the_loggers_own_positions_serve_as_from_a_file(roving_record):
     ]
 
 
-def test_a_stationary_probe_has_the_position_of_the_site_file():
-    live = survey(
-        UNCORRECTED.model_copy(
-            update={"location": Site(location={"latitude_deg": 50.0, "longitude_deg": 10.0}).location}
-        )
-    )
-    live.take_logger_line(line(record(1)), 0.0)
-    [one] = live.take_ready(2.0)
-    assert (one.x_m, one.y_m) == (pytest.approx(0, abs=1e-6), pytest.approx(0, abs=1e-6))
-
-
 def test_intensity_comes_from_outside_if_it_is_good():
     site = Site(corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 150}})
     live = survey(site)
@@ -288,16 +277,6 @@ def test_intensity_from_outside_is_that_of_the_site_again_when_it_is_too_old():
     assert [one.f_intensity for one in live.take_ready(2e4)] == [1.5, 1.5, 1.0, 2.0]
 
 
-def test_intensity_comes_from_a_monitor_file(tmp_path):
-    (tmp_path / "monitor.csv").write_text("2024-05-01 12:00:00;100\n2024-05-01 13:00:00;100\n")
-    intensity = {"reference": 150, "file": str(tmp_path / "monitor.csv")}
-    live = survey(Site(corrections={"pressure": None, "humidity": None, "intensity": intensity}))
-    live.take_logger_line(line(record(1)), 0.0)
-    live.take_logger_line(line(record(1000)), 0.0)
-    assert [one.f_intensity for one in live.take_ready(9.0)] == [1.5]
-    assert live.logger_problems.lost == {Kind.NO_CORRECTION: 1}
-
-
 def test_a_tube_that_is_missing_from_the_start_has_the_share_of_the_others():
     live = survey()
     broken = {"tube_counts": (NAN, *[5.0] * 11), "tube_live_s": (NAN, *[10.0] * 11)}
@@ -305,15 +284,6 @@ def test_a_tube_that_is_missing_from_the_start_has_the_share_of_the_others():
     [one] = live.take_ready(9.0)
     assert one.raw_counts == 55
     assert one.exposure_s == pytest.approx(10 * 11 / 12, rel=0.01)
-
-
-def test_a_tube_that_is_left_out_on_purpose_does_not_matter():
-    logger = load_logger_format(FORMAT)
-    logger = logger.model_copy(update={"counts": logger.counts.model_copy(update={"left_out": (12,)})})
-    live = survey(logger=logger)
-    live.take_logger_line(line(record(1)), 0.0)
-    [one] = live.take_ready(9.0)
-    assert (one.raw_counts, one.exposure_s) == (55, 10.0)
 
 
 def test_tube_shares_of_the_site_file_must_fit_the_logger():
@@ -388,15 +358,6 @@ def test_the_rate_of_records_is_by_the_loggers_time():
     assert live.record_rate_hz == pytest.approx(0.1)
 
 
-def test_a_receiver_that_corrects_its_clock_is_followed():
-    live = survey()
-    live.take_fix(fix(1e9, 40.0))
-    for elapsed_s in range(12):
-        live.take_fix(fix(float(elapsed_s), float(elapsed_s)))
-    live.take_logger_line(line(record(1)), 0.0)
-    assert live.take_ready(0.0)[0].x_m == pytest.approx(5.0, abs=1e-6)
-
-
 def test_sentences_without_a_fix_and_without_a_date():
     live = survey()
     gga = nmea_sentences(T0 + 5, Position(50.0, 10.0, 30.0, 0.02))[1].encode()
@@ -406,15 +367,6 @@ def test_sentences_without_a_fix_and_without_a_date():
     for text in sentences_without_fix(T0 + 7) + sentences_without_fix(T0 + 8):
         live.take_nmea_line(text.encode())
     assert live.last_fix.status is FixStatus.NO_FIX
-
-
-def test_the_serial_number_is_read_from_a_later_header_too():
-    live = survey()
-    live.take_logger_line(line(record(1)), 0.0)
-    for text in format_header("CRS-0007").splitlines():
-        live.take_logger_line(text.encode(), 0.0)
-    assert live.parser.serial == "CRS-0007"
-    assert len(live.take_ready(9.0)) == 1
 
 
 # No record -------------------------------------------------------------------------------------------------------
@@ -472,10 +424,6 @@ def test_a_logger_that_has_just_begun_is_no_error_yet():
     assert health(HEADER, heard_s=5.0).level is Level.STALE
     assert health(WRONG_SUM, heard_s=5.0).level is Level.WARN
     assert health([], n_bytes=0).level is Level.STALE
-
-
-def test_one_valid_record_ends_the_error():
-    assert health([*WRONG_SUM, *HEADER, sent(1)]).level in (Level.OK, Level.WARN)
 
 
 def test_a_logger_that_falls_silent_after_bad_lines_says_what_was_wrong_with_them():

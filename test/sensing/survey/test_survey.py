@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.logger_reader import read_log
@@ -171,9 +170,3 @@ def test_an_old_intensity_from_outside_is_better_than_a_file_that_ends_before_th
 def test_an_intensity_from_outside_counts_for_an_hour_though_no_gap_of_the_file_is_filled():
     found = intensities((0.5, 10.0, 3599.0, 3601.0), constant=150, max_gap_hours=0)
     assert found == [([1.5], False), ([1.5], False), ([1.5], False), ([1.0], False)]
-
-
-def test_tube_shares_that_do_not_fit_are_refused_at_once():
-    with pytest.raises(InputError, match="has 2 values, but the logger has 3 tubes"):
-        Survey(UNCORRECTED.model_copy(update={"tube_shares": [0.5, 0.5]}), FRAME, tubes=3)
-    assert repr(Survey(UNCORRECTED, FRAME)) == "Survey(site='unnamed site', 0 fixes, 0 records waiting)"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.checks.totals import Dispersion, RecordChecks, TotalChecks
+from soilmoist_ros.sensing.checks.record_checks import Dispersion, RecordChecks, TotalChecks
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind

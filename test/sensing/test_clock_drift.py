@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from soilmoist_ros.sensing.checks.clock import MAX_PAIRS, ClockDrift
+from soilmoist_ros.sensing.clock_drift import MAX_PAIRS, ClockDrift
 
 
 def drift(offsets, period_s=60.0):
