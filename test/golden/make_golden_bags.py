@@ -22,11 +22,9 @@ import soilmoist_ros.nodes  # noqa: F401 - one thread, before numpy is imported
 
 # isort: split
 import numpy as np
-from msg_adapters.raw_line import line_to_message
-from msg_adapters.samples import samples_to_message
 from rclpy.serialization import serialize_message
 
-from msg_adapters.counts import counts_from_message, counts_to_message
+from msg_adapters.counts import counts_from_message, counts_to_message, line_to_message, samples_to_message
 from msg_adapters.mission import mission_to_message
 from msg_adapters.soil_map import soil_map_to_message
 from soilmoist_ros.exploration.mission.events import Action, Publish
