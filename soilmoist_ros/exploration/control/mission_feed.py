@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Feeds a mission with what happens, from any thread, one event at a time."""
+"""Feeds a mission with what happens, from any thread, one event at a time; and keeps its time."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Plan requests wait here until the map has what was just measured; then they are answered."""
+"""Plan requests wait here until the map has what was just measured; then a thread answers them."""
 
 from __future__ import annotations
 
@@ -203,7 +203,7 @@ def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:
     explorer.properties = properties
 
 
-# Chooses stops in a thread, so that the mission never waits for a choice ----------------------------------------
+# The thread that chooses stops, so that the mission never waits for a choice ------------------------------------
 
 
 class Terms(NamedTuple):

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The robot in the plane of the field and in the frame of its navigation: datum, heading, and their check."""
+"""The robot in the plane of the field and in the frame of its navigation: datum, heading, and their check.
+
+A navigation with another datum, or a map that is turned, drives the robot to shifted places without an error.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The battery of the robot: whether it is low, and what is left of its charge after the way home."""
+"""Judges of single signals: the battery, the counts of a sensor, and an emergency stop."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from soilmoist_ros.sensing import Kind, reason_text
+
+# Battery: whether it is low, and what is left of its charge after the way home ----------------------------------
 
 MIN_BATTERY: Final = 3
 """Number of messages in a row that must report a low battery: a peak load does not empty it."""
@@ -120,7 +122,7 @@ class BatteryLimit:
             self.fault = ""
 
 
-# Whether the counts of a sensor can be trusted: how many of the last records were quarantined, and why ----------
+# Counts: how many of the last records were quarantined, and why -------------------------------------------------
 
 MIN_RECORDS: Final = 3
 """Number of records from which they are judged; also of those that are looked at if a sensor sends fewer."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Events that a mission takes, all of them frozen data.
+"""Events that a mission takes and actions that it asks for, all of them frozen data.
 
 All times ``now_s`` come from the mission's clock.
 """
@@ -200,7 +200,7 @@ Event = (
 )
 
 
-# Actions that a mission asks for, all of them frozen data -------------------------------------------------------
+# Actions --------------------------------------------------------------------------------------------------------
 
 ANYBODYS: Final = 0
 """Instead of the id of a goal: whatever drives the robot, though this mission has sent nothing."""

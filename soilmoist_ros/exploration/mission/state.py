@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a mission remembers, and its status."""
+"""What a mission remembers, its status, and both as plain data for a journal."""
 
 from __future__ import annotations
 
@@ -365,7 +365,7 @@ def raw_rate(state: MissionState) -> float:
     return math.nan
 
 
-# State, events and visits of a mission as plain dictionaries of numbers, texts and lists, fit for strict JSON ---
+# State, events and visits as dictionaries of numbers, texts and lists, fit for strict JSON ----------------------
 
 
 def state_to_dict(state: MissionState) -> dict[str, Any]:

@@ -391,7 +391,7 @@ def _said(status: int, success: bool, why: str) -> str:
             return f"ended the goal with the unknown status {status}"
 
 
-# Goals that the server of an action lists on its status topic, and which of them are those of other clients -----
+# Goals that the server of an action lists, and whose they are ---------------------------------------------------
 
 ACTIVE: Final = frozenset((1, 2, 3))
 """States of a goal that is accepted, executing or being cancelled, as action_msgs numbers them."""
@@ -402,6 +402,12 @@ _MARK, _PROCESS = 8, 12
 
 class ActionStatus:
     """Goals that the servers of an action list, by client.
+
+    A server publishes its list whenever a goal changes, latched. So a list counts only while the server that sent
+    it is there: the last words of one that has died say nothing. One that never had a goal has published none.
+
+    The identities of goals begin with a mark of the client, then one of its process. So a client that was started
+    again knows the goals of its earlier life.
 
     :param client: name of the client, which stays the same when it is started again
     """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a navigator is: it takes the robot to one stop at a time, and reports how each goal ended."""
+"""A navigator takes the robot to one stop at a time, and reports how each goal ended."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Navigator(Protocol):
         ...
 
 
-# A navigator whose navigation has another frame than the field: the one place where goals change the frame ------
+# The one place where goals change the frame ---------------------------------------------------------------------
 
 
 class FramedNavigator:

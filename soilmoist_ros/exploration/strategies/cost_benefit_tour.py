@@ -11,6 +11,11 @@ overhead, fewer ones leave gaps; the integrated variance after the pass decides.
 Stops are spread by Lloyd's algorithm on the squared posterior variance, which is proportional to the value of the
 first second at a place. So stops stand close where the map is uncertain. After each stop the rest of the tour is
 moved to where the variance is now, and stops are added or dropped as the time allows.
+
+The number of stops and the dwell of a tour share its time: ``time = stops (overhead + dwell) + driving(stops)``.
+The integrated variance after the tour decides between few stops with a long dwell and many with a short one.
+
+``ivr``, at the end, makes do without a tour.
 """
 
 from __future__ import annotations
@@ -40,7 +45,7 @@ if TYPE_CHECKING:
     from scipy.spatial import KDTree
 
 
-# Design of a tour for a given time: how many stops, where, in which order, and how long the dwell ---------------
+# Where a tour is designed: the stops within reach, and the uncertainty of the map between them ------------------
 
 Indices = NDArray[np.intp]
 
@@ -159,7 +164,7 @@ class Ground:
         return FixedInterval(min(records * self.cadence_s, rule.longest_s), rule.longest_s)
 
 
-# The passes of a mission ----------------------------------------------------------------------------------------
+# Design of a tour for a given time: how many stops, where, in which order, and how long the dwell ---------------
 
 DWELL_RECORDS = (1, 2, 3, 4, 6, 8, 12, 16, 32, 64)
 """Dwells that are compared [records]."""
@@ -350,7 +355,7 @@ def _snapped(ground: Ground, centres: Array, done_xy: Array) -> Indices:
     return np.array(list(seen), np.intp)
 
 
-# Where a tour is designed: the stops within reach, and the uncertainty of the map between them ------------------
+# The passes of a mission ----------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
 

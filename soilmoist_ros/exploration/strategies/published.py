@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The published strategies that choose one stop at a time."""
+"""The published strategies: three that choose one stop at a time, and Adaptive Sampling, a queue of targets."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Order of visits: an open travelling-salesman route that starts at the robot."""
+"""Parts of a tour: the order of visits, an open route that starts at the robot, and stops spread over a field."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Interface of a strategy: it chooses the next stop from the situation."""
+"""Interface of a strategy, which chooses the next stop from the situation, and rules that several share."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A place where the robot may measure."""
+"""Places where the robot may measure, and the ways to them as they go to a navigator."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The travel graph: named nodes and the edges between them."""
+"""The travel graph: named nodes and the edges between them, read or built from a field's outline."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.planning import forecast as forecaster
+from soilmoist_ros.exploration.planning import forecaster
 from soilmoist_ros.exploration.planning.forecast import Forecast, forecast_from_text, forecast_to_text
 from soilmoist_ros.exploration.planning.forecaster import (
     CERTAIN,
