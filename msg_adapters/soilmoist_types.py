@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``planner/command``: an operator's request and its reply as a soilmoist_msgs/Command."""
+"""Types of soilmoist_msgs: commands, visits, the map in numbers, and the state of the mission.
+
+The import fails if that package is not built.
+"""
 
 from __future__ import annotations
 
@@ -36,6 +39,9 @@ from soilmoist_ros.exploration import (
 from soilmoist_ros.foundation import foreign_text
 from soilmoist_ros.mapping import MapState, SoilMap
 from soilmoist_ros.recording import visit_of
+
+Code = TypeVar("Code", bound=Enum)
+_RESPONSES: Final = {response: int(getattr(AlarmMessage, str(response.value).upper())) for response in Response}
 
 
 def request_to_message(request: OperatorRequest) -> Command.Request:
@@ -194,8 +200,6 @@ def _mean(raster: NDArray[np.float64]) -> float:
 
 # ``mission_state``: the status of the mission as a soilmoist_msgs/Mission, as numbers and codes to plot ---------
 
-Code = TypeVar("Code", bound=Enum)
-
 
 def _codes(message: Any, kind: type[Code], prefix: str = "") -> dict[Code, int]:
     """Constants of a message for the members of an enumeration."""
@@ -204,7 +208,6 @@ def _codes(message: Any, kind: type[Code], prefix: str = "") -> dict[Code, int]:
 
 _PHASES: Final = _codes(MissionMessage, Phase, "PHASE_")
 _ENDS: Final = _codes(MissionMessage, MissionEnd, "END_")
-_RESPONSES: Final = {response: int(getattr(AlarmMessage, str(response.value).upper())) for response in Response}
 
 
 def mission_state_to_message(

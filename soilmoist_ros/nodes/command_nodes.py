@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``soilmoist bag play``: plays a bag to real nodes, with the time of the recording."""
+"""Nodes of the commands: ``soilmoist bag play`` plays a bag, ``demo`` and ``watch`` follow a mission."""
 
 from __future__ import annotations
 

@@ -69,6 +69,8 @@ __all__ = ["PARAMETERS", "Console", "main"]
 STALE_S: Final = 30.0
 """Age at which the health of a part is shown as unknown [s]."""
 SHOW_S: Final = 1.0
+REPEAT_S: Final = 0.5
+"""Time between two messages of a pressed stop [s]; a planner takes silence of 2 s for a release."""
 
 
 class Console(Node):
@@ -295,9 +297,6 @@ class Console(Node):
 
 
 # Commands from the operator's page to the planners, and the emergency stop --------------------------------------
-
-REPEAT_S: Final = 0.5
-"""Time between two messages of a pressed stop [s]; a planner takes silence of 2 s for a release."""
 
 
 class ConsoleSteering:

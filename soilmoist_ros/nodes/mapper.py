@@ -65,6 +65,16 @@ _POLL_S: Final = 1.0
 _FLUSH_S: Final = 5.0
 _SLICE: Final = 500
 """Records that are added at a time, so that reports and services need not wait for a flood."""
+PAUSE_S: Final = 5.0
+"""Shortest time from one change to the next [s]."""
+SHARE: Final = 20
+"""The pause is at least this multiple of the time that a change takes."""
+PART: Final = "change"
+_Queued = tuple[FieldSurvey, SoilMap | None, float]
+"""A map, the field that it is of, and the end of its last record [s since 1970-01-01 UTC]."""
+WAITING: Final = Health(PART, Level.OK, "waiting for enough samples for a map")
+_REPEAT: Final = 6
+"""An unchanged list is published every so many times, for receivers that have lost one."""
 
 
 class Mapper(Node):
@@ -319,16 +329,6 @@ class Mapper(Node):
 
 # The change of the field since an earlier survey, while the map grows: the topic ``change`` of a mapper ---------
 
-PAUSE_S: Final = 5.0
-"""Shortest time from one change to the next [s]."""
-SHARE: Final = 20
-"""The pause is at least this multiple of the time that a change takes."""
-PART: Final = "change"
-_Queued = tuple[FieldSurvey, SoilMap | None, float]
-"""A map, the field that it is of, and the end of its last record [s since 1970-01-01 UTC]."""
-
-WAITING: Final = Health(PART, Level.OK, "waiting for enough samples for a map")
-
 
 class ChangeOutput:
     """Computes the change of the newest map in a thread, and publishes it.
@@ -388,9 +388,6 @@ class ChangeOutput:
 
 
 # Exchange of records between the mappers of several robots, so that none misses any for good --------------------
-
-_REPEAT: Final = 6
-"""An unchanged list is published every so many times, for receivers that have lost one."""
 
 
 class MapperExchange:

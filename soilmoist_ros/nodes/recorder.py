@@ -72,6 +72,10 @@ _LOOK_S: Final = 0.01
 _QUIET_LOOKS: Final = 20
 """Looks without messages after which it is closed."""
 _MAX_LOOKS: Final = 100
+_ASK_S: Final = 1.0
+_AGAIN_S: Final = 10.0
+"""Time between two requests to a node [s]; a restart may change its values."""
+_OF_EVERY_NODE: Final = ("qos_overrides.", "start_type_description_service")
 
 
 def take_until_quiet(take: Callable[[], int]) -> None:
@@ -289,11 +293,6 @@ class Recorder(Node):
 
 
 # Requests the parameters of other nodes regularly, without waiting for the answers ------------------------------
-
-_ASK_S: Final = 1.0
-_AGAIN_S: Final = 10.0
-"""Time between two requests to a node [s]; a restart may change its values."""
-_OF_EVERY_NODE: Final = ("qos_overrides.", "start_type_description_service")
 
 
 class ParameterCollector:

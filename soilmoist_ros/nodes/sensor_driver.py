@@ -56,6 +56,8 @@ from soilmoist_ros.sensing import (
 
 _RELEASE_S = 0.1
 _DIAGNOSTICS_S = 1.0
+NAME: Final = "header.json"
+_log = logging.getLogger(__name__)
 
 
 class SensorDriver(LifecycleNode):
@@ -281,10 +283,6 @@ class DriverOutputs:
 
 
 # The last header of a logger on the disk: some loggers send it only when they are switched on -------------------
-
-NAME: Final = "header.json"
-
-_log = logging.getLogger(__name__)
 
 
 class StoredHeader:

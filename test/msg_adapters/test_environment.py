@@ -24,7 +24,7 @@ from msg_adapters.environment import (
     weather_from_message,
     weather_to_messages,
 )
-from soilmoist_ros.foundation.health import Health, Level, worst
+from soilmoist_ros.foundation.errors import Health, Level, worst
 from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, diagonal_covariance, fix_from_message
 from soilmoist_ros.sensing.records import LoggerRecord, Position

@@ -31,7 +31,7 @@ from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import FRAME, to_seconds
 from msg_adapters.soil_map import change_from_message, soil_map_from_message, uncertainty_from_message
 from msg_adapters.soilmoist_types import map_summary_to_message
-from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.mapping.cells import map_cells
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid

@@ -41,9 +41,8 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.foundation.plane_move import PlaneMove, move_between
+from soilmoist_ros.foundation.errors import Level
+from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove, move_between
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.samples.samples import as_samples

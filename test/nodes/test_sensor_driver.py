@@ -26,8 +26,8 @@ from std_msgs.msg import Float64, String
 from msg_adapters.counts import counts_from_message, counts_to_message, line_from_message
 from msg_adapters.environment import diagnostics_from_message, fix_to_message, weather_from_message
 from msg_adapters.point_cloud import to_seconds, to_time
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.nodes.sensor_driver import NAME, StoredHeader
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS, SENSOR, VISITS
 from soilmoist_ros.recording.record_log import DRIVER, RecordTail

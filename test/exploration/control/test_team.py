@@ -35,8 +35,8 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping import PoissonKriging
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings

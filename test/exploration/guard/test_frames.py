@@ -17,8 +17,7 @@ from soilmoist_ros.exploration.guard.frames import (
     parse_datum,
 )
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plane_move import PlaneMove
+from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove
 
 FIELD = LocalFrame(52.4660, 12.9580)
 STANDING = [(10.0, 20.0)] * 20

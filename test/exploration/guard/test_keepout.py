@@ -10,8 +10,7 @@ import pytest
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.keepout import FREE, KEPT_OUT, RIM_M, keepout_mask
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plane_move import PlaneMove
+from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove
 from soilmoist_ros.mapping.field import Field
 
 FIELD = Field(

@@ -8,7 +8,7 @@ from unittest import mock
 import pytest
 from scripted_server import ScriptedServer, opened, read, read_until, sends
 
-from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.sensing.links import LinkState
 from soilmoist_ros.sensing.links.networks import MAX_SENDERS, RECENT_S, Senders, parse_networks
 from soilmoist_ros.sensing.links.reconnecting import Retry

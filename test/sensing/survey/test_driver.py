@@ -12,9 +12,8 @@ from datetime import UTC, datetime
 
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.records import Position
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings

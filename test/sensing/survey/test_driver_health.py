@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.log_header import Header
 from soilmoist_ros.sensing.formats.robot_logger import format_record

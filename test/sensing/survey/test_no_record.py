@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.records import LoggerRecord

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from soilmoist_ros.console.maps.background import make_background
+from soilmoist_ros.console.background import make_background
 from soilmoist_ros.simulation.fields.aerial_picture import write_aerial_picture
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 

@@ -12,7 +12,7 @@ from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLim
 from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.exploration.navigation.way_points import WayPoint
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.simulation.robot.waiting_clock import (
     LIMITS_S,
     SHORT_S,
