@@ -44,6 +44,7 @@ FOLDERS = (
     "reporting",
     "pipeline",
     "console",
+    "lab",
     "foundation",
 )
 WIDE = {"index.md": ["navigation"], "gallery.md": ["navigation", "toc"]}

@@ -21,6 +21,7 @@ FLOORS = (
     "pipeline",
     "replay",
     "console",
+    "lab",
     "nodes",
     "cli",
 )

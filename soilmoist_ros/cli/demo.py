@@ -69,8 +69,6 @@ DEFAULTS = {"field": "farm", "hours": 1.0}
               "or a file. Default: none.")  # fmt: skip
 @click.option("--console/--no-console", "console", default=True, show_default=True,
               help="Serve the operator's page on this machine.")  # fmt: skip
-@click.option("--background", is_flag=True,
-              help="Draw an aerial picture of the field, and show it below the map of the page.")  # fmt: skip
 @click.option("--autostart/--no-autostart", default=True, show_default=True,
               help="Start the mission at once, or wait for a start on the operator's page.")  # fmt: skip
 @click.option("--exit", "leave", is_flag=True, help="End with the mission, also on a terminal.")
@@ -86,7 +84,6 @@ def command(
     time_factor: float,
     scenario: str,
     console: bool,
-    background: bool,
     autostart: bool,
     leave: bool,
     earlier: tuple[Path, ...],
@@ -123,12 +120,6 @@ def command(
         console = False
         warn(f"console: not served, aiohttp is not installed -> {install('console')}")
     port = free_port(PORT) if console else 0
-    picture = None
-    if background and port:
-        from soilmoist_ros.simulation import write_aerial_picture
-
-        shown = surrogate_field(mission.field_name)
-        picture = write_aerial_picture(shown, out / "configuration" / "aerial.tif", mission.seed)
     settings = DemoSettings(
         out,
         mission,
@@ -139,7 +130,6 @@ def command(
         earlier=earlier,
         covariates=sources,
         console_port=port,
-        background=picture,
     )
     address = f"console    http://127.0.0.1:{port}/"
     replay = None

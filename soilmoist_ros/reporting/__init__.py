@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs and their outputs: report, GeoTIFF, GeoJSON, tables and summary."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.reporting.campaign.data import CampaignData as CampaignData
-    from soilmoist_ros.reporting.campaign.figures import campaign_figures as campaign_figures
-    from soilmoist_ros.reporting.campaign.report import write_campaign_report as write_campaign_report
+    from soilmoist_ros.reporting.colours import RATE as RATE
+    from soilmoist_ros.reporting.colours import UNCERTAIN as UNCERTAIN
     from soilmoist_ros.reporting.colours import between as between
+    from soilmoist_ros.reporting.colours import colour_ramp as colour_ramp
     from soilmoist_ros.reporting.colours import palette_png as palette_png
     from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun as EarlierRun
     from soilmoist_ros.reporting.earlier.earlier_runs import Target as Target
@@ -70,12 +71,21 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.earlier_section import change_summary as change_summary
     from soilmoist_ros.reporting.page.earlier_section import dated as dated
     from soilmoist_ros.reporting.page.earlier_section import relations as relations
+    from soilmoist_ros.reporting.page.frame import render_page as render_page
+    from soilmoist_ros.reporting.page.labels import dwell_text as dwell_text
+    from soilmoist_ros.reporting.page.labels import strategy_text as strategy_text
+    from soilmoist_ros.reporting.page.labels import strategy_traits as strategy_traits
     from soilmoist_ros.reporting.page.notes import notes as notes
     from soilmoist_ros.reporting.page.numbers import area as area
     from soilmoist_ros.reporting.page.numbers import duration as duration
+    from soilmoist_ros.reporting.page.numbers import length as length
+    from soilmoist_ros.reporting.page.numbers import number as number
+    from soilmoist_ros.reporting.page.numbers import percent as percent
+    from soilmoist_ros.reporting.page.numbers import plain as plain
     from soilmoist_ros.reporting.page.report import write_report as write_report
     from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture
     from soilmoist_ros.reporting.page.statistics import truth_score as truth_score
+    from soilmoist_ros.reporting.page.style import robust_range as robust_range
     from soilmoist_ros.reporting.run import REFERENCE as REFERENCE
     from soilmoist_ros.reporting.run import CorrectionRow as CorrectionRow
     from soilmoist_ros.reporting.run import InputFile as InputFile
@@ -89,13 +99,10 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.season.season_files import write_season as write_season
     from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S as EARLIEST_STAMP_S
 
-__getattr__, __dir__, __all__ = open_door(
+_open, __dir__, __all__ = open_door(
     __name__,
     {
-        "campaign.data": "CampaignData",
-        "campaign.figures": "campaign_figures",
-        "campaign.report": "write_campaign_report",
-        "colours": "between palette_png",
+        "colours": "RATE UNCERTAIN between colour_ramp palette_png",
         "earlier.earlier_runs": "EarlierRun Target read_earlier_runs require_other same_survey",
         "earlier.mission_earlier": "mission_earlier",
         "earlier.results": "read_summary",
@@ -124,13 +131,23 @@ __getattr__, __dir__, __all__ = open_door(
         "outputs": "write_outputs",
         "page.covariates": "covariate_importance",
         "page.earlier_section": "change_amount change_since change_summary dated relations",
+        "page.frame": "render_page",
+        "page.labels": "dwell_text strategy_text strategy_traits",
         "page.notes": "notes",
-        "page.numbers": "area duration",
+        "page.numbers": "area duration length number percent plain",
         "page.report": "write_report",
         "page.statistics": "mean_moisture truth_score",
+        "page.style": "robust_range",
         "run": "CorrectionRow InputFile LossRow MapRun Note NoteCode REFERENCE",
         "season.season": "SeasonSettings make_season",
         "season.season_files": "estimate_text write_season",
         "survey_times": "EARLIEST_STAMP_S",
     },
 )
+
+
+def __getattr__(name: str) -> object:
+    """Name of this door; campaigns have moved to ``soilmoist_ros.lab``, and are found here for one release."""
+    if name in ("write_campaign_report",):
+        return getattr(import_module("soilmoist_ros.lab"), name)
+    return _open(name)

@@ -29,7 +29,7 @@ from soilmoist_ros.recording.mcap.scan import McapScan
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
-from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+from virtual_survey import write_survey
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden"
 CASES = {
