@@ -58,9 +58,9 @@ from soilmoist_ros.console import (
 from soilmoist_ros.exploration import TRIGGERS, OperatorRequest, Reply, ReplyCode, Verb, parse_topological_map
 from soilmoist_ros.foundation import Health, InputError, Level, foreign_text, resource
 from soilmoist_ros.mapping import load_field
+from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import CONSOLE as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, SENSOR, VISITS, interface_class
 from soilmoist_ros.sensing import fix_from_message
 

@@ -33,11 +33,11 @@ from soilmoist_ros.exploration import (
     read_topological_map,
 )
 from soilmoist_ros.nodes.navigators import make_navigator
+from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameters import Parameters, Value
 from soilmoist_ros.nodes.planner_inputs import PlannerFrames, PlannerInputs
 from soilmoist_ros.nodes.planner_outputs import PlannerKeepout, PlannerOutputs
 from soilmoist_ros.nodes.planner_parameters import PARAMETERS, chosen_survey, make_team, make_watch, mission_rules
-from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import LATCHED, NO_EVENTS, SENSOR, interface_class
 from soilmoist_ros.recording import StoredMission
 

@@ -32,10 +32,10 @@ from msg_adapters import (
 from soilmoist_ros.foundation import InputError, LatLon, resource
 from soilmoist_ros.mapping import load_field
 from soilmoist_ros.nodes.aside import Soon
+from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import DRIVER_SETTINGS
 from soilmoist_ros.nodes.parameter_tables import SENSOR_DRIVER as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, SENSOR, VISITS, other_type
 from soilmoist_ros.recording import DRIVER, QUARANTINED, RecordLog, write_whole
 from soilmoist_ros.sensing import (

@@ -18,9 +18,9 @@ from std_srvs.srv import Empty, Trigger
 
 from msg_adapters.point_cloud import to_time
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.node_process import check_arguments, help_of
 from soilmoist_ros.nodes.parameter_tables import table_of
 from soilmoist_ros.nodes.parameters import NODES
-from soilmoist_ros.nodes.run import check_arguments, help_of
 from soilmoist_ros.nodes.topics import CLOCK
 from soilmoist_ros.nodes.topics import VISITS as ROSOUT
 
@@ -32,7 +32,7 @@ from std_srvs.srv import Empty, Trigger
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.aside import Aside
 from soilmoist_ros.nodes.topics import RECORDS
-from soilmoist_ros.nodes.run import run
+from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.aside import Soon
 
 class Example(Node):
@@ -307,7 +307,7 @@ def test_arguments_that_ros_ignores_are_refused():
 WORK = """
 import re, threading
 import numpy as np
-from soilmoist_ros.nodes.run import return_memory
+from soilmoist_ros.nodes.node_process import return_memory
 
 def resident_mb():
     return int(re.search(r"VmRSS:\\s+(\\d+)", open("/proc/self/status").read())[1]) / 1024
