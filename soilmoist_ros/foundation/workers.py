@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Work beside the caller: on local processes or a Dask cluster, and in a thread that takes batches."""
+"""Work elsewhere: on local processes or a Dask cluster, and in a thread that takes batches."""
 
 from __future__ import annotations
 

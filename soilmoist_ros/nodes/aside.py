@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Work beside the callbacks: services that take long, and callbacks that other threads ask for."""
+"""Work outside the callbacks: services that take long, and what other threads ask for."""
 
 from __future__ import annotations
 

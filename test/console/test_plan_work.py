@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Fields, travel maps and forecasts for the page Plan (work.py)."""
+"""Fields, travel maps and forecasts for the page Plan."""
 
 from __future__ import annotations
 

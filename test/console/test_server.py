@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The server of the console (server.py, entrance.py), without robots."""
+"""The server of the console (server.py, visitors.py), without robots."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The mapper as a real process; for several robots with wiring/mapper_exchange.py."""
+"""The mapper as a real process, also for several robots."""
 
 from __future__ import annotations
 

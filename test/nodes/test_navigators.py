@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The navigators (action_navigator.py, goto_node.py, navigate_to_pose.py, goal_pose.py) and a faulty robot."""
+"""The navigators (action_navigator.py, navigators.py) and a faulty robot."""
 
 import math
 import queue

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter files and documented tables agree with the tables of the nodes: planner.py, guard.py and others."""
+"""Parameter files and documents agree with the tables of parameter_tables.py and planner_parameters.py."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of parameters: the rows (parameter.py), and that nodes accept nothing else (declaration.py)."""
+"""Rows of tables of parameters, and that nodes accept nothing else."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The sensor driver as a real process, with devices as in the field; ``driver_outputs.py`` stores its records."""
+"""The sensor driver as a real process, with devices as in the field."""
 
 import contextlib
 import itertools
