@@ -24,7 +24,11 @@ MISSION_NAMES = ("series.csv", "visits.csv")
 SERIES_NAME = "moisture.csv"
 MAX_BEYOND_AREA_DEG = 6.0
 """Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
-_NEEDS = {".tif": ("pyproj", "rasterio"), ".qgs": ("pyproj", "rasterio"), ".html": ("jinja2", "matplotlib")}
+_NEEDS = {
+    ".tif": ("pyproj", "rasterio"),
+    ".qgs": ("pyproj", "rasterio", "jinja2"),
+    ".html": ("jinja2", "matplotlib"),
+}
 """Modules of the extra ``reports`` that write a file, by its ending."""
 _LOG = logging.getLogger(__name__)
 _WORKSHOP = ".writing-"
@@ -107,7 +111,7 @@ def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
     """
     if crs is None:
         return
-    from soilmoist_ros.reporting.files.geotiff import export_crs
+    from soilmoist_ros.reporting.geotiff import export_crs
 
     target = export_crs(frame or LocalFrame(0.0, 0.0), crs)
     if not (target.is_projected or target.is_geographic):

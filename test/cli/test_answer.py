@@ -27,8 +27,8 @@ from soilmoist_ros.cli.answer import (
     wrote,
 )
 from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
-from soilmoist_ros.reporting.live.live_mission import LiveMission
-from soilmoist_ros.reporting.mission_report import mission_run
+from soilmoist_ros.reporting.live_view import LiveMission
+from soilmoist_ros.reporting.outputs import mission_run
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 

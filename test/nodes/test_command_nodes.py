@@ -31,7 +31,7 @@ from msg_adapters.soil_map import soil_map_from_message, soil_map_to_message
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping import Samples
-from soilmoist_ros.mapping.cells import map_cells
+from soilmoist_ros.mapping.soil_map import map_cells
 from soilmoist_ros.nodes.command_nodes import Monitor, on_space
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, published_qos
 from soilmoist_ros.pipeline import replay_bag
@@ -41,7 +41,7 @@ from soilmoist_ros.recording.mcap.definitions import find_definition
 from soilmoist_ros.recording.mcap.metadata import Qos, Topic
 from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.reporting.field_survey import open_survey
-from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
+from soilmoist_ros.reporting.live_view import LiveMap, LiveMission
 from soilmoist_ros.sensing.records import CountRecord
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"

@@ -43,9 +43,9 @@ from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove, move_between
+from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.nodes.planner_inputs import PlannerFrames, PlannerInputs
 from soilmoist_ros.nodes.topics import DEFAULT, RECORDS, TF, TF_STATIC

@@ -18,7 +18,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.records import CountRecord
 
 SQUARE = np.array([(0, 0), (40, 0), (40, 40), (0, 40)], float)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A run without a map: failed_run.py, failed_outputs.py and failed.py of the page."""
+"""A run without a map, its folder and its page."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from datetime import UTC, datetime
 import pytest
 
 from soilmoist_ros.recording.record_table import read_records
-from soilmoist_ros.reporting.failed_outputs import write_failed
 from soilmoist_ros.reporting.failed_run import FailedRun, NoMapError, Trouble
-from soilmoist_ros.reporting.page.failed import failed_facts, render_failed
+from soilmoist_ros.reporting.outputs import write_failed
+from soilmoist_ros.reporting.page.report import failed_facts, render_failed
 from soilmoist_ros.reporting.run import InputFile, LossRow
 from soilmoist_ros.sensing.records import NAN, CountRecord
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.record_check import Skip
+from soilmoist_ros.mapping.records import Skip
 from soilmoist_ros.recording.earlier_records import read_earlier
 from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.records import NAN, CountRecord

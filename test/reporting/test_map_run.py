@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.reporting.files.summary import summary
 from soilmoist_ros.reporting.map_run import make_run
+from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.moisture.footprint import Footprint
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.records import CountRecord

@@ -1,10 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers as text for readers, rounded to significant digits."""
+"""Numbers, units and names of choices for readers."""
 
 from __future__ import annotations
 
 import math
+
+from soilmoist_ros.exploration import DWELL_RULES, STRATEGIES, StrategyKind
+from soilmoist_ros.foundation import InputError
 
 HECTARE_M2 = 1e4
 
@@ -106,3 +109,29 @@ def duration(seconds: float) -> str:
     if minutes < 2880:
         return f"{minutes // 60} h {minutes % 60:02d} min"
     return f"{minutes / 1440:.1f} days"
+
+
+# Names of strategies and dwell rules for readers ----------------------------------------------------------------
+
+
+def strategy_text(strategy: str) -> str:
+    """Name of a strategy for readers."""
+    kind = strategy_traits(strategy)
+    return kind.label if kind is not None and kind.label else strategy.replace("_", " ")
+
+
+def strategy_traits(strategy: str) -> StrategyKind | None:
+    """Traits of a strategy; ``None`` if the package that added it is not installed."""
+    try:
+        return STRATEGIES.get(strategy)
+    except InputError:
+        return None
+
+
+def dwell_text(dwell: str) -> str:
+    """Name of a dwell rule for readers: FMI with its seconds, AMI with its standard error in percent."""
+    name, _, value = dwell.partition(":")
+    try:
+        return DWELL_RULES.get(name).describe(value)
+    except InputError:
+        return dwell.capitalize()

@@ -20,7 +20,7 @@ from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation

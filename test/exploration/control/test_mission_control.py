@@ -21,7 +21,7 @@ from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.position.place_judge import PlaceLimits

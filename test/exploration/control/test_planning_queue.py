@@ -16,9 +16,9 @@ from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
 SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])

@@ -38,11 +38,11 @@ from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import PoissonKriging
+from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.records import CountRecord
 

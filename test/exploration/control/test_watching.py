@@ -25,7 +25,7 @@ from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, Position
 from soilmoist_ros.sensing.records import CountRecord
 

@@ -15,7 +15,7 @@ from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove, move_between
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
-from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
+from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.records import Position
 
 DATUM = LocalFrame(52.0, 13.0)

@@ -24,7 +24,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import Variogram
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [40, 0], [40, 20], [0, 20]], float), 2.5)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.planning.uniformity import CERTAIN, SHOWN, differences
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 
 LATTICE = np.array([(x, y) for x in np.arange(2.0, 60, 8) for y in np.arange(2.0, 50, 8)])
 

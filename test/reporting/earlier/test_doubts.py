@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.knowledge import EarlierSurvey
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.reporting.earlier.doubts import doubts, mean_rate
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 

@@ -16,8 +16,7 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.recording.record_table import read_records
 from soilmoist_ros.reporting.earlier.earlier_runs import Target, read_earlier_runs, require_other, same_survey
 from soilmoist_ros.reporting.earlier.run_records import find_runs
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=5.0)
 TARGET = Target(FRAME, GRID, FieldMapSettings(margin_m=5.0))

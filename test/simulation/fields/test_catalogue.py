@@ -6,7 +6,7 @@ from pydantic import ValidationError
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.simulation.fields.catalogue import AIRFIELD_SOIL, surrogate_field, surrogate_field_names
 from soilmoist_ros.simulation.fields.formulas import FAMILIES, formula, random_field
