@@ -57,7 +57,7 @@ from fuzz_seeds import (
 from soilmoist_ros.console.plan_work import TASKS, outline
 from soilmoist_ros.console.server import request_from_json
 from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, interrupted_records
-from soilmoist_ros.exploration.mission.stored import state_from_json
+from soilmoist_ros.exploration.mission.state import state_from_json
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map

@@ -89,13 +89,12 @@ class PlannerProcess:
             strategy=case.strategy,
             preset="paper",
             seed=case.seed,
-            dwell=parse_dwell("fmi:60", 240.0),
             motion=RobotMotion(SPEED_MPS, STOP_OVERHEAD_S),
             access=access,
         )
         rules = MissionRules(
             budget_s=case.budget_s,
-            dwell=settings.dwell,
+            dwell=parse_dwell("fmi:60", 240.0),
             warm_up_stops=settings.warm_up_stops,
             min_dwell_s=30.0,
             speed_mps=SPEED_MPS,

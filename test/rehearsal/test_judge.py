@@ -11,7 +11,7 @@ import pytest
 
 from rehearsal.cases import Ground
 from rehearsal.judge import Judge, Kind
-from soilmoist_ros.exploration.mission.actions import Finish
+from soilmoist_ros.exploration.mission.events import Finish
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop

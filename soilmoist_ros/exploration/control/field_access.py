@@ -1,33 +1,31 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From a field, a travel graph and settings to all that a mission on a real field needs."""
+"""Where a robot may go and measure in a field, and how it travels there.
+
+The map of the navigation, the cells, the home and the robot's part of the map can change: :class:`CurrentAccess`.
+"""
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 
-from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph, Outside
-from soilmoist_ros.exploration.mission.types import Changes, MissionRules
-from soilmoist_ros.exploration.planning.dwell import DwellRule
-from soilmoist_ros.exploration.planning.forecast import Forecast
-from soilmoist_ros.exploration.planning.forecaster import MAX_CELLS, prior_forecast
-from soilmoist_ros.exploration.planning.planning_model import spread_cells
-from soilmoist_ros.exploration.planning.properties import Property
-from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
-from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
+from soilmoist_ros.exploration.travel.stop import Stop, Way, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, TravelModel
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation import InputError, did_you_mean
-from soilmoist_ros.mapping import NOTHING, Field, FieldGrid, FieldMap, FieldMapSettings, Knowledge, VariogramFit
-from soilmoist_ros.sensing import MoistureCurve
+from soilmoist_ros.mapping import Field, FieldGrid
+
+_log = logging.getLogger(__name__)
+
+Place = tuple[float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,64 +53,6 @@ PAST_M = 0.5
 _STAYS_M = 0.05
 MOVED_M = 2.0
 """A stop that a new map places this far away is another one [m]; frames of robot and field may differ by less."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExplorerSettings:
-    """How stops are chosen, and where the robot may drive.
-
-    :param strategy: one of :data:`STRATEGIES`
-    :param preset: one of :data:`PRESETS`
-    :param seed: seed of the strategy's randomness
-    :param dwell: dwell rule
-    :param motion: how the robot moves
-    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
-    :param access: where the robot may drive
-    :param learn_travel: whether speed, turning time and stop overhead are learned from the legs driven
-    :param calibration: calibration that is there for an operator who asks for the map of the moisture
-    :param knowledge: what is known of the field before the survey
-    """
-
-    strategy: str
-    preset: str
-    seed: int
-    dwell: DwellRule
-    motion: RobotMotion
-    curve: MoistureCurve | None = None
-    access: AccessRules = NO_MARGIN
-    calibration: MoistureCurve | None = None
-    learn_travel: bool = True
-    knowledge: Knowledge = NOTHING
-
-    @property
-    def needs_map(self) -> bool:
-        """Whether the strategy cannot do without a map."""
-        return strategy_kind(self.strategy).needs_map
-
-    @property
-    def warm_up_stops(self) -> int:
-        """Samples to take before the map guides."""
-        return warm_up(self.strategy, self.preset)[0]
-
-
-OpenSurvey = Callable[[Changes], tuple[Field, ExplorerSettings]]
-"""Opens the field, earlier runs and covariates that an operator chooses; raises an ``InputError``."""
-
-
-def changed_settings(settings: ExplorerSettings, rules: MissionRules, changes: Changes | None) -> ExplorerSettings:
-    """How stops are chosen after an operator's changes.
-
-    :param settings: those of the start
-    :param rules: those of now
-    :param changes: what was changed
-    """
-    if changes is None:
-        return settings
-    curve = settings.curve
-    if changes.target is not None:
-        curve = settings.calibration if changes.target == "vwc" else None
-    strategy = settings.strategy if changes.strategy is None else changes.strategy
-    return replace(settings, strategy=strategy, dwell=rules.dwell, curve=curve)
 
 
 class FieldAccess:
@@ -252,78 +192,127 @@ class FieldAccess:
         raise InputError(f"there is no stop {name!r} to return to", remedy)
 
 
-STREAMS_PER_ROBOT = 3
-"""Random streams of each robot of a mission: those of its sensor, of its strategy and of its GNSS receiver."""
-
-
-def strategy_stream(seed: int, robot: int = 0) -> np.random.Generator:
-    """Random choices of a strategy: planner and simulator draw the same stops with the same seed.
-
-    :param seed: seed of the mission
-    :param robot: number of the robot, from 0
-    """
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(STREAMS_PER_ROBOT * robot + 1,)))
-
-
-def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
-    """An explorer for one mission.
-
-    :param access: where the robot may go
-    :param settings: how stops are chosen
-    :param rules: those of the mission
-    """
-    planning = FieldMapSettings(for_planning=True)
-    return Explorer(
-        [Property(FieldMap(access.grid, planning, settings.knowledge), curve=settings.curve)],
-        access.stops,
-        access.travel,
-        make_strategy(settings.strategy, settings.preset),
-        warm_up(settings.strategy, settings.preset)[1],
-        settings.dwell,
-        strategy_stream(settings.seed),
-        rules.min_dwell_s,
-        home=rules.home,
-        nominal_rate_cps=nominal_rate_cps(settings.calibration),
-        kept_for_home_s=rules.way_home_s,
-        min_last_dwell_s=rules.min_last_dwell_s,
+def cell_stops(grid: FieldGrid) -> tuple[Stop, ...]:
+    """A stop at the centre of each cell inside the field, for free travel; named by row and column."""
+    rows, columns = np.nonzero(grid.mask)
+    return tuple(
+        Stop(f"r{row}c{column}", x, y)
+        for row, column, (x, y) in zip(rows.tolist(), columns.tolist(), grid.cells.tolist(), strict=True)
     )
-
-
-def nominal_rate_cps(calibration: MoistureCurve | None) -> float:
-    """Expected rate before the first record: that at 15 % moisture by the calibration, if any [counts/s]."""
-    return 4.0 if calibration is None else float(calibration.rate_cps(0.15))
-
-
-def first_forecast(grid: FieldGrid, settings: ExplorerSettings, budget_s: float) -> Forecast:
-    """The forecast before a mission starts.
-
-    :param grid: grid of the field
-    :param settings: how stops are chosen
-    :param budget_s: mission time [s]
-    """
-    expected = _expected_fit(grid, settings.knowledge)
-    rate_cps = nominal_rate_cps(settings.calibration) if expected is None else expected.mean_rate
-    slope = None if settings.curve is None else math.sqrt(float(settings.curve.weight([rate_cps])[0]))
-    return _first_forecast(grid, rate_cps, budget_s, slope, expected)
-
-
-@lru_cache(maxsize=4)
-def _first_forecast(
-    grid: FieldGrid,
-    rate_cps: float,
-    budget_s: float,
-    slope: float | None,
-    expected: VariogramFit | None,
-) -> Forecast:
-    cells_xy = grid.cells[spread_cells(grid.mask, MAX_CELLS)[grid.mask]]
-    return prior_forecast(cells_xy, grid.extent_m, rate_cps, budget_s, slope, expected)
-
-
-@lru_cache(maxsize=2)
-def _expected_fit(grid: FieldGrid, knowledge: Knowledge) -> VariogramFit | None:
-    return FieldMap(grid, knowledge=knowledge).expected_fit
 
 
 def _inside(stops: tuple[Stop, ...], fence: Fence) -> tuple[Stop, ...]:
     inside = fence.contains(stops_xy(stops))
     return tuple(stop for stop, within in zip(stops, inside, strict=True) if within)
+
+
+class CurrentAccess:
+    """Makes the access to a field again when something that it depends on changes; an error changes nothing.
+
+    :param field: the field
+    :param motion: how the robot moves
+    :param rules: where it may drive
+    :param home: the name of the stop to return to, as it is now; empty for none
+    :param use: called with each new access
+
+    Attributes
+    ----------
+    field : Field
+        the field
+    access : FieldAccess or None
+        ``None`` before a map of the navigation can be used
+    waiting_for : str
+        what is missing while there is no access
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        motion: RobotMotion,
+        rules: AccessRules,
+        home: Callable[[], str],
+        use: Callable[[FieldAccess], None],
+    ) -> None:
+        self.field = field
+        self.access: FieldAccess | None = None
+        self.waiting_for = "the map of the navigation"
+        self._motion, self._rules = motion, rules
+        self._home, self._use = home, use
+        self._graph: TravelGraph | None = None
+        self._cell_m: float | None = None
+        self._asked_at: Place | None = None  # where the part of the map was last looked for
+
+    def use_graph(self, graph: TravelGraph | None, place: Place | None = None) -> None:
+        """Travel along a graph, or straight where nothing is in the way.
+
+        :param graph: the graph
+        :param place: where the robot is, so that its part of the map is used; ``None`` to look for that later [m]
+        :raises InputError: if it does not fit the field, or does not know the home
+        """
+        try:
+            self._renew(graph, self._cell_m, place)
+        except Exception as error:
+            self.waiting_for = f"a map that can be used ({error})"
+            raise
+
+    def use_cells(self, cell_m: float) -> None:
+        """Plan on cells of this size [m].
+
+        :raises InputError: if the field cannot be gridded with them, or does not know the home then
+        """
+        if self.access is not None and self.access.grid.cell_m != cell_m:
+            self._renew(self._graph, cell_m, self.access.place)
+        self._cell_m = cell_m
+
+    def use_home(self, place: Place | None) -> None:
+        """Return to another home, with the robot at a place.
+
+        :raises InputError: if the home is not known or not allowed
+        """
+        self._renew(self._graph, self._cell_m, place)
+
+    def use_part(self, place: Place | None) -> str:
+        """Use the part of the map where the robot stands; returns why that is not possible, empty if it is."""
+        if self.access is not None and place is not None and not self.access.serves(place):
+            self._asked_at = place
+            try:
+                self._renew(self._graph, self._cell_m, place)
+            except InputError as error:
+                return str(error)
+        return ""
+
+    def moved(self, place: Place, radius_m: float) -> None:
+        """The robot is at a place: look for its part of the map again once it is farther away than a radius."""
+        if self._asked_at is None or math.dist(place, self._asked_at) > radius_m:
+            self.use_part(place)
+
+    def opened(self, field: Field, place: Place | None) -> Callable[[], None]:
+        """The function that uses another field, whose mapper has yet to publish the cells.
+
+        :raises InputError: if it cannot be used
+        """
+        access = None if self.access is None else self._made(field, self._graph, None, place)
+
+        def use() -> None:
+            self.field, self._cell_m = field, None
+            if access is not None:
+                self._take(access, self._graph, place)
+
+        return use
+
+    def _renew(self, graph: TravelGraph | None, cell_m: float | None, place: Place | None) -> None:
+        self._take(self._made(self.field, graph, cell_m, place), graph, place)
+
+    def _made(
+        self, field: Field, graph: TravelGraph | None, cell_m: float | None, place: Place | None
+    ) -> FieldAccess:
+        return FieldAccess(field, self._motion, graph, self._rules, cell_m, self._home(), place)
+
+    def _take(self, access: FieldAccess, graph: TravelGraph | None, place: Place | None) -> None:
+        before = self.access
+        if access.warning and (before is None or access.warning != before.warning):
+            _log.warning(access.warning)
+        if graph is not None and (before is None or access.stops != before.stops):
+            _log.info("%d of %d nodes of the topological map are stops", len(access.stops), len(graph.names))
+        self.access, self._graph, self._asked_at = access, graph, place
+        self._use(access)

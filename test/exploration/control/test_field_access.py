@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where a mission sends the robot: never where the fence refuses it (mission_setup.py, mission_control.py)."""
+"""Where a mission sends the robot: never where the fence refuses it, whatever changes."""
 
 import contextlib
 import logging
 import time
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,8 +15,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from rehearsal.cases import GRAPHS, OUTLINES, random_ground
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings
+from soilmoist_ros.exploration.control.field_access import AccessRules, CurrentAccess, FieldAccess
 from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings, FieldAccess
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.guard.fenced_graph import Outside
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
@@ -239,12 +241,11 @@ class Recorder:
             strategy=strategy,
             preset="paper",
             seed=1,
-            dwell=parse_dwell("fmi:60"),
             motion=RobotMotion(),
             access=rules,
         )
         mission = MissionRules(
-            budget_s=3600.0, dwell=chosen.dwell, warm_up_stops=1, backoff_s=0.0, standstill_s=0.0,
+            budget_s=3600.0, dwell=parse_dwell("fmi:60"), warm_up_stops=1, backoff_s=0.0, standstill_s=0.0,
             arrival_radius_m=3.0, failures_to_pause=100,
         )  # fmt: skip
         self.control = MissionControl(FIELD, chosen, mission, home, 20.0, lambda report: self, self)
@@ -353,3 +354,57 @@ def test_an_operator_may_not_measure_in_the_pond_or_go_home_to_it():
     assert posted.control.request(OperatorRequest("change", home="shed")).accepted
     posted.sent.clear()
     assert posted.control.request(OperatorRequest("return_home")).accepted
+
+
+# The access to a field follows its graph, cells, home and the robot; an error leaves it as it is ----------------
+
+
+class Around:
+    """An access, and what was used."""
+
+    def __init__(self, home=""):
+        self.home, self.used = home, []
+        self.current = CurrentAccess(FIELD, RobotMotion(), RADIUS, lambda: self.home, self.used.append)
+
+
+def test_a_map_that_cannot_be_used_is_named_and_changes_nothing():
+    around = Around(home="a")
+    assert "the map of the navigation" in around.current.waiting_for
+    with pytest.raises(InputError, match="there is no stop 'a'"):
+        around.current.use_graph(graph({"t": (30, 6), "u": (50, 6)}, "t u"))
+    assert "there is no stop 'a'" in around.current.waiting_for
+    assert (around.current.access, around.used) == (None, [])
+    around.current.use_graph(MAP)
+    around.home = "barn"
+    with pytest.raises(InputError, match="there is no stop 'barn'"):
+        around.current.use_home(None)
+    assert around.used == [around.current.access]
+
+
+def test_cells_of_the_map_are_kept_until_another_field_is_used():
+    around = Around()
+    around.current.use_cells(8.0)
+    around.current.use_graph(None)
+    around.current.use_cells(8.0)
+    assert [access.grid.cell_m for access in around.used] == [8.0]
+    use = around.current.opened(replace(FIELD, no_go=()), None)
+    assert len(around.used) == 1
+    use()
+    assert [access.grid.cell_m for access in around.used] == [8.0, 4.0]
+
+
+def test_the_part_of_the_map_is_looked_for_again_only_after_a_move():
+    around = Around()
+    around.current.use_graph(graph({**PLACES, "i": (3, 36), "j": (14, 36)}, "a s t u b", "i j"))
+    around.current.moved((4.0, 35.0), 3.0)
+    around.current.moved((5.0, 35.0), 3.0)
+    assert [len(access.stops) for access in around.used] == [5, 2]
+    around.current.moved((30.0, 5.0), 3.0)
+    assert [len(access.stops) for access in around.used] == [5, 2, 5]
+
+
+def test_a_map_that_comes_while_a_mission_is_paused_is_used_where_the_robot_stands():
+    around = Around()
+    parts = graph({**PLACES, "i": (3, 36), "j": (14, 36)}, "a s t u b", "i j")
+    around.current.use_graph(parts, (4.0, 35.0))
+    assert [stop.name for stop in around.current.access.stops] == ["i", "j"]

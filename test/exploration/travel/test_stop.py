@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from soilmoist_ros.exploration.navigation.way_points import WayPoint, way_points
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, WayPoint, way_points
 
 STOP = Stop("s", 10.0, 0.0)
 
