@@ -19,9 +19,9 @@ from std_msgs.msg import Header
 
 from msg_adapters.point_cloud import FRAME, points_from_message, points_to_message, to_time
 from soilmoist_ros.exploration import KeepoutMask
-from soilmoist_ros.mapping import BANDS, CELL, FieldChange, FieldGrid, SoilMap, map_cells, placed_cells
+from soilmoist_ros.mapping import CELL, Bands, FieldChange, FieldGrid, SoilMap, map_cells, placed_cells
 
-_ADDED: Final = BANDS[4:]
+_ADDED: Final = Bands._fields[4:]
 CHANGE: Final = {
     "change_rate": "rate", "change_rate_sd": "rate_sd", "change_vwc": "vwc", "change_vwc_sd": "vwc_sd",
     "significant": "significant",

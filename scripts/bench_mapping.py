@@ -14,7 +14,15 @@ Times are processor times. The floor is what dtrsm alone needs for one triangula
 method does; ``floors`` is the time divided by the floor, below 1 for what avoids these solves. The floor, dgemm
 and the memory are measured in the same run. A line for each measurement has all of it, the table the ratios.
 
-usage: .venv/bin/python scripts/bench_mapping.py [--quick] [--repeats N] [--packages NAME ...] [--save]
+``growth``: time and peak memory of maps made in new processes. The robot drives lines 6 m apart, with one record
+of 10 s every 6 m. The model is Matern 3/2 with a range of 30 m; maps of up to 2000 samples are exact.
+
+``fits``: time of fitting a variogram to samples at random places: restricted maximum likelihood (REML) with one
+range for all directions, with the search for a direction, with the test of a variance that differs from place to
+place, and the published soft-L1 fit of the binned semivariogram.
+
+usage: .venv/bin/python scripts/bench_mapping.py [growth | fits] [--quick] [--repeats N] [--packages NAME ...]
+       [--save]
 """
 
 from __future__ import annotations
@@ -27,8 +35,9 @@ import resource
 import statistics
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -40,7 +49,7 @@ import results
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from soilmoist_ros.mapping import PoissonKriging, Variogram
+from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, estimate_variogram, make_soil_map
 
 PATIENCE_S = 30.0
 """Processor time after which a measurement is not repeated [s]."""
@@ -254,13 +263,18 @@ def _memory_child(model: str, n: int, cells: int, connection: object) -> None:
 
 def memory_mb(model: str, n: int, cells: int) -> float:
     """Growth of the peak memory of a fresh process, fit and map together [MB]."""
+    return float(in_fresh_process(_memory_child, model, n, cells))
+
+
+def in_fresh_process(work: Callable[..., None], *arguments: object) -> object:
+    """What a function sends in a new process, which limits the peak memory to its own."""
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
-    child = context.Process(target=_memory_child, args=(model, n, cells, sender))
+    child = context.Process(target=work, args=(*arguments, sender))
     child.start()
-    growth = float(receiver.recv())
+    found = receiver.recv()
     child.join()
-    return growth
+    return found
 
 
 def dtrsm_floor_s(n: int, cells: int) -> float:
@@ -359,8 +373,71 @@ def table(rows: list[dict[str, object]], peers: list[str]) -> Iterator[list[obje
         ]
 
 
+# -- growth and fits ----------------------------------------------------------------------------------------
+
+
+def _growth_child(samples: int, cells: int, connection: object) -> None:
+    rng = np.random.default_rng(1)
+    side = 6.0 * np.sqrt(samples)
+    line = np.arange(samples) * 6.0
+    xy = np.column_stack([line % side, line // side * 6.0]) + rng.normal(0, 0.3, (samples, 2))
+    rate = 4 + 0.5 * np.sin(xy[:, 0] / 40) * np.cos(xy[:, 1] / 50)
+    driven = Samples(xy, rng.poisson(rate * 10.0), np.full(samples, 10.0))
+    corners = np.array([[0, 0], [side, 0], [side, side], [0, side]])
+    grid = FieldGrid.from_polygon(corners, side / np.sqrt(cells))
+    start = time.process_time()
+    soil_map = make_soil_map(driven, grid, Variogram("matern32", 0.01, 30.0, 0.3))
+    seconds = time.process_time() - start
+    kriging = "exact" if soil_map.accuracy is None else f"{soil_map.accuracy.nearest} nearest"
+    row = (f"{samples:,}", f"{cells:,}", f"{seconds:.2f}", f"{_peak_mb():.0f}", kriging)
+    connection.send(row)  # type: ignore[attr-defined]
+
+
+def growth(quick: bool, save: bool) -> None:
+    """Time and memory of maps by their samples and cells."""
+    samples, cells = (10**2, 10**3, 10**4, 10**5)[: 2 if quick else 4], (10**4, 10**5, 10**6)[: 1 if quick else 3]
+    cases = [*((n, 10_000) for n in samples), *((samples[-1], g) for g in cells[1:])]
+    rows = [in_fresh_process(_growth_child, *case) for case in cases]
+    columns = ("samples", "cells", "kriging [s]", "peak memory [MB]", "kriging")
+    results.publish("growth", columns, rows, "samples every 6 m, Matérn 3/2, processor time", save)
+
+
+def survey(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, counts and exposures of a survey of a random field."""
+    from scipy.spatial.distance import cdist
+
+    rng = np.random.default_rng(n)
+    xy = rng.uniform(0, 280.0, (n, 2))
+    truth = Variogram("matern32", nugget=0.02, range_m=45.0, sill=0.35)
+    rate = 4 + np.linalg.cholesky(truth.covariance(cdist(xy, xy))) @ rng.standard_normal(n)
+    exposure_s = rng.choice([60.0, 120.0, 300.0], n)
+    return xy, rng.poisson(np.maximum(rate, 0.1) * exposure_s), exposure_s
+
+
+def fits(sizes: Sequence[int], repeats: int, save: bool) -> None:
+    """Milliseconds of fitting a variogram."""
+    kinds: dict[str, dict[str, object]] = {
+        "one range": {"anisotropy": False, "extent_m": 280.0},
+        "directions": {"extent_m": 280.0},
+        "local": {"extent_m": 280.0, "box": ((0.0, 0.0), (280.0, 280.0))},
+        "soft_l1": {"method": "soft_l1"},
+    }
+    rows = []
+    for n in sizes:
+        data, row = survey(n), [str(n)]
+        for options in kinds.values():
+            fit = partial(estimate_variogram, *data, "matern32", **options)
+            fit()
+            seconds = timed(fit, repeats)[0]
+            row.append(f"{1000 * statistics.median(seconds):.1f}")
+        rows.append(row)
+    settings = f"matern32, processor time [ms], medians of {repeats} runs, one thread"
+    results.publish("variogram", ("places", *kinds), rows, settings, save)
+
+
 def main() -> int:
     parser = results.parser(__doc__)
+    parser.add_argument("part", nargs="?", choices=("growth", "fits"), help="instead of the comparison")
     parser.add_argument("--quick", action="store_true", help="a tenth of the cells, up to 300 samples, once each")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each; the median counts (default 3)")
     parser.add_argument("--models", nargs="+", default=["gaussian", "exponential", "spherical", "matern32"])
@@ -371,6 +448,12 @@ def main() -> int:
     if arguments.quick:
         cells, sizes, repeats = 7_000, (72, 300), 1
     sizes = arguments.sizes or sizes
+    if arguments.part == "growth":
+        growth(arguments.quick, arguments.save)
+        return 0
+    if arguments.part == "fits":
+        fits(sizes, repeats, arguments.save)
+        return 0
     if importlib.util.find_spec("threadpoolctl") is not None:
         from threadpoolctl import threadpool_limits
 

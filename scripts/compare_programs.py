@@ -5,8 +5,9 @@
 usage: .venv/bin/python scripts/compare_programs.py NEPTOON_PYTHON [--save]
 
 NEPTOON_PYTHON is the Python of an environment with neptoon: ``python3 -m venv nep``, then ``nep/bin/pip install
-neptoon``. Prints two tables: the same settings in all programs, and each program its own way, from the
-record to the moisture. With --save the picture of them is drawn, too.
+neptoon``. It runs this file, too, with ``--neptoon``: JSON of record, cores and settings in, JSON out. Prints two
+tables: the same settings in all programs, and each program its own way, from the record to the moisture. With
+--save the picture of them is drawn, too.
 """
 
 from __future__ import annotations
@@ -22,19 +23,21 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import crnpy
-import matplotlib as mpl
 import numpy as np
-import results
 from numpy.typing import NDArray
 
-mpl.use("Agg")
+if "--neptoon" not in sys.argv[1:]:  # the other environment has none of these
+    import crnpy
+    import matplotlib as mpl
+    import results
 
-from matplotlib import pyplot as plt
+    mpl.use("Agg")
 
-from soilmoist_ros.sensing import Site, load_site, process_logs, read_log
-from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
-from soilmoist_ros.sensing.moisture.cores import read_soil_cores
+    from matplotlib import pyplot as plt
+
+    from soilmoist_ros.sensing import Site, load_site, process_logs, read_log
+    from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
+    from soilmoist_ros.sensing.moisture.cores import read_soil_cores
 
 ROOT = Path(__file__).resolve().parent.parent
 LOG = ROOT / "examples" / "station_kansas_2021-10.dat"
@@ -172,7 +175,7 @@ def compare(neptoon_python: str, save: bool) -> None:
         },
     }
     run = subprocess.run(
-        [neptoon_python, ROOT / "scripts" / "compare_neptoon.py"],
+        [neptoon_python, __file__, "--neptoon"],
         input=json.dumps(task), capture_output=True, text=True, check=False,
     )  # fmt: skip
     if run.returncode != 0:
@@ -283,8 +286,108 @@ def draw(stamps: Array, series: dict[str, Array]) -> None:
     figure.savefig(ROOT / "docs" / "images" / "programs.png", dpi=110)
 
 
+def run_neptoon() -> None:
+    """What neptoon computes, as JSON; runs in an environment that has it."""
+    from neptoon.formulas import calibration, humidity, pressure, soil_moisture
+
+    task = json.load(sys.stdin)
+    record = {name: np.array(values, dtype=float) for name, values in task["record"].items()}
+    cores = {name: np.array(values) for name, values in task["cores"].items()}
+    same, place, soil = task["same"], task["place"], task["soil"]
+    bound = soil["lattice_water"] + soil["organic_water"]
+    during = np.array(task["calibration_hours"], dtype=bool)
+    weights = calibration.Schroen2017
+
+    def humidity_gm3_of_rows():
+        """From temperature and relative humidity, by neptoon's formulas."""
+        saturated = humidity.calc_saturation_vapour_pressure(record["temperature_degc"])
+        actual = humidity.calc_actual_vapour_pressure(saturated, record["relative_humidity"])
+        return humidity.calc_absolute_humidity(actual, record["temperature_degc"])
+
+    def corrected_cps(beta_per_hpa, reference_hpa):
+        """Rates of all tubes together, corrected for pressure and humidity, with both factors."""
+        by_pressure = pressure.calc_pressure_correction_factor(record["pressure_hpa"], reference_hpa, beta_per_hpa)
+        by_humidity = humidity.humidity_correction_rosolem2013(humidity_gm3_of_rows())
+        return record["counts"] / 3600 * by_pressure * by_humidity, by_pressure, by_humidity
+
+    def mean_of_cores(tolerance=1e-9):
+        """Mean moisture as the probe sees it [m3/m3]: neptoon's weights, each core at its middle."""
+        vwc, density = cores["vwc"].astype(float), soil["bulk_density_gcm3"]
+        humidity_gm3, pressure_hpa = humidity_gm3_of_rows()[during].mean(), record["pressure_hpa"][during].mean()
+        mean = vwc.mean()
+        while True:
+            profiles, shares = [], []
+            for name in np.unique(cores["profile"]):
+                of = cores["profile"] == name
+                near = weights.rescale_distance(cores["distance_m"].astype(float)[of][0], pressure_hpa, 0, mean)
+                depth = weights.vertical_weighting(cores["middle_cm"].astype(float)[of], near, density, mean)
+                profiles.append(np.average(vwc[of], weights=depth))
+                shares.append(weights.horizontal_weighting(near, mean, humidity_gm3))
+            new = float(np.average(profiles, weights=shares))
+            if abs(new - mean) < tolerance:
+                return new
+            mean = new
+
+    def vwc_of(rate_cps, n0_cps, curve):
+        """Moisture [m3/m3] from corrected rates; Köhli's curve takes rates that are not corrected for humidity."""
+        if curve == "desilets":
+            water = soil_moisture.neutrons_to_grav_soil_moisture_desilets_etal_2010(rate_cps, n0_cps, bound)
+        else:
+            water = soil_moisture.neutrons_to_grav_soil_moisture_koehli_etal_2021(
+                rate_cps, n0_cps, humidity_gm3_of_rows(), bound, "Mar21_mcnp_drf"
+            )
+        return np.asarray(water) * soil["bulk_density_gcm3"]
+
+    def n0_of(rate_cps, vwc, curve):
+        """N0 that gives the mean moisture of the cores with the mean rate of the calibration."""
+        theory = {"desilets": "desilets_etal_2010", "universal": "koehli_etal_2021"}[curve]
+        more = {} if curve == "desilets" else {"koehli_parameters": "Mar21_mcnp_drf"}
+        water, humidity_gm3 = vwc / soil["bulk_density_gcm3"], humidity_gm3_of_rows()[during].mean()
+        return float(soil_moisture.find_n0(water, rate_cps[during].mean(), humidity_gm3, bound, theory, **more))
+
+    rate, by_pressure, by_humidity = corrected_cps(same["beta_per_hpa"], same["reference_hpa"])
+    beta = float(
+        pressure.calc_beta_coefficient_desilets_2021(
+            place["latitude_deg"], place["altitude_m"], same["cutoff_rigidity_gv"]
+        )
+    )
+    reference = float(pressure.calc_mean_pressure(place["altitude_m"]))
+    own_rate, _, own_humidity = corrected_cps(beta, reference)
+    vwc = mean_of_cores()
+    own = {}
+    for curve in ("desilets", "universal"):
+        counted = own_rate if curve == "desilets" else own_rate / own_humidity
+        n0 = n0_of(counted, vwc, curve)
+        own[curve] = {"n0_cps": n0, "vwc": vwc_of(counted, n0, curve).tolist()}
+    uncertainty = soil_moisture.calculate_desilets_etal_2010_volumetric_sm_uncertainty_percent(
+        rate,
+        np.sqrt(record["counts"]) / 3600 * by_pressure * by_humidity,
+        same["n0_cps"],
+        soil["bulk_density_gcm3"],
+    )
+    json.dump(
+        {
+            "version": version("neptoon"),
+            "absolute_humidity_gm3": np.asarray(humidity_gm3_of_rows()).tolist(),
+            "f_pressure": np.asarray(by_pressure).tolist(),
+            "f_humidity": np.asarray(by_humidity).tolist(),
+            "rate_cps": rate.tolist(),
+            "vwc": vwc_of(rate, same["n0_cps"], "desilets").tolist(),
+            "vwc_sd": (np.asarray(uncertainty) / 100).tolist(),
+            "beta_per_hpa": beta,
+            "reference_hpa": reference,
+            "mean_of_cores": vwc,
+            "own": own,
+        },
+        sys.stdout,
+    )
+
+
 if __name__ == "__main__":
-    parser = results.parser(__doc__)
-    parser.add_argument("neptoon_python", help="interpreter of an environment with neptoon")
-    given = parser.parse_args()
-    compare(given.neptoon_python, given.save)
+    if "--neptoon" in sys.argv[1:]:
+        run_neptoon()
+    else:
+        parser = results.parser(__doc__)
+        parser.add_argument("neptoon_python", help="interpreter of an environment with neptoon")
+        given = parser.parse_args()
+        compare(given.neptoon_python, given.save)

@@ -47,7 +47,7 @@ FOLDERS = (
     "lab",
     "foundation",
 )
-WIDE = {"index.md": ["navigation"], "gallery.md": ["navigation", "toc"]}
+WIDE = {"index.md": ["navigation"]}
 """Pages without the lists at their sides."""
 LINK = re.compile(r"(\]\()([^)\s]+)(\))")
 FENCE = re.compile(r"^(```.*?^```$)", re.MULTILINE | re.DOTALL)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Rules of the house beyond imports: a public API for each folder, a test for each file, the vocabulary."""
+"""Rules of the house beyond imports: budgets and doors of the rooms, a test for each long file, the vocabulary."""
 
 import ast
 import importlib
@@ -13,11 +13,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = sorted(path.parent.name for path in (ROOT / "soilmoist_ros").glob("*/__init__.py"))
-CLOSED = ("cli", "replay")
-ROOMS = ("soilmoist_ros", *(f"soilmoist_ros.{name}" for name in FOLDERS if name not in CLOSED), "msg_adapters")
-"""Packages with a door; nobody imports the command, and ``replay`` is an old name."""
-LONG = 102
-"""Number of lines from which a file must have tests; two of them are its licence."""
+NO_DOORS = ("cli", "replay")
+"""Nobody imports the command, and ``replay`` is an old name."""
+ROOMS = ("soilmoist_ros", *(f"soilmoist_ros.{name}" for name in FOLDERS if name not in NO_DOORS), "msg_adapters")
+LONG = 150
+"""Number of lines from which a file must have tests."""
+COUNTED = {".py", ".js", ".css", ".html", ".j2"}
+"""Endings of the files whose lines have a budget; in ``scripts`` files without an ending, too."""
+BUDGET_ROW = re.compile(r"^\| `([\w/]+)/` \| ([\d,]+) \| (\d+) \|$", re.MULTILINE)
 LICENCE = (b"SPDX-FileCopyrightText: ", b"SPDX-License-Identifier: ")
 CODE = (".py", ".js", ".css", ".cmake")
 """Endings of source files; those that begin with ``#!`` are, too."""
@@ -62,30 +65,56 @@ def test_all_that_is_public_is_documented():
     assert undocumented == []
 
 
+def listed() -> list[str]:
+    """Every tracked file that is there."""
+    names = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    return [name for name in names.split("\0") if (ROOT / name).is_file()]
+
+
+def room_of(name: str) -> str:
+    """Room of a file, as the table of budgets names it."""
+    folders = name.split("/")[:-1]
+    return "/".join(folders[: 2 if folders[:1] == ["soilmoist_ros"] else 1])
+
+
+def test_rooms_keep_their_budget():
+    """Whoever wants more lines or files takes them from another room, in the table of CONTRIBUTING.md."""
+    table = BUDGET_ROW.findall((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
+    budget = {room: (int(lines.replace(",", "")), int(files)) for room, lines, files in table}
+    found = dict.fromkeys(budget, (0, 0))
+    for name in listed():
+        room, suffix = room_of(name), Path(name).suffix
+        if suffix in COUNTED or (room == "scripts" and not suffix):
+            lines, files = found.get(room, (0, 0))
+            if room in found or room.startswith(("soilmoist_ros/", "msg_adapters")):
+                found[room] = (lines + (ROOT / name).read_bytes().count(b"\n"), files + 1)
+    assert set(found) == set(budget), "each room has a row"
+    over = {
+        room: size for room, size in found.items() if any(a > b for a, b in zip(size, budget[room], strict=True))
+    }
+    assert over == {}, f"beyond { ({room: budget[room] for room in over}) }"
+
+
 def test_long_files_have_their_tests():
+    """A test file of the same name, or one of the folder or the room that names the file."""
     missing = []
     for path in product():
         if path.name == "__init__.py" or len(path.read_text().splitlines()) < LONG:
             continue
         inside = path.relative_to(ROOT)
-        folder = (
-            ROOT / "test" / (inside.parent if inside.parts[0] == "msg_adapters" else Path(*inside.parts[1:-1]))
-        )
-        own = folder / f"test_{path.stem}.py"
-        neighbours = [*folder.glob("test_*.py"), *folder.parent.glob("test_*.py")]
+        parts = inside.parts[:-1] if inside.parts[0] == "msg_adapters" else inside.parts[1:-1]
+        own = ROOT / "test" / Path(*parts) / f"test_{path.stem}.py"
         names = (path.name, ".".join(inside.with_suffix("").parts))
-        if not own.is_file() and not any(name in each.read_text() for name in names for each in neighbours):
+        tests = (ROOT / "test" / parts[0]).rglob("test_*.py")
+        if not own.is_file() and not any(name in each.read_text() for each in tests for name in names):
             missing.append(str(inside))
     assert missing == []
 
 
 def test_every_source_file_says_whose_it_is_and_under_which_licence():
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     missing = []
-    for name in listed.split("\0"):
+    for name in listed():
         path = ROOT / name
-        if not path.is_file():
-            continue
         with path.open("rb") as file:
             first = file.read(300)
         if first and (path.suffix in CODE or path.name == "CMakeLists.txt" or first.startswith(b"#!")):

@@ -77,7 +77,7 @@ def test_the_comparison_is_with_the_pinned_program(results):
 @pytest.mark.slow
 def test_a_lattice_of_the_benchmark_ends_as_any_mission(script):
     """Its maps are left out, apart from two: they decide nothing."""
-    benchmark = script("bench_lattice")
+    benchmark = script("bench_missions")
     job = benchmark.Job("rough", "lattice:fmi:60", 1, hours=0.5, cell_m=5.0)
     last = benchmark.run(job)
     whole = benchmark.outcome(simulate_mission(job.settings), 0.0)

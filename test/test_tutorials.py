@@ -36,11 +36,11 @@ def test_a_notebook_runs(name, shown, tmp_path):
     pytest.importorskip("nbclient", reason="the tutorials need requirements-docs.txt")
     path = ROOT / "docs" / "tutorials" / f"{name}.ipynb"
     run = subprocess.run(
-        [sys.executable, ROOT / "scripts" / "docs_runs.py", tmp_path, path],
+        [sys.executable, ROOT / "scripts" / "docs", "--notebooks", tmp_path, path],
         cwd=tmp_path, capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     assert (run.returncode, run.stderr) == (0, "")
-    outputs = [output for cell in cells(tmp_path / "made" / "tutorials" / path.name) for output in cell["outputs"]]
+    outputs = [output for cell in cells(tmp_path / path.name) for output in cell["outputs"]]
     assert shown in "".join("".join(output.get("text", ())) for output in outputs)
     assert sum("image/png" in output.get("data", {}) for output in outputs) >= (1 if name.startswith("3") else 2)
     assert [output["text"] for output in outputs if output.get("name") == "stderr"] == []

@@ -212,7 +212,7 @@ def outline(given: Mapping[str, Any]) -> dict[str, Any]:
     import numpy as np
 
     from soilmoist_ros.foundation import LocalFrame
-    from soilmoist_ros.mapping import BorderSource, read_border
+    from soilmoist_ros.mapping import BorderSource
 
     name = str(given["name"])[:80]
     suffix = Path(name).suffix.lower()
@@ -222,7 +222,7 @@ def outline(given: Mapping[str, Any]) -> dict[str, Any]:
         path = Path(folder, f"outline{suffix}")  # a name of our own, so that it cannot lead elsewhere
         try:
             path.write_bytes(base64.b64decode(given["content"], validate=True))
-            border = read_border(BorderSource(path, takes_largest=True))
+            border = BorderSource(path, takes_largest=True).read()
         except InputError as error:
             raise InputError([replace(mistake, path=Path(name)) for mistake in error.mistakes]) from None
         except Exception as error:  # GDAL and damaged files have many

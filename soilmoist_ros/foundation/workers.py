@@ -34,7 +34,7 @@ THREADS = (
 CONNECT_S = 10.0
 """Time limit for the answer of a Dask scheduler, and then of its first worker [s]."""
 
-_KEYS = "make keys with scripts/cluster_keys FOLDER, then export DASK_CONFIG=FOLDER/dask.yaml"
+_KEYS = "make keys with scripts/keystore FOLDER --cluster, then export DASK_CONFIG=FOLDER/dask.yaml"
 
 
 def cores() -> int:

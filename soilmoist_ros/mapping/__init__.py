@@ -11,29 +11,22 @@ from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping.border_file import BorderSource as BorderSource
-    from soilmoist_ros.mapping.border_file import read_border as read_border
     from soilmoist_ros.mapping.covariate_files import RasterBands as RasterBands
     from soilmoist_ros.mapping.covariate_files import opened_raster as opened_raster
     from soilmoist_ros.mapping.covariates import Covariates as Covariates
     from soilmoist_ros.mapping.covariates import CovariateSource as CovariateSource
-    from soilmoist_ros.mapping.covariates import coverage as coverage
-    from soilmoist_ros.mapping.covariates import joined as joined
     from soilmoist_ros.mapping.covariates import read_covariates as read_covariates
     from soilmoist_ros.mapping.covariates import require_covariates as require_covariates
-    from soilmoist_ros.mapping.covariates import unused_parts as unused_parts
     from soilmoist_ros.mapping.drift import Change as Change
     from soilmoist_ros.mapping.drift import Changing as Changing
     from soilmoist_ros.mapping.drift import Drift as Drift
     from soilmoist_ros.mapping.drift import DriftModel as DriftModel
     from soilmoist_ros.mapping.drift import TimedSamples as TimedSamples
-    from soilmoist_ros.mapping.expected_counts import UNEXPECTED as UNEXPECTED
     from soilmoist_ros.mapping.expected_counts import without_verdict as without_verdict
-    from soilmoist_ros.mapping.field import MIN_AREA_M2 as MIN_AREA_M2
     from soilmoist_ros.mapping.field import Field as Field
     from soilmoist_ros.mapping.field import FieldFile as FieldFile
     from soilmoist_ros.mapping.field import Misplaced as Misplaced
     from soilmoist_ros.mapping.field import load_field as load_field
-    from soilmoist_ros.mapping.field import misplaced as misplaced
     from soilmoist_ros.mapping.field import require_no_go as require_no_go
     from soilmoist_ros.mapping.field_map import FieldMap as FieldMap
     from soilmoist_ros.mapping.field_map import FieldMapSettings as FieldMapSettings
@@ -41,9 +34,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.field_map import SkippedRecords as SkippedRecords
     from soilmoist_ros.mapping.field_map import Snapshot as Snapshot
     from soilmoist_ros.mapping.field_map import default_merge_radius_m as default_merge_radius_m
-    from soilmoist_ros.mapping.field_map import drifting as drifting
     from soilmoist_ros.mapping.grid import FieldGrid as FieldGrid
-    from soilmoist_ros.mapping.knowledge import NOTHING as NOTHING
     from soilmoist_ros.mapping.knowledge import EarlierSurvey as EarlierSurvey
     from soilmoist_ros.mapping.knowledge import Knowledge as Knowledge
     from soilmoist_ros.mapping.knowledge import samples_at_end as samples_at_end
@@ -52,8 +43,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.kriging.system import coincident as coincident
     from soilmoist_ros.mapping.kriging.system import sample_correlation as sample_correlation
     from soilmoist_ros.mapping.kriging.tiled_kriging import Compute as Compute
-    from soilmoist_ros.mapping.map_worker import MAP_PART as MAP_PART
-    from soilmoist_ros.mapping.map_worker import RAIN as RAIN
     from soilmoist_ros.mapping.map_worker import MapWorker as MapWorker
     from soilmoist_ros.mapping.map_worker import map_health as map_health
     from soilmoist_ros.mapping.placement import PositionSource as PositionSource
@@ -61,26 +50,16 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.records import Skip as Skip
     from soilmoist_ros.mapping.records import StampLimits as StampLimits
     from soilmoist_ros.mapping.records import survey_samples as survey_samples
-    from soilmoist_ros.mapping.samples import NO_SAMPLES as NO_SAMPLES
     from soilmoist_ros.mapping.samples import Samples as Samples
-    from soilmoist_ros.mapping.samples import as_samples as as_samples
-    from soilmoist_ros.mapping.samples import footprint_spread as footprint_spread
-    from soilmoist_ros.mapping.samples import merge_exactly as merge_exactly
     from soilmoist_ros.mapping.samples import spatial_blocks as spatial_blocks
-    from soilmoist_ros.mapping.several_surveys import FALSE_SHARE as FALSE_SHARE
     from soilmoist_ros.mapping.several_surveys import Estimate as Estimate
     from soilmoist_ros.mapping.several_surveys import FieldChange as FieldChange
     from soilmoist_ros.mapping.several_surveys import JointKriging as JointKriging
     from soilmoist_ros.mapping.several_surveys import Persistence as Persistence
-    from soilmoist_ros.mapping.several_surveys import estimate_persistence as estimate_persistence
     from soilmoist_ros.mapping.several_surveys import field_change as field_change
     from soilmoist_ros.mapping.several_surveys import mean_places as mean_places
-    from soilmoist_ros.mapping.several_surveys import mean_variance_of as mean_variance_of
     from soilmoist_ros.mapping.several_surveys import moisture_slope as moisture_slope
-    from soilmoist_ros.mapping.soil_map import BANDS as BANDS
     from soilmoist_ros.mapping.soil_map import CELL as CELL
-    from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES as MAX_EXACT_SAMPLES
-    from soilmoist_ros.mapping.soil_map import QUANTILE_SD as QUANTILE_SD
     from soilmoist_ros.mapping.soil_map import Bands as Bands
     from soilmoist_ros.mapping.soil_map import SoilMap as SoilMap
     from soilmoist_ros.mapping.soil_map import common_rate_sd as common_rate_sd
@@ -108,7 +87,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.variogram.model import correlation_model as correlation_model
     from soilmoist_ros.mapping.variogram.reml import Prior as Prior
     from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood as RestrictedLikelihood
-    from soilmoist_ros.mapping.variogram.reml import mode_of as mode_of
     from soilmoist_ros.mapping.variogram.semivariogram import default_edges as default_edges
     from soilmoist_ros.mapping.variogram.semivariogram import empirical_semivariogram as empirical_semivariogram
     from soilmoist_ros.mapping.variogram.support import Supports as Supports
@@ -116,29 +94,29 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "border_file": "BorderSource read_border",
+        "border_file": "BorderSource",
         "covariate_files": "RasterBands opened_raster",
-        "covariates": "CovariateSource Covariates coverage joined read_covariates require_covariates unused_parts",
+        "covariates": "CovariateSource Covariates read_covariates require_covariates",
         "drift": "Change Changing Drift DriftModel TimedSamples",
-        "expected_counts": "UNEXPECTED without_verdict",
-        "field": "Field FieldFile MIN_AREA_M2 Misplaced load_field misplaced require_no_go",
-        "field_map": "FieldMap FieldMapSettings MapState SkippedRecords Snapshot default_merge_radius_m drifting",
+        "expected_counts": "without_verdict",
+        "field": "Field FieldFile Misplaced load_field require_no_go",
+        "field_map": "FieldMap FieldMapSettings MapState SkippedRecords Snapshot default_merge_radius_m",
         "grid": "FieldGrid",
-        "knowledge": "EarlierSurvey Knowledge NOTHING samples_at_end",
+        "knowledge": "EarlierSurvey Knowledge samples_at_end",
         "kriging.poisson_kriging": "PoissonKriging",
         "kriging.system": "Points coincident sample_correlation",
         "kriging.tiled_kriging": "Compute",
-        "map_worker": "MAP_PART MapWorker RAIN map_health",
+        "map_worker": "MapWorker map_health",
         "placement": "PositionSource require_near",
         "records": "Skip StampLimits survey_samples",
-        "samples": "NO_SAMPLES Samples as_samples footprint_spread merge_exactly spatial_blocks",
-        "several_surveys": "Estimate FALSE_SHARE FieldChange JointKriging Persistence estimate_persistence field_change mean_places mean_variance_of moisture_slope",
-        "soil_map": "BANDS Bands CELL MAX_EXACT_SAMPLES QUANTILE_SD SoilMap common_rate_sd make_bands make_soil_map map_cells moisture_terms placed_cells possible_moisture",
+        "samples": "Samples spatial_blocks",
+        "several_surveys": "Estimate FieldChange JointKriging Persistence field_change mean_places moisture_slope",
+        "soil_map": "Bands CELL SoilMap common_rate_sd make_bands make_soil_map map_cells moisture_terms placed_cells possible_moisture",
         "variogram.field_prior": "Effect FieldPrior",
         "variogram.fit": "FitMethod LocalModel NoiseModel VariogramFit estimate_variogram fit_variogram",
         "variogram.local": "LocalFit LocalRate",
         "variogram.model": "Amplitude CorrelationModel ModelName VARIOGRAM_MODELS Variogram correlation_model",
-        "variogram.reml": "Prior RestrictedLikelihood mode_of",
+        "variogram.reml": "Prior RestrictedLikelihood",
         "variogram.semivariogram": "default_edges empirical_semivariogram",
         "variogram.support": "Supports",
     },

@@ -83,19 +83,25 @@ class BorderSource:
     crs: str = ""
     takes_largest: bool = False
 
+    def read(self) -> Border:
+        """Read the border of a field.
+
+        :raises InputError: if the file cannot be read, or leaves open which of its shapes is the field, or where
+            it is
+        """
+        return _read_border(self)
+
 
 @dataclass(frozen=True)
 class Border:
     """The border of a field.
 
-    :param outline: longitude and latitude, WGS-84, shape (k, 2), not closed [deg]
     :param no_go: outlines of the areas inside that must not be entered, each of shape (k, 2) [deg]
-    :param notes: what was decided on the way, and what of the file is not used, in words
     """
 
-    outline: Array
+    outline: Array  # longitude and latitude, WGS-84, shape (k, 2), not closed [deg]
     no_go: tuple[Array, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was decided on the way, and what of the file is not used, in words
 
 
 @dataclass
@@ -123,11 +129,7 @@ class _Content:
     needs_crs: bool = False
 
 
-def read_border(source: BorderSource) -> Border:
-    """Read the border of a field.
-
-    :raises InputError: if the file cannot be read, or leaves open which of its shapes is the field, or where it is
-    """
+def _read_border(source: BorderSource) -> Border:
     path = source.path
     suffix = path.suffix.lower()
     if suffix not in FORMATS and not read_limited(path).lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):

@@ -85,6 +85,23 @@ class CovariateSource:
         if not self.path.is_file():
             raise InputError("there is no such file of covariates", "check its path", self.path)
 
+    def unused_parts(self) -> str:
+        """Bands or attributes of a file that are not used, in words; empty if all are.
+
+        :raises InputError: if the file cannot be read
+        """
+        if _has_polygons(self):
+            names = attributes(self.path)
+            others = [name for name in names if name != (self.band or names[0])]
+            what = "attributes"
+        else:
+            with opened_raster(self.path) as raster:
+                bands = RasterBands(self.path, raster)
+                _, used = _derived(self, bands)
+            others = [name or str(number) for number, name in enumerate(bands.names, start=1) if number != used]
+            what = "bands"
+        return f"{what} of {self.path.name} that are not used: {listing(others)}" if others else ""
+
     @property
     def label(self) -> str:
         """Name for readers."""
@@ -201,6 +218,23 @@ class Covariates:
         """Share of the value at each place that is not missing, from 0 to 1, shape (n, k)."""
         return self._interpolated(self._extended[1], check_xy(xy))
 
+    @staticmethod
+    def joined(*parts: Covariates | None) -> Covariates | None:
+        """Covariates of one raster together; ``None`` is none.
+
+        :raises ValueError: if names repeat, or the rasters differ
+        """
+        given = [one for one in parts if one is not None]
+        if len(given) < 2:
+            return given[0] if given else None
+        names = tuple(name for one in given for name in one.names)
+        return Covariates(names, given[0].x_m, given[0].y_m, np.concatenate([one.layers for one in given]))
+
+    def coverage(self, grid: FieldGrid) -> dict[str, float]:
+        """Share of the cells of a field in which each covariate is known [0..1]."""
+        known = np.isfinite(self.layers[:, grid.mask]).mean(axis=1)
+        return dict(zip(self.names, known.tolist(), strict=True))
+
     @cached_property
     def _extended(self) -> tuple[Array, Array]:
         """Layers whose missing cells have the values of known ones nearby, or 0; and how well they are known."""
@@ -222,18 +256,6 @@ class Covariates:
         lower = layers[:, low, left] * (1 - east) + layers[:, low, right] * east
         upper = layers[:, high, left] * (1 - east) + layers[:, high, right] * east
         return np.ascontiguousarray((lower * (1 - north) + upper * north).T)
-
-
-def joined(*parts: Covariates | None) -> Covariates | None:
-    """Covariates of one raster together; ``None`` is none.
-
-    :raises ValueError: if names repeat, or the rasters differ
-    """
-    given = [one for one in parts if one is not None]
-    if len(given) < 2:
-        return given[0] if given else None
-    names = tuple(name for one in given for name in one.names)
-    return Covariates(names, given[0].x_m, given[0].y_m, np.concatenate([one.layers for one in given]))
 
 
 def _between(axis: Array, values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
@@ -265,24 +287,6 @@ def require_covariates(sources: Iterable[CovariateSource]) -> None:
         raise InputError(mistakes)
 
 
-def unused_parts(source: CovariateSource) -> str:
-    """Bands or attributes of a file that are not used, in words; empty if all are.
-
-    :raises InputError: if the file cannot be read
-    """
-    if _has_polygons(source):
-        names = attributes(source.path)
-        others = [name for name in names if name != (source.band or names[0])]
-        what = "attributes"
-    else:
-        with opened_raster(source.path) as raster:
-            bands = RasterBands(source.path, raster)
-            _, used = _derived(source, bands)
-        others = [name or str(number) for number, name in enumerate(bands.names, start=1) if number != used]
-        what = "bands"
-    return f"{what} of {source.path.name} that are not used: {listing(others)}" if others else ""
-
-
 def read_covariates(sources: Sequence[CovariateSource], frame: LocalFrame, grid: FieldGrid) -> Covariates | None:
     """Read the covariates of a field.
 
@@ -309,12 +313,6 @@ def read_covariates(sources: Sequence[CovariateSource], frame: LocalFrame, grid:
     if mistakes:
         raise InputError(mistakes)
     return Covariates.over(grid, names, np.array(rasters)) if names else None
-
-
-def coverage(covariates: Covariates, grid: FieldGrid) -> dict[str, float]:
-    """Share of the field's cells in which each covariate is known [0..1]."""
-    known = np.isfinite(covariates.layers[:, grid.mask]).mean(axis=1)
-    return dict(zip(covariates.names, known.tolist(), strict=True))
 
 
 def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapping[str, Array]:

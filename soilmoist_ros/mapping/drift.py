@@ -118,18 +118,12 @@ class TimedSamples:
 
 @dataclass(frozen=True)
 class Jump:
-    """A change of the mean rate at once, as rain causes.
+    """A change of the mean rate at once, as rain causes."""
 
-    :param since_s: when [s]
-    :param change_cps: the change; negative for a fall [counts/s]
-    :param sd_cps: its standard error, the pattern of the field and the noise of the counts included [counts/s]
-    :param share: the change as a share of the mean rate
-    """
-
-    since_s: float
-    change_cps: float
-    sd_cps: float
-    share: float
+    since_s: float  # when [s]
+    change_cps: float  # the change; negative for a fall [counts/s]
+    sd_cps: float  # its standard error, the pattern of the field and the noise of the counts included [counts/s]
+    share: float  # the change as a share of the mean rate
 
     @property
     def is_certain(self) -> bool:
@@ -341,11 +335,7 @@ def _unmerged(
     places: Samples,
     place: NDArray[np.intp],
 ) -> KrigingSystem:
-    """The kriging system without a drift; samples of one place stay apart, being of several times.
-
-    :param places: whose micro-scale variation the samples have
-    :param place: number of the place of each sample, shape (n,)
-    """
+    """The kriging system without a drift; samples of one place stay apart, being of several times."""
     from scipy.linalg.lapack import dpotrf
 
     xy, n = samples.xy, len(samples)
@@ -389,16 +379,11 @@ def _hats(times_s: Array, time_s: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Evidence:
-    """The log likelihood of u, ``score' u - u' information u / 2``.
+    """The log likelihood of u, ``score' u - u' information u / 2``."""
 
-    :param times_s: knots, shape (k,) [s]
-    :param information: shape (k, k)
-    :param score: shape (k,)
-    """
-
-    times_s: Array
-    information: Array
-    score: Array
+    times_s: Array  # knots, shape (k,) [s]
+    information: Array  # shape (k, k)
+    score: Array  # shape (k,)
 
     @property
     def trend(self) -> Array:
@@ -456,12 +441,7 @@ def _components(covariance: Array) -> Array:
 
 
 def _normal(information: Array, score: Array, variance: Array) -> tuple[Array, Array, Array]:
-    """Rise of the log likelihood, posterior mean and variance of amounts with a normal prior.
-
-    :param information: on each amount, shape (parts,)
-    :param score: shape (parts,)
-    :param variance: prior variances, shape (sizes, 1)
-    """
+    """Rise of the log likelihood, posterior mean and variance of amounts with a normal prior."""
     scale = 1 + variance * information
     return 0.5 * (variance * score**2 / scale - np.log(scale)), variance * score / scale, variance / scale
 

@@ -52,14 +52,10 @@ MAX_HELD: Final = 200
 
 @dataclass(frozen=True)
 class Expectation:
-    """What the map expects at a place.
+    """What the map expects at a place."""
 
-    :param rate_cps: corrected count rate [counts/s]
-    :param variance: variance of the rate, micro-scale variation included [(counts/s)^2]
-    """
-
-    rate_cps: float
-    variance: float
+    rate_cps: float  # corrected count rate [counts/s]
+    variance: float  # variance of the rate, micro-scale variation included [(counts/s)^2]
 
     def tails(self, raw_counts: int, exposure_s: float) -> tuple[float, float]:
         """Probabilities of counts that low, and of counts that high.
@@ -138,16 +134,11 @@ def nearest(samples: Samples, x_m: float, y_m: float) -> NDArray[np.intp]:
 
 @dataclass(frozen=True)
 class Held(Generic[Where]):
-    """A record that is held back.
+    """A record that is held back."""
 
-    :param record: the record
-    :param deviation: as :meth:`Expectation.deviation`
-    :param where: what the map needs to use the record later
-    """
-
-    record: CountRecord
-    deviation: float
-    where: Where
+    record: CountRecord  # the record
+    deviation: float  # as :meth:`Expectation.deviation`
+    where: Where  # what the map needs to use the record later
 
     @property
     def xy(self) -> Array:
@@ -157,14 +148,10 @@ class Held(Generic[Where]):
 
 @dataclass(frozen=True)
 class Verdict(Generic[Where]):
-    """What becomes of a record, and of those held back before.
+    """What becomes of a record, and of those held back before."""
 
-    :param unexpected: what is wrong with the record, empty if it can be used
-    :param confirmed: earlier records that this one confirms: they can be used
-    """
-
-    unexpected: str = ""
-    confirmed: tuple[Held[Where], ...] = ()
+    unexpected: str = ""  # what is wrong with the record, empty if it can be used
+    confirmed: tuple[Held[Where], ...] = ()  # earlier records that this one confirms: they can be used
 
 
 class ExpectedCounts(Generic[Where]):
@@ -208,15 +195,14 @@ class ExpectedCounts(Generic[Where]):
         self._held = [held for held in self._held if held not in waiting]
         if confirmed or not expected.is_far(record):
             return Verdict(confirmed=confirmed)
+        held_back = Held(record, deviation, where)
         if MIN_RAIN <= record.corrected_rate / expected.rate_cps < 1:
-            self._row = [*row, Held(record, deviation, where)]
+            self._row = [*row, held_back]
             if len(self._row) >= RAIN_ROW:
                 confirmed = tuple(held for held in row if any(held is other for other in self._held))
                 self._held = [held for held in self._held if not any(held is other for other in row)]
                 return Verdict(confirmed=confirmed)
-            self._held = [*self._held, self._row[-1]][-MAX_HELD:]
-            return Verdict(expected.text(record))
-        self._held = [*self._held, Held(record, deviation, where)][-MAX_HELD:]
+        self._held = [*self._held, held_back][-MAX_HELD:]
         return Verdict(expected.text(record))
 
     def _same_place(self, offset_m: Array, variogram: Variogram) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-MIN_AREA_M2, MAX_AREA_M2 = 1.0, 1e9
-"""Areas beyond which a boundary is a mistake [m^2]."""
+MAX_AREA_M2 = 1e9
+"""Area above which a boundary is a mistake [m^2]."""
 MIN_NO_GO_M2 = 1.0
 """Area below which a no-go area in metres is a mistake of units, such as degrees [m^2]."""
 MIN_POST_M2 = 0.01
@@ -157,6 +157,9 @@ class Field:
     covariates: tuple[CovariateSource, ...] = ()
     notes: tuple[str, ...] = ()
 
+    MIN_AREA_M2: ClassVar[float] = 1.0
+    """Area below which a boundary is a mistake [m^2]."""
+
     def grid(self, cell_m: float | None = None, footprint_radius_m: float = 10.0) -> FieldGrid:
         """Grid of the field: the only place where one is laid, so that maps, stops and truth share their cells.
 
@@ -252,11 +255,10 @@ _BORDER_ENDINGS = (".geojson", ".shp", ".gpkg", ".fgb", ".kml", ".kmz", ".gpx", 
 
 
 def _read_border(path: Path, section: BorderSection) -> Border:
-    from soilmoist_ros.mapping.border_file import BorderSource, read_border
+    from soilmoist_ros.mapping.border_file import BorderSource
 
-    return read_border(
-        BorderSource(path.parent / section.file, section.layer, str(section.feature), section.crs.strip())
-    )
+    source = BorderSource(path.parent / section.file, section.layer, str(section.feature), section.crs.strip())
+    return source.read()
 
 
 @lru_cache(maxsize=256)
@@ -303,27 +305,27 @@ class Misplaced(StrEnum):
     SWAPPED = "x and y swapped"
     FEET = "feet"
 
+    @classmethod
+    def of(cls, shape: BaseGeometry, field: BaseGeometry, frame: LocalFrame) -> Misplaced | None:
+        """Likely cause of a shape that misses a field, ``None`` if none is known.
 
-def misplaced(shape: BaseGeometry, field: BaseGeometry, frame: LocalFrame) -> Misplaced | None:
-    """Likely cause of a shape that misses a field, ``None`` if none is known.
+        :param shape: what should be in the field, in its plane [m]
+        :param field: the field, in its plane [m]
+        :param frame: plane of the field
+        """
+        import shapely
 
-    :param shape: what should be in the field, in its plane [m]
-    :param field: the field, in its plane [m]
-    :param frame: plane of the field
-    """
-    import shapely
-
-    corners = shapely.get_coordinates(shape)
-    datum = np.array([frame.longitude_deg, frame.latitude_deg])
-    if np.abs(corners - datum).max() < _DEGREES:
-        return Misplaced.LONLAT
-    if np.abs(corners - datum[::-1]).max() < _DEGREES:
-        return Misplaced.LATLON
-    if np.abs(corners).max() > 2 * MAX_DATUM_DISTANCE_M:
-        return Misplaced.PROJECTED
-    if shapely.transform(shape, lambda xy: xy[:, ::-1]).intersects(field):
-        return Misplaced.SWAPPED
-    return Misplaced.FEET if shapely.transform(shape, lambda xy: xy * _FOOT_M).intersects(field) else None
+        corners = shapely.get_coordinates(shape)
+        datum = np.array([frame.longitude_deg, frame.latitude_deg])
+        if np.abs(corners - datum).max() < _DEGREES:
+            return Misplaced.LONLAT
+        if np.abs(corners - datum[::-1]).max() < _DEGREES:
+            return Misplaced.LATLON
+        if np.abs(corners).max() > 2 * MAX_DATUM_DISTANCE_M:
+            return Misplaced.PROJECTED
+        if shapely.transform(shape, lambda xy: xy[:, ::-1]).intersects(field):
+            return Misplaced.SWAPPED
+        return Misplaced.FEET if shapely.transform(shape, lambda xy: xy * _FOOT_M).intersects(field) else None
 
 
 _NO_GO_REMEDIES = {
@@ -367,7 +369,7 @@ def require_no_go(
         return
     away = distance_text(distance_m) if distance_m >= 1 else f"{distance_m:.2g} m"
     what = f"{name} lies {away} from the field"
-    cause = misplaced(area, field, frame)
+    cause = Misplaced.of(area, field, frame)
     if 0 < distance_m < 1 and cause in (Misplaced.SWAPPED, Misplaced.FEET):
         cause = None  # rather next to the border than of another unit
     hint = _NO_GO_REMEDIES[cause]
@@ -387,8 +389,8 @@ def _require_room(polygon: NDArray[np.float64], no_go: Sequence[NDArray[np.float
     import shapely
 
     field, areas = shapely.Polygon(polygon), [shapely.Polygon(ring) for ring in no_go]
-    if areas and field.difference(shapely.union_all(areas)).area < MIN_AREA_M2:
-        alone = [number for number, area in enumerate(areas, 1) if field.difference(area).area < MIN_AREA_M2]
+    if areas and field.difference(shapely.union_all(areas)).area < Field.MIN_AREA_M2:
+        alone = [number for number, area in enumerate(areas, 1) if field.difference(area).area < Field.MIN_AREA_M2]
         what = f"no-go area {alone[0]} covers" if alone else f"the {len(areas)} no-go areas cover"
         raise InputError(f"{what} the whole field", "a no-go area is a part of the field to keep out of", path)
 
@@ -396,16 +398,11 @@ def _require_room(polygon: NDArray[np.float64], no_go: Sequence[NDArray[np.float
 def _require_plausible(
     polygon: NDArray[np.float64], lonlat: NDArray[np.float64] | None, frame: LocalFrame, path: Path, in_file: bool
 ) -> None:
-    """Check area and place of a boundary: mistakes of units, order and datum are off by orders of magnitude.
-
-    :param polygon: boundary in the plane of the field [m]
-    :param lonlat: boundary as longitude and latitude [deg], if it was given so
-    :param in_file: whether it is in a file of another program
-    """
+    """Check area and place of a boundary: mistakes of units, order and datum are off by orders of magnitude."""
     from shapely import Polygon
 
     shape = Polygon(polygon)
-    if not MIN_AREA_M2 <= shape.area <= MAX_AREA_M2:
+    if not Field.MIN_AREA_M2 <= shape.area <= MAX_AREA_M2:
         large = shape.area > MAX_AREA_M2
         size = f"{shape.area / 1e6:,.0f} km2" if large else f"{shape.area:.3g} m2"
         what = "too large for a survey" if large else "smaller than any footprint of the sensor"

@@ -30,7 +30,7 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.joint_fit import JointModel
 from soilmoist_ros.mapping.knowledge import NOTHING, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.kriging.raster import RasterKriging
+from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Progress
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
 from soilmoist_ros.mapping.records import (
@@ -173,6 +173,13 @@ class MapState:
         if self.timed is None or self.given_change is not None:
             return self.timed
         return self.timed.at(self.samples)
+
+    def changing(self, soil_map: SoilMap) -> Changing | None:
+        """The drift that the map of this state allows for, and its samples; ``None`` without a drift."""
+        state = self if soil_map.deconvolved_m else self.without_footprint
+        if soil_map.change.drift is None or state.mapped_timed is None:
+            return None
+        return Changing(state.mapped_timed, soil_map.change, state.stamp_s)
 
 
 @dataclass(frozen=True)
@@ -468,7 +475,7 @@ class FieldMap:
         """The drift of the last map, and its samples by place and time; ``None`` without a drift."""
         if self.soil_map is None or self._mapped is None:
             return None
-        return drifting(self._mapped, self.soil_map)
+        return self._mapped.changing(self.soil_map)
 
     @property
     def rate(self) -> Array:
@@ -648,15 +655,6 @@ class FieldMap:
         return area
 
 
-def drifting(state: MapState, soil_map: SoilMap) -> Changing | None:
-    """The drift that the map of a state allows for, and its samples; ``None`` without a drift."""
-    if not soil_map.deconvolved_m:
-        state = state.without_footprint
-    if soil_map.change.drift is None or state.mapped_timed is None:
-        return None
-    return Changing(state.mapped_timed, soil_map.change, state.stamp_s)
-
-
 def fits_footprint(samples: Samples, model: ModelName, extent_m: float) -> bool:
     """Whether the counts do not object to the footprint of their samples.
 
@@ -684,11 +682,7 @@ def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
 
 
 def _has_grown(fitted: Samples, samples: Samples, earlier: int = 0, growth: float | None = None) -> bool:
-    """Whether a new fit is due. It depends on the records alone, not on which maps were computed.
-
-    :param earlier: number of samples of earlier surveys to which the fit is too; they have the exposure of these
-    :param growth: share of growth from which it is; that of a fit by default
-    """
+    """Whether a new fit is due. It depends on the records alone, not on which maps were computed."""
     if growth is None:
         growth = LATER_REFIT_GROWTH if len(fitted) + earlier >= MANY_SAMPLES else REFIT_GROWTH
     factor = 1 + growth

@@ -90,20 +90,13 @@ _ROUNDS = 2
 
 @dataclass(frozen=True, eq=False)
 class PatternFeatures:
-    """Features of a field: the coefficients' shares in the pattern at a place, and covariates.
+    """Features of a field: the coefficients' shares in the pattern at a place, and covariates."""
 
-    :param variogram: variogram of the rate
-    :param inducing_xy: inducing places, shape (r, 2) [m]
-    :param factor: L, lower triangle, shape (r, r)
-    :param covariates: values at places of shape (n, 2), shape (n, k)
-    :param lost: largest share q of the pattern's variance lost at a candidate
-    """
-
-    variogram: Variogram
-    inducing_xy: Array
-    factor: Array
-    covariates: Callable[[Array], Array]
-    lost: float
+    variogram: Variogram  # variogram of the rate
+    inducing_xy: Array  # inducing places, shape (r, 2) [m]
+    factor: Array  # L, lower triangle, shape (r, r)
+    covariates: Callable[[Array], Array]  # values at places of shape (n, 2), shape (n, k)
+    lost: float  # largest share q of the pattern's variance lost at a candidate
     _kept: dict[bytes, Array] = field(default_factory=dict)
 
     @classmethod
@@ -165,34 +158,22 @@ def _correlation(variogram: Variogram, xy: Array, others: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SurveyView:
-    """The rates of a survey, ready for conditioning.
+    """The rates of a survey, ready for conditioning."""
 
-    :param rate: rate of each sample, shape (n,) [counts/s]
-    :param covariance: of the structured rate without effects of covariates, nugget and noise included, (n, n)
-    :param features: scaled so that the coefficients have the variance 1 a priori, shape (n, r + k) [counts/s]
-    """
-
-    rate: Array
-    covariance: Array
-    features: Array
+    rate: Array  # rate of each sample, shape (n,) [counts/s]
+    covariance: Array  # of the structured rate without effects of covariates, nugget and noise included, (n, n)
+    features: Array  # scaled so that the coefficients have the variance 1 a priori, shape (n, r + k) [counts/s]
 
 
 @dataclass(frozen=True, eq=False)
 class PatternState:
-    """What is known of the coefficients: the pattern's r, and then the effects of k covariates.
+    """What is known of the coefficients: the pattern's r, and then the effects of k covariates."""
 
-    :param rank: r
-    :param mean: shape (r + k,)
-    :param covariance: shape (r + k, r + k)
-    :param log_likelihood: logarithm of the probability of the surveys so far
-    :param loadings: posterior probabilities of the loading of each survey so far
-    """
-
-    rank: int
-    mean: Array
-    covariance: Array
-    log_likelihood: float = 0.0
-    loadings: tuple[Array, ...] = ()
+    rank: int  # r
+    mean: Array  # shape (r + k,)
+    covariance: Array  # shape (r + k, r + k)
+    log_likelihood: float = 0.0  # logarithm of the probability of the surveys so far
+    loadings: tuple[Array, ...] = ()  # posterior probabilities of the loading of each survey so far
 
     @classmethod
     def before(cls, rank: int, covariates: int = 0) -> PatternState:
@@ -357,31 +338,22 @@ class Estimate(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Past:
-    """An earlier survey.
-
-    :param days: since the survey before, 0 for the first
-    """
+    """An earlier survey."""
 
     name: str
     places: Samples
     stamp_s: float
-    days: float
+    days: float  # since the survey before, 0 for the first
 
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """What does not depend on the last few samples of the survey.
+    """What does not depend on the last few samples of the survey."""
 
-    :param fit: variogram
-    :param features: features of the field
-    :param unit: standard deviation of each coefficient [counts/s]; empty if what is known tells nothing
-    :param state: what the earlier surveys say of the coefficients
-    """
-
-    fit: VariogramFit
-    features: PatternFeatures
-    unit: Array
-    state: PatternState
+    fit: VariogramFit  # variogram
+    features: PatternFeatures  # features of the field
+    unit: Array  # standard deviation of each coefficient [counts/s]; empty if what is known tells nothing
+    state: PatternState  # what the earlier surveys say of the coefficients
 
 
 class JointModel:
@@ -576,14 +548,10 @@ class JointModel:
 
 @dataclass(frozen=True, eq=False)
 class _History:
-    """Earlier surveys to use, in order of time, and how fast the pattern changes.
+    """Earlier surveys to use, in order of time, and how fast the pattern changes."""
 
-    :param past: the surveys
-    :param decay_days: time in which the correlation falls to 1/e [days]
-    """
-
-    past: tuple[_Past, ...]
-    decay_days: float
+    past: tuple[_Past, ...]  # the surveys
+    decay_days: float  # time in which the correlation falls to 1/e [days]
 
     def decayed(self, days: float) -> float:
         """Correlation of the pattern with itself after some days."""

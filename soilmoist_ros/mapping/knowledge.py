@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.mapping.covariates import Covariates
 from soilmoist_ros.mapping.drift import MAX_SAMPLES, WINDOW_S, Drift, TimedSamples, find_change
 from soilmoist_ros.mapping.records import SampleMerger, driven_spreads, survey_samples
@@ -37,10 +36,6 @@ class EarlierSurvey:
             raise ValueError(f"the earlier survey {self.name!r} has no samples; leave it out")
         if not math.isfinite(self.stamp_s):
             raise ValueError(f"stamp_s of the earlier survey {self.name!r} must be finite, got {self.stamp_s}")
-
-    def days_before(self, stamp_s: float) -> float:
-        """Days from this survey to a time, >= 0 whichever is first."""
-        return abs(stamp_s - self.stamp_s) / DAY_S
 
 
 def samples_at_end(

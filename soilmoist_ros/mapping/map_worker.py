@@ -13,9 +13,6 @@ from soilmoist_ros.mapping.field_map import FieldMap, MapState
 from soilmoist_ros.mapping.soil_map import SoilMap
 
 _log = logging.getLogger(__name__)
-MAP_PART = "map"
-RAIN = "rain"
-"""Value of the health of a map with the reason why rain is likely; empty if it is not."""
 
 
 class MapWorker:
@@ -33,6 +30,11 @@ class MapWorker:
     failure : str
         why the last state has no map, empty if it has one
     """
+
+    PART = "map"
+    """Name of the health of a map."""
+    RAIN = "rain"
+    """Value of this health with the reason why rain is likely; empty if it is not."""
 
     def __init__(
         self, compute: Callable[[MapState], SoilMap | None], done: Callable[[MapState, SoilMap | None], None]
@@ -121,9 +123,9 @@ def map_health(field_map: FieldMap, worker: MapWorker, now_s: float) -> Health:
         }
     rain = "" if soil_map is None else soil_map.change.rain(max(now_s, mapped.stamp_s))
     if soil_map is not None:
-        values |= {"change of the mean rate": soil_map.change.text or "none", RAIN: rain}
+        values |= {"change of the mean rate": soil_map.change.text or "none", worker.RAIN: rain}
     level, message = _verdict(field_map, worker, rain)
-    return Health(MAP_PART, level, message, values)
+    return Health(worker.PART, level, message, values)
 
 
 def _verdict(field_map: FieldMap, worker: MapWorker, rain: str) -> tuple[Level, str]:

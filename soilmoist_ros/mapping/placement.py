@@ -57,14 +57,10 @@ _ANY = PositionSource()
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where records lie with respect to a field.
+    """Where records lie with respect to a field."""
 
-    :param field: the field
-    :param latlon: latitude and longitude of the records, shape (n, 2), n >= 1 [deg]
-    """
-
-    field: Field
-    latlon: Array
+    field: Field  # the field
+    latlon: Array  # latitude and longitude of the records, shape (n, 2), n >= 1 [deg]
 
     @cached_property
     def xy_m(self) -> Array:

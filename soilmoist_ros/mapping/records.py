@@ -20,6 +20,7 @@ from soilmoist_ros.mapping.samples import (
     full_spread,
     good_samples,
     merge_records,
+    path_spread,
     without_noise,
 )
 from soilmoist_ros.sensing import CountRecord
@@ -161,8 +162,7 @@ class DrivenPaths:
         nearest = min(before, key=lambda one: math.hypot(record.x_m - one.x_m, record.y_m - one.y_m))
         self._last.remove(nearest)
         share = min(exposure_s / (record.stamp_s - nearest.stamp_s), 1.0)
-        x_m, y_m = share * (record.x_m - nearest.x_m), share * (record.y_m - nearest.y_m)
-        return np.array([x_m * x_m, x_m * y_m, y_m * y_m, 0.0]) / 12  # as path_spread()
+        return path_spread([share * (record.x_m - nearest.x_m), share * (record.y_m - nearest.y_m)])
 
 
 def driven_spreads(records: Sequence[CountRecord]) -> Array:

@@ -123,6 +123,16 @@ class Samples:
     def __repr__(self) -> str:
         return f"Samples({len(self)} of {self.exposure_s.sum():g} s and {self.counts.sum():g} counts in all)"
 
+    @classmethod
+    def none(cls) -> Samples:
+        """No samples at all."""
+        return NO_SAMPLES
+
+    @property
+    def merged(self) -> Samples:
+        """One sample for each distinct place, in the order of first appearance; see :func:`merge_exactly`."""
+        return merge_exactly(self)[0]
+
     @cached_property
     def without_footprint(self) -> Samples:
         """These samples as if the sensor saw its own place only."""
@@ -404,13 +414,12 @@ NO_SAMPLES = Samples(np.empty((0, 2)), np.empty(0), np.empty(0))
 class Surveys:
     """Samples of surveys whose rates have one variogram.
 
-    :param samples: samples of each survey at distinct places; the present survey comes first
     :param effects: known further structure E of each survey, shapes (n, k) [counts/s], such as covariates times
-        the standard deviations of their effects: its rates have the covariance ``E E'`` in addition; ``None`` for
-        none
+        the standard deviations of their effects: its rates have the covariance ``E E'`` in addition; ``None``
+        for none
     """
 
-    samples: tuple[Samples, ...]
+    samples: tuple[Samples, ...]  # samples of each survey at distinct places; the present survey comes first
     effects: tuple[Array, ...] | None = None
 
     def __len__(self) -> int:

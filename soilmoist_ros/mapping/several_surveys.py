@@ -17,6 +17,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,8 +42,6 @@ DECAY_EVIDENCE = 2.0
 MAX_FITTED = 600
 """Number of samples from which the correlation is estimated; of more, the last surveys are used."""
 _TILE_ELEMENTS = 400_000
-FALSE_SHARE = 0.05
-"""Expected share of the cells that are called changed, but are not."""
 MEAN_PLACES = 500
 """About the largest number of places whose mean stands for that of the field."""
 _Z95 = 1.959963984540054
@@ -68,6 +67,42 @@ class Persistence:
         between = self.share * np.exp(-days / self.decay_days)
         np.fill_diagonal(between, 1.0)
         return np.asarray(between)
+
+    @classmethod
+    def estimate(cls, variogram: Variogram, surveys: Sequence[Samples], stamps_s: Sequence[float]) -> Persistence:
+        """Persistence of the patterns of surveys, by restricted maximum likelihood.
+
+        The mean over :data:`PERSISTENCES`, each weighted by its likelihood. The decay is searched with three
+        surveys or more that have different times.
+
+        :param variogram: variogram of the rate of each survey
+        :param surveys: samples of each survey
+        :param stamps_s: times of the surveys [s]
+        """
+        if len(surveys) < 2:
+            return Persistence(1.0)
+        chosen: list[int] = []
+        for index in np.argsort(stamps_s)[::-1].tolist():
+            if len(chosen) > 1 and sum(len(surveys[one]) for one in chosen) + len(surveys[index]) > MAX_FITTED:
+                break
+            chosen.append(index)
+        times = np.array([stamps_s[index] for index in chosen])
+        stack = _Stack.of(variogram.stationary, [surveys[index] for index in chosen])
+        span_days = float(np.ptp(times)) / DAY_S
+        decays = DECAYS if len(chosen) > 2 and span_days > 0 else DECAYS[:1]
+        shares = np.array(PERSISTENCES)
+        decays_days = [decay * span_days if span_days else math.inf for decay in decays]
+        tried = [[Persistence(share, 0.0, days) for share in PERSISTENCES] for days in decays_days]
+        log = np.array([[stack.log_likelihood(one.matrix(times)) for one in row] for row in tried])
+        best = int(log.max(axis=1).argmax())
+        if log[best].max() < log[0].max() + DECAY_EVIDENCE:
+            best = 0
+        widths = np.gradient(shares)  # the shares are not evenly spaced
+        weight = widths * np.exp(log[best] - log[best].max())
+        weight /= weight.sum()
+        mean = float(weight @ shares)
+        sd = math.sqrt(max(float(weight @ (shares - mean) ** 2), 0.0))
+        return Persistence(mean, sd, decays_days[best])
 
 
 class JointKriging:
@@ -155,62 +190,16 @@ class JointKriging:
         return value, max(prior - float(solved @ solved) + float(lacking @ self._mean_covariance @ lacking), 0.0)
 
 
-def estimate_persistence(
-    variogram: Variogram, surveys: Sequence[Samples], stamps_s: Sequence[float]
-) -> Persistence:
-    """How alike the patterns of surveys are, by restricted maximum likelihood.
-
-    The mean over :data:`PERSISTENCES`, each weighted by its likelihood. The decay is searched with three surveys
-    or more that have different times.
-
-    :param variogram: variogram of the rate of each survey
-    :param surveys: samples of each survey
-    :param stamps_s: times of the surveys [s]
-    """
-    if len(surveys) < 2:
-        return Persistence(1.0)
-    chosen: list[int] = []
-    for index in np.argsort(stamps_s)[::-1].tolist():
-        if len(chosen) > 1 and sum(len(surveys[one]) for one in chosen) + len(surveys[index]) > MAX_FITTED:
-            break
-        chosen.append(index)
-    times = np.array([stamps_s[index] for index in chosen])
-    stack = _Stack.of(variogram.stationary, [surveys[index] for index in chosen])
-    span_days = float(np.ptp(times)) / DAY_S
-    decays = DECAYS if len(chosen) > 2 and span_days > 0 else DECAYS[:1]
-    shares = np.array(PERSISTENCES)
-    decays_days = [decay * span_days if span_days else math.inf for decay in decays]
-    tried = [[Persistence(share, 0.0, days) for share in PERSISTENCES] for days in decays_days]
-    log = np.array([[stack.log_likelihood(one.matrix(times)) for one in row] for row in tried])
-    best = int(log.max(axis=1).argmax())
-    if log[best].max() < log[0].max() + DECAY_EVIDENCE:
-        best = 0
-    widths = np.gradient(shares)  # the shares are not evenly spaced
-    weight = widths * np.exp(log[best] - log[best].max())
-    weight /= weight.sum()
-    mean = float(weight @ shares)
-    sd = math.sqrt(max(float(weight @ (shares - mean) ** 2), 0.0))
-    return Persistence(mean, sd, decays_days[best])
-
-
 @dataclass(frozen=True, eq=False)
 class _Stack:
-    """The samples of all surveys, one behind the other.
+    """The samples of all surveys, one behind the other."""
 
-    :param variogram: variogram of the rate
-    :param xy: places, shape (n, 2) [m]
-    :param spread: their supports, shape (n, 4)
-    :param rate: rates, shape (n,) [counts/s]
-    :param noise: their Poisson variances, shape (n,) [(counts/s)^2]
-    :param survey: index of the survey of each, shape (n,)
-    """
-
-    variogram: Variogram
-    xy: Array
-    spread: Array
-    rate: Array
-    noise: Array
-    survey: NDArray[np.intp]
+    variogram: Variogram  # variogram of the rate
+    xy: Array  # places, shape (n, 2) [m]
+    spread: Array  # their supports, shape (n, 4)
+    rate: Array  # rates, shape (n,) [counts/s]
+    noise: Array  # their Poisson variances, shape (n,) [(counts/s)^2]
+    survey: NDArray[np.intp]  # index of the survey of each, shape (n,)
 
     @classmethod
     def of(cls, variogram: Variogram, surveys: Sequence[Samples]) -> _Stack:
@@ -316,6 +305,9 @@ class FieldChange:
     mean_rate: Estimate
     mean_vwc: Estimate | None
 
+    FALSE_SHARE: ClassVar[float] = 0.05
+    """Expected share of the cells that are called changed, but are not."""
+
     @property
     def shares(self) -> tuple[float, float]:
         """Shares of the field whose rate has risen (drier) and fallen (wetter) significantly."""
@@ -351,9 +343,9 @@ def field_change(
     sd = np.sqrt(variance)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(sd > 0, rate / sd, np.where(rate == 0, 0.0, np.sign(rate) * np.inf))
-    sure = discoveries(two_sided(z), FALSE_SHARE) * np.sign(rate)
+    sure = discoveries(two_sided(z), FieldChange.FALSE_SHARE) * np.sign(rate)
     mean_variance = kriging.mean(places, {survey: share, other: -share})[1]
-    mean_variance += mean_variance_of(mean_errors, share)
+    mean_variance += _variance_of(mean_errors, share)
     vwc, vwc_sd = np.full((2, len(cells)), np.nan)
     mean_vwc = None
     if curve is not None:
@@ -369,7 +361,7 @@ def field_change(
     )  # fmt: skip
 
 
-def discoveries(p_values: ArrayLike, false_share: float = FALSE_SHARE) -> NDArray[np.bool_]:
+def discoveries(p_values: ArrayLike, false_share: float) -> NDArray[np.bool_]:
     """Which of many hypotheses to reject, so that the expected share of wrong rejections is limited.
 
     Benjamini & Hochberg (1995), J. R. Stat. Soc. B 57:289-300: with the p-values in order, reject up to the last
@@ -382,13 +374,9 @@ def discoveries(p_values: ArrayLike, false_share: float = FALSE_SHARE) -> NDArra
     :param false_share: limit of the expected share
     :returns: shape (m,)
     """
-    p = np.asarray(p_values, float)
-    order = np.argsort(p, kind="stable")
-    good = np.flatnonzero(p[order] <= false_share * np.arange(1, len(p) + 1) / max(len(p), 1))
-    found = np.zeros(len(p), bool)
-    if len(good):
-        found[order[: good[-1] + 1]] = True
-    return found
+    from scipy.stats import false_discovery_control
+
+    return np.asarray(false_discovery_control(np.asarray(p_values, float)) <= false_share)
 
 
 def two_sided(z: ArrayLike) -> Array:
@@ -413,12 +401,8 @@ def mean_places(grid: FieldGrid) -> tuple[Array, Array]:
     return np.column_stack(centres), count / len(row)
 
 
-def mean_variance_of(errors: Array, weights: Array) -> float:
-    """Variance of a weighted mean over places by errors that the places share [(counts/s)^2].
-
-    :param errors: one standard deviation of each error at the places, shape (g, k) [counts/s]
-    :param weights: shape (g,)
-    """
+def _variance_of(errors: Array, weights: Array) -> float:
+    """Variance of a weighted mean over places by errors that the places share [(counts/s)^2]."""
     return float(((weights @ errors) ** 2).sum())
 
 
@@ -431,12 +415,7 @@ def moisture_slope(curve: MoistureCurve, rate: Array) -> Array:
 def _moisture_change(
     now: tuple[Array, Array], then: tuple[Array, Array], difference_variance: Array, curve: MoistureCurve
 ) -> tuple[Array, Array]:
-    """Change of the moisture and its standard deviation, to first order, shape (g,) each.
-
-    :param now: rate of the later survey and its variance
-    :param then: likewise of the earlier one
-    :param difference_variance: variance of the change of the rate
-    """
+    """Change of the moisture and its standard deviation, to first order, shape (g,) each."""
     covariance = (now[1] + then[1] - difference_variance) / 2
     slope_now, slope_then = moisture_slope(curve, now[0]), moisture_slope(curve, then[0])
     variance = slope_now**2 * now[1] + slope_then**2 * then[1] - 2 * slope_now * slope_then * covariance
@@ -457,4 +436,4 @@ def _mean_moisture_change(
     """Change of the mean moisture; its error to first order."""
     slopes = {one: share * moisture_slope(curve, kriging.predict(places, one)[0]) for one in (survey, other)}
     _, variance = kriging.mean(places, {survey: slopes[survey], other: -slopes[other]})
-    return Estimate(value, math.sqrt(variance + mean_variance_of(errors, slopes[survey])))
+    return Estimate(value, math.sqrt(variance + _variance_of(errors, slopes[survey])))

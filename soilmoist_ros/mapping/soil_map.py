@@ -5,7 +5,7 @@
 The moisture curve is monotone, so quantiles of the rate become quantiles of the moisture: an interval that is
 symmetric in the rate is long towards wet soil. The rate is taken as normal with the mean and variance of kriging.
 A gamma or log-normal rate of the same mean and variance missed more truths on one side in simulated surveys,
-also with five counts a stop (``scripts/tail_coverage.py``).
+also with five counts a stop (``test/mapping/test_soil_map.py``).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,9 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation import optional_module
 from soilmoist_ros.mapping.drift import NO_CHANGE, Change, Changing
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.kriging.few_targets import KnownCovariances
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
-from soilmoist_ros.mapping.kriging.raster import RasterKriging
+from soilmoist_ros.mapping.kriging.rows import KnownCovariances, RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
 from soilmoist_ros.mapping.samples import Samples, noise_rate, pooled
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
@@ -39,8 +38,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-QUANTILE_SD = 1.6448536269514722
-"""Quantile 0.95 of the standard normal distribution."""
 ORDERS, _NODES = 5, 24
 """Orders of the expansion of the moisture; nodes of the quadrature over the rate."""
 UNITS = {
@@ -50,8 +47,7 @@ UNITS = {
 """Unit of each band."""
 MAX_EXACT_SAMPLES = 2000
 """Number of samples up to which a map is exact; beyond, each tile is made from the samples around it."""
-BANDS: Final = ("rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95")
-CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *BANDS)])
+CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *UNITS)])
 """A cell: centre in the plane z = 0 [m], and the bands."""
 
 
@@ -97,7 +93,7 @@ def make_bands(rate: Array, variance: Array, curve: MoistureCurve | None) -> Ban
     half = (limits.saturation - limits.dryness) / 2
     vwc_sd = np.where(np.isnan(rate), np.nan, np.fmin(curve.vwc_and_sd(rate, rate_sd)[1], half))
     common = common_rate_sd(curve, rate)
-    away = QUANTILE_SD * (rate_sd if common is None else np.hypot(rate_sd, common))
+    away = SoilMap.QUANTILE_SD * (rate_sd if common is None else np.hypot(rate_sd, common))
     return Bands(
         rate, rate_sd, vwc, vwc_sd, possible_moisture(curve, rate + away), possible_moisture(curve, rate - away)
     )
@@ -194,6 +190,9 @@ class SoilMap:
     change: Change = NO_CHANGE
     footprint_radius_m: float = 0.0
     known: KnownCovariances | None = None
+
+    QUANTILE_SD: ClassVar[float] = 1.6448536269514722
+    """Quantile 0.95 of the standard normal distribution."""
 
     def __repr__(self) -> str:
         rows, columns = self.grid.shape
@@ -397,10 +396,7 @@ def make_soil_map(
 
 
 def _fit(kriging: PoissonKriging | TiledKriging, samples: Samples, changing: Changing | None) -> Samples:
-    """Fit a kriging to samples, or to those by place and time, as they would be counted at the time of the map.
-
-    :returns: the samples that it was fitted to
-    """
+    """Fit a kriging to samples, or to those by place and time, as they would be counted at the time of the map."""
     if changing is None or not changing.change.parts or isinstance(kriging, TiledKriging):
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
         return samples
@@ -424,7 +420,7 @@ def map_cells(grid: FieldGrid, soil_map: SoilMap | None) -> NDArray[Any]:
     """
     cells = placed_cells(grid, CELL)
     if soil_map is not None:
-        for name in BANDS:
+        for name in Bands._fields:
             cells[name] = getattr(soil_map, name)
     return cells
 

@@ -38,7 +38,7 @@ from msg_adapters import (
     to_time,
 )
 from soilmoist_ros.foundation import InputError, LocalFrame
-from soilmoist_ros.mapping import MAP_PART, RAIN
+from soilmoist_ros.mapping import MapWorker
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, SENSOR, interface_class, published_qos
 from soilmoist_ros.recording import BagReader, Pacer, Playback
 from soilmoist_ros.reporting import LiveMap, LiveMission, LiveRobot
@@ -274,8 +274,8 @@ class Monitor(Node):
         for health in parts:
             if health.name.endswith(f": {CLOCK_PART}"):
                 self._live.clock_waits_for = health.values.get(WAITS_FOR, "")
-            if health.name.endswith(f": {MAP_PART}") and RAIN in health.values:
-                self._live.rain = health.values[RAIN]
+            if health.name.endswith(f": {MapWorker.PART}") and MapWorker.RAIN in health.values:
+                self._live.rain = health.values[MapWorker.RAIN]
 
 
 @contextmanager

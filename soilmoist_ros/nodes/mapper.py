@@ -36,7 +36,7 @@ from msg_adapters import (
     uncertainty_to_message,
 )
 from soilmoist_ros.foundation import Batches, Health, InputError, Level, foreign_text, other_datum, read_json
-from soilmoist_ros.mapping import Field, MapState, MapWorker, Skip, SoilMap, drifting, map_health
+from soilmoist_ros.mapping import Field, MapState, MapWorker, Skip, SoilMap, map_health
 from soilmoist_ros.nodes.aside import Aside
 from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import MAPPER as PARAMETERS
@@ -264,7 +264,7 @@ class Mapper(Node):
 
     def _publish(self, state: MapState, soil_map: SoilMap | None) -> None:
         grid, stamp_s, frame = self._online.grid, state.stamp_s, self._frame
-        fit, changing = (None, None) if soil_map is None else (soil_map.fit, drifting(state, soil_map))
+        fit, changing = (None, None) if soil_map is None else (soil_map.fit, state.changing(soil_map))
         samples = state.samples if soil_map is None or soil_map.deconvolved_m else state.samples.without_footprint
         self._samples.publish(samples_to_message(samples, stamp_s, frame))
         self._model.publish(model_to_message(Model(fit, stamp_s, grid.cell_m, changing)))

@@ -31,15 +31,7 @@ from soilmoist_ros.exploration import (
     parse_dwell,
 )
 from soilmoist_ros.foundation import InputError, resource
-from soilmoist_ros.mapping import (
-    NOTHING,
-    CovariateSource,
-    Field,
-    FieldMapSettings,
-    Knowledge,
-    load_field,
-    read_covariates,
-)
+from soilmoist_ros.mapping import CovariateSource, Field, FieldMapSettings, Knowledge, load_field, read_covariates
 from soilmoist_ros.nodes.parameter_tables import (
     ANTENNA,
     COVARIATES,
@@ -219,7 +211,7 @@ def _knowledge(parameters: Parameters, field: Field, calibration: MoistureCurve 
     paths = parameters.texts("earlier")
     sources = (*field.covariates, *map(CovariateSource.parse, parameters.texts("covariates")))
     if not (paths or sources):
-        return NOTHING
+        return Knowledge()
     target = Target(field.frame, field.grid(), FieldMapSettings(curve=calibration))
     runs = read_earlier_runs(paths, target) if paths else ()
     return Knowledge(tuple(run.survey for run in runs), read_covariates(sources, field.frame, target.grid))

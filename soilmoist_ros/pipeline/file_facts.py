@@ -28,7 +28,7 @@ from soilmoist_ros.foundation import (
     town_distance_m,
     town_text,
 )
-from soilmoist_ros.mapping import Field, PositionSource, coverage, read_covariates, require_near, unused_parts
+from soilmoist_ros.mapping import Field, PositionSource, read_covariates, require_near
 from soilmoist_ros.reporting import EARLIEST_STAMP_S, area, duration
 from soilmoist_ros.sensing import (
     CorrectionSettings,
@@ -122,9 +122,9 @@ def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[Findin
         yield _doubt(doubt)
     covariates = read_covariates(field.covariates, field.frame, grid)
     if covariates is not None:
-        covered = [f"{name} ({share:.0%} of the field)" for name, share in coverage(covariates, grid).items()]
+        covered = [f"{name} ({share:.0%} of the field)" for name, share in covariates.coverage(grid).items()]
         yield Finding("covariates", ", ".join(covered))
-        for unused in filter(None, map(unused_parts, field.covariates)):
+        for unused in filter(None, (source.unused_parts() for source in field.covariates)):
             yield Finding("covariates", unused)
     if swapped := looks_swapped(field.centre):
         yield _doubt(f"{swapped}: in lists and GeoJSON, longitude comes first")

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, distance_text, listing, resource
 from soilmoist_ros.mapping import (
-    MAX_EXACT_SAMPLES,
     Compute,
     CovariateSource,
     Drift,
@@ -152,7 +151,7 @@ class MapSettings:
     merge_radius_m: float | None = None
     title: str | None = None
     crs: str | None = None
-    max_exact_samples: int = MAX_EXACT_SAMPLES
+    max_exact_samples: int = FieldMapSettings.max_exact_samples
     earlier: tuple[Path, ...] = ()
     covariates: tuple[CovariateSource, ...] = ()
     reference: Path | None = None

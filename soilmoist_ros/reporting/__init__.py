@@ -8,11 +8,19 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
+    from soilmoist_ros.reporting.colours import BLUE as BLUE
+    from soilmoist_ros.reporting.colours import FAINT as FAINT
+    from soilmoist_ros.reporting.colours import INK as INK
+    from soilmoist_ros.reporting.colours import ORANGE as ORANGE
     from soilmoist_ros.reporting.colours import RATE as RATE
+    from soilmoist_ros.reporting.colours import SOFT as SOFT
     from soilmoist_ros.reporting.colours import UNCERTAIN as UNCERTAIN
+    from soilmoist_ros.reporting.colours import Picture as Picture
     from soilmoist_ros.reporting.colours import between as between
     from soilmoist_ros.reporting.colours import colour_ramp as colour_ramp
+    from soilmoist_ros.reporting.colours import data_uri as data_uri
     from soilmoist_ros.reporting.colours import palette_png as palette_png
+    from soilmoist_ros.reporting.colours import robust_range as robust_range
     from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun as EarlierRun
     from soilmoist_ros.reporting.earlier.earlier_runs import Target as Target
     from soilmoist_ros.reporting.earlier.earlier_runs import read_earlier_runs as read_earlier_runs
@@ -78,7 +86,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance
     from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture
     from soilmoist_ros.reporting.page.statistics import truth_score as truth_score
-    from soilmoist_ros.reporting.page.style import robust_range as robust_range
     from soilmoist_ros.reporting.paper_figures import run_figures as run_figures
     from soilmoist_ros.reporting.paper_figures import season_figures as season_figures
     from soilmoist_ros.reporting.paper_figures import write_figures as write_figures
@@ -102,7 +109,7 @@ if TYPE_CHECKING:
 _open, __dir__, __all__ = open_door(
     __name__,
     {
-        "colours": "RATE UNCERTAIN between colour_ramp palette_png",
+        "colours": "BLUE FAINT INK ORANGE Picture RATE SOFT UNCERTAIN between colour_ramp data_uri palette_png robust_range",
         "earlier.earlier_runs": "EarlierRun Target read_earlier_runs require_other same_survey",
         "earlier.mission_earlier": "mission_earlier",
         "earlier.results": "read_summary",
@@ -126,7 +133,6 @@ _open, __dir__, __all__ = open_door(
         "page.report": "write_report",
         "page.sections": "change_amount change_since change_summary dated relations",
         "page.statistics": "covariate_importance mean_moisture truth_score",
-        "page.style": "robust_range",
         "paper_figures": "run_figures season_figures write_figures",
         "run": "CorrectionRow InputFile LossRow MapRun Note NoteCode REFERENCE",
         "run_summary": "summary",

@@ -1,11 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Colour maps, and rasters as PNG pictures, without a plotting library: a report is written in less time."""
+"""Colours, colour maps, and rasters as PNG pictures, without a plotting library: a report takes less time."""
 
 from __future__ import annotations
 
+import base64
 import struct
 import zlib
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,7 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-WATER, RATE, UNCERTAIN, DIFFERENCE = "YlGnBu", "YlOrBr", "Purples", "BrBG"
+INK = "#22303c"
+SOFT = "#5d6b78"
+FAINT = "#d5dbe1"
+BLUE = "#0072b2"
+ORANGE = "#d55e00"
+WATER = "YlGnBu"
+RATE = "YlOrBr"
+UNCERTAIN = "Purples"
+DIFFERENCE = "BrBG"
 """Colour maps that colour-blind readers can distinguish. Each quantity has its own in every report, dark for wet,
 for many counts and for uncertain."""
 PALEST, DARKEST = 0.06, 0.97
@@ -93,3 +103,33 @@ def palette_png(index: Array, colours: NDArray[np.uint8]) -> bytes:
             (b"IEND", b""),
         )
     )
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One figure as a data URI, and its description in words."""
+
+    uri: str
+    alt: str
+
+
+def robust_range(values: ArrayLike, share: float = 0.95) -> tuple[float, float]:
+    """Colour limits around the middle ``share`` of the values.
+
+    A flat map gets limits around its value, so that rounding errors do not look like contrast.
+    """
+    finite = np.asarray(values, float)
+    finite = finite[np.isfinite(finite)]
+    if finite.size == 0:
+        return 0.0, 1.0
+    low, high = (float(q) for q in np.quantile(finite, (0.5 - share / 2, 0.5 + share / 2)))
+    least = max(abs(low), abs(high), 1e-9) * 1e-3
+    if high - low < least:
+        middle = (low + high) / 2
+        low, high = middle - least, middle + least
+    return low, high
+
+
+def data_uri(mime: str, content: bytes) -> str:
+    """A file inside a page, such as a picture."""
+    return f"data:{mime};base64,{base64.b64encode(content).decode('ascii')}"

@@ -10,7 +10,7 @@ import json
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,26 +66,26 @@ def _rviz(field: Field, prefix: str, properties: Sequence[str]) -> str:
     yaml = YAML(typ="safe")
     layout = yaml.load(config_folder() / "rviz" / "soilmoist.rviz")
     manager = layout["Visualization Manager"]
-    centre, extent_m = _view(field)
-    cell_m = field.grid().cell_m
+    centre, step_m = _centre(field), _grid_step_m(field)
     displays: list[dict[str, Any]] = []
     for display in manager["Displays"]:
         if display["Class"].endswith("/Grid"):
-            step_m = _grid_step_m(field)
             display |= {"Name": f"Grid of {step_m:g} m", "Cell Size": step_m}
             display["Plane Cell Count"] = _grid_cells(field, step_m)
         if display.get("Style") == "Flat Squares":
-            display["Size (m)"] = cell_m
-        displays += _with_properties(display, properties)
+            display["Size (m)"] = field.grid().cell_m
+        topic = display.get("Topic", {}).get("Value", "")
+        for name in properties if f"/{EXAMPLE}/" in topic else [EXAMPLE]:
+            own = copy.deepcopy(display)
+            own["Name"] = own["Name"].replace(EXAMPLE, name)
+            if topic:
+                own["Topic"]["Value"] = topic.replace(f"/{EXAMPLE}/", f"/{name}/")
+            displays.append(own)
     shared = [one for one in displays if prefix and _base(one.get("Topic", {}).get("Value", "")) in OF_MAPPER]
-    others = copy.deepcopy(shared)
-    for one in others:
-        one["Name"] += " (shared mapper)"
-    for one in displays:
-        _put_below(one, prefix)
-    manager["Displays"] = displays + others
+    others = [{**one, "Name": one["Name"] + " (shared mapper)"} for one in shared]
+    manager["Displays"] = [*_below(displays, prefix), *others]
     manager["Views"]["Current"] |= {
-        "X": round(centre[0], 2), "Y": round(centre[1], 2), "Scale": round(_PIXELS / extent_m, 4),
+        "X": centre[0], "Y": centre[1], "Scale": round(_PIXELS / field.extent_m, 4),
     }  # fmt: skip
     text = io.StringIO()
     yaml.default_flow_style = False
@@ -95,37 +95,30 @@ def _rviz(field: Field, prefix: str, properties: Sequence[str]) -> str:
 
 def _foxglove(field: Field, prefix: str, properties: Sequence[str]) -> str:
     layout = json.loads((config_folder() / "foxglove" / "soilmoist.json").read_text(encoding="utf-8"))
-    panels = layout["configById"]
+    panels, extent_m, step_m = layout["configById"], field.extent_m, _grid_step_m(field)
     for name, panel in panels.items():
-        if name.startswith("CallService!"):
-            panel["serviceName"] = prefix + panel["serviceName"]
-            panel["foxglovePanelTitle"] += f" ({prefix})" if prefix else ""
-        for key in ("topicPath", "followTopic", "topicName", "topicToRender"):
-            if key in panel:
-                panel[key] = _below(panel[key], prefix)
-        for path in panel.get("paths", ()):
-            path["value"] = _below(path["value"], prefix)
-    centre, extent_m = _view(field)
+        if name.startswith("CallService!") and prefix:
+            panel["foxglovePanelTitle"] += f" ({prefix})"
     map_panel = panels["3D!map"]
     map_panel["cameraState"] |= {
-        "targetOffset": [round(centre[0], 2), round(centre[1], 2), 0], "distance": round(1.5 * extent_m, 1),
+        "targetOffset": [*_centre(field), 0], "distance": round(1.5 * extent_m, 1),
+        "far": max(5000, round(10 * extent_m)),
     }  # fmt: skip
-    map_panel["cameraState"]["far"] = max(5000, round(10 * extent_m))
-    step_m = _grid_step_m(field)
     cells = _grid_cells(field, step_m)
-    grid = map_panel["layers"]["grid"]
-    grid |= {"label": f"Grid of {step_m:g} m", "size": cells * step_m, "divisions": cells}
+    map_panel["layers"]["grid"] |= {"label": f"Grid of {step_m:g} m", "size": cells * step_m, "divisions": cells}
     # A point has pixels, not metres: about those of a cell when the whole field is in view.
     pixels = min(30, max(2, math.ceil(0.8 * _PIXELS * field.grid().cell_m / extent_m)))
     topics: dict[str, Any] = {}
-    for topic, settings in map_panel["topics"].items():
+    for topic, settings in map_panel.pop("topics").items():
         if settings.get("pointShape") == "square" and _base(topic) == "soil_map":
             settings["pointSize"] = pixels
-        for name in _topics(topic, properties):
-            topics[_below(name, prefix)] = settings
-            if prefix and _base(name) in OF_MAPPER:
-                topics[name] = settings
-    map_panel["topics"] = topics
+        for name in properties if f"/{EXAMPLE}/" in topic else [EXAMPLE]:
+            own = topic.replace(f"/{EXAMPLE}/", f"/{name}/")
+            topics[_below(own, prefix)] = settings
+            if prefix and _base(own) in OF_MAPPER:
+                topics[own] = settings
+    panels |= _below(panels, prefix)
+    panels["3D!map"]["topics"] = topics
     return json.dumps(layout, indent=2, ensure_ascii=False) + "\n"
 
 
@@ -136,54 +129,29 @@ def _plotjuggler(prefix: str) -> str:
     return ET.tostring(root.getroot(), encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _with_properties(display: dict[str, Any], properties: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """A display, or in place of the example's one for each property."""
-    topic = display.get("Topic", {}).get("Value", "")
-    if f"/{EXAMPLE}/" not in topic:
-        yield display
-        return
-    for name in properties:
-        made = copy.deepcopy(display)
-        made["Name"] = made["Name"].replace(EXAMPLE, name)
-        made["Topic"]["Value"] = topic.replace(f"/{EXAMPLE}/", f"/{name}/")
-        yield made
+def _below(value: Any, prefix: str) -> Any:
+    """A topic, maybe with a field, in a namespace; or a copy of a structure with all its topics there.
 
-
-def _topics(topic: str, properties: Sequence[str]) -> list[str]:
-    """A topic, or in place of the example's one for each property."""
-    if f"/{EXAMPLE}/" not in topic:
-        return [topic]
-    return [topic.replace(f"/{EXAMPLE}/", f"/{name}/") for name in properties]
-
-
-def _put_below(settings: dict[str, Any], prefix: str) -> None:
-    """Put the topics of a display, at any depth, into a namespace."""
-    for key, value in settings.items():
-        if isinstance(value, dict):
-            _put_below(value, prefix)
-        elif key == "Value" and isinstance(value, str) and value.startswith("/"):
-            settings[key] = _below(value, prefix)
-
-
-def _below(path: str, prefix: str) -> str:
-    """A topic, maybe with a field, in a namespace.
-
-    >>> _below("/mission_state.phase", "/robot_1"), _below("/diagnostics", "/robot_1")
-    ('/robot_1/mission_state.phase', '/diagnostics')
+    >>> _below(["/mission_state.phase", "/diagnostics"], "/robot_1")
+    ['/robot_1/mission_state.phase', '/diagnostics']
     """
-    first = re.split(r"[/.]", path.removeprefix("/"))[0]
-    return path if first in OUTSIDE else prefix + path
+    if isinstance(value, dict):
+        return {key: _below(one, prefix) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_below(one, prefix) for one in value]
+    if not (isinstance(value, str) and value.startswith("/")):
+        return value
+    return value if re.split(r"[/.]", value[1:])[0] in OUTSIDE else prefix + value
 
 
 def _base(topic: str) -> str:
     return topic.rpartition("/")[2]
 
 
-def _view(field: Field) -> tuple[tuple[float, float], float]:
-    """Centre of the field, and its longer side with a margin [m]."""
+def _centre(field: Field) -> list[float]:
+    """Centre of the field [m]."""
     low, high = field.polygon.min(axis=0), field.polygon.max(axis=0)
-    x_m, y_m = ((low + high) / 2).tolist()
-    return (x_m, y_m), field.extent_m
+    return [round(float(middle), 2) for middle in (low + high) / 2]
 
 
 def _grid_step_m(field: Field) -> float:

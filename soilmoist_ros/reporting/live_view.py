@@ -35,17 +35,29 @@ DRY_TO_WET = np.array(
 )
 """Colours from dry to wet: light sand over green to deep blue, in even steps of lightness, shape (7, 3)."""
 _ROBOT, _TARGET, _SAMPLE = (230, 30, 60), (255, 140, 0), (20, 20, 20)
+_TEXTS = ("state", "reason", "target", "forecast", "ended")
+_NUMBERS = (
+    "target_x_m",
+    "target_y_m",
+    "planned_dwell_s",
+    "elapsed_dwell_s",
+    "time_used_s",
+    "time_left_s",
+    "distance_m",
+    "samples",
+    "raw_counts",
+    "failures",
+    "estimated_end_s",
+    "stamp_s",
+)
+_FLAGS = ("needs_operator", "silent", "emergency")
+WETTEST = 0.6
+"""Upper limit of plausible soil moisture [m^3/m^3]; early maps exceed it where the rate is uncertain."""
 
 
 @dataclass(frozen=True, eq=False)
 class LiveBand:
-    """A map to show.
-
-    :param name: name of the map with its unit
-    :param values: values, shape (ny, nx), south first; NaN outside
-    :param extent: west, east, south, north [m]
-    :param wet_is_high: whether high values are wet
-    """
+    """A map to show: name with unit, values (ny, nx), south first, and west, east, south, north [m]."""
 
     name: str
     values: Array
@@ -57,11 +69,8 @@ class LiveBand:
 class LiveView:
     """The content of the view; every part may be missing.
 
-    :param title: first line
-    :param facts: short name -> text, one line each
-    :param bands: a map of each property
+    :param facts: short name -> text, one line each below the title
     :param samples_xy: places of the samples, shape (n, 2) [m]
-    :param robots_xy: place of each robot [m]
     :param targets_xy: place of the current stop of each robot that has one [m]
     """
 
@@ -189,26 +198,6 @@ def _hex(colour: Array | tuple[int, int, int]) -> str:
 
 
 # Collects the messages of a running mission -----------------------------------------------------------------
-
-
-_TEXTS = ("state", "reason", "target", "forecast", "ended")
-_NUMBERS = (
-    "target_x_m",
-    "target_y_m",
-    "planned_dwell_s",
-    "elapsed_dwell_s",
-    "time_used_s",
-    "time_left_s",
-    "distance_m",
-    "samples",
-    "raw_counts",
-    "failures",
-    "estimated_end_s",
-    "stamp_s",
-)
-_FLAGS = ("needs_operator", "silent", "emergency")
-WETTEST = 0.6
-"""Upper limit of plausible soil moisture [m^3/m^3]; early maps exceed it where the rate is uncertain."""
 
 
 class LiveMap:

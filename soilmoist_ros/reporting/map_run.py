@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from soilmoist_ros.foundation import InputError, LocalFrame, __version__, shown_path
-from soilmoist_ros.mapping import UNEXPECTED, Covariates, Skip, Snapshot, SoilMap
+from soilmoist_ros.mapping import Covariates, Skip, Snapshot, SoilMap
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, with_corrections
 from soilmoist_ros.reporting.earlier.run_change import run_change
 from soilmoist_ros.reporting.run import (
@@ -32,6 +32,7 @@ from soilmoist_ros.sensing import (
     CountRecord,
     Footprint,
     IntensityCorrection,
+    Kind,
     NeutronMonitor,
     SensedSoil,
     Site,
@@ -247,7 +248,11 @@ def _calibration(site: Site) -> CalibrationInfo | None:
 
 def loss_rows_of(snapshot: Snapshot) -> list[LossRow]:
     """What a map has left out: a row for each reason, lost records first, then those that others quarantined."""
-    last = {record.quarantine: record for record in snapshot.track if record.quarantine not in ("", UNEXPECTED)}
+    last = {
+        record.quarantine: record
+        for record in snapshot.track
+        if record.quarantine not in ("", Kind.UNEXPECTED_COUNT)
+    }
     counts = Counter(record.quarantine for record in snapshot.track)
     return [
         *(

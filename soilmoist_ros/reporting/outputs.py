@@ -5,17 +5,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from soilmoist_ros.exploration import property_name
 from soilmoist_ros.foundation import __version__
-from soilmoist_ros.mapping import FALSE_SHARE, FieldChange, FieldMap, FieldMapSettings
+from soilmoist_ros.mapping import FieldChange, FieldMap, FieldMapSettings
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
@@ -24,7 +24,6 @@ from soilmoist_ros.reporting.earlier.run_change import RunChange, run_change
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import PropertyMap
 from soilmoist_ros.reporting.failed_run import FailedRun
-from soilmoist_ros.reporting.geometry import track_xy
 from soilmoist_ros.reporting.geotiff import CellBand, export_crs, write_cell_raster, write_geotiff
 from soilmoist_ros.reporting.moisture_steps import at_one_place, write_moisture
 from soilmoist_ros.reporting.opened_run import OpenedRun
@@ -38,9 +37,13 @@ from soilmoist_ros.reporting.output_folder import (
 )
 from soilmoist_ros.reporting.page.report import render_failed, write_report
 from soilmoist_ros.reporting.page.statistics import resolution_m
-from soilmoist_ros.reporting.run import LossRow, MapRun, NoteCode
-from soilmoist_ros.reporting.run_summary import SCHEMA, mission_summary, settings_summary, utc_text, write_summary
-from soilmoist_ros.reporting.text_files import jsonable, write_json, write_samples, write_series, write_visits
+from soilmoist_ros.reporting.run import LossRow, MapRun
+from soilmoist_ros.reporting.run_summary import (
+    failed_summary,
+    settings_summary,
+    write_summary,
+)
+from soilmoist_ros.reporting.text_files import write_json, write_samples, write_series, write_visits
 from soilmoist_ros.simulation import MissionResult
 
 if TYPE_CHECKING:
@@ -50,6 +53,9 @@ GUESSED = (
     "Soil moisture map from cosmic-ray neutron counts, by Poisson kriging; illustrative calibration: the pattern "
     "is real, the level of the moisture is not"
 )
+_NO_RUNS: Mapping[str, Sequence[EarlierRun]] = MappingProxyType({})
+UNUSED_COUNTS = 0.01
+"""Share of the counts outside the stops up to which there is no note."""
 
 
 def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None) -> list[Path]:
@@ -138,7 +144,7 @@ def change_bands(change: FieldChange) -> dict[str, CellBand]:
         "significant": CellBand(
             change.significant,
             "1",
-            f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FALSE_SHARE:g}",
+            f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FieldChange.FALSE_SHARE:g}",
         ),
     }
 
@@ -194,48 +200,7 @@ def write_failed(folder: Path, failed: FailedRun) -> list[Path]:
     return [folder / name for name in names]
 
 
-def failed_summary(failed: FailedRun, outputs: Sequence[str] = ()) -> dict[str, Any]:
-    """The run as plain JSON values: the known keys of :func:`summary`; ``map`` is ``None``."""
-    content = {
-        "schema": SCHEMA,
-        "software": "soilmoist_ros",
-        "version": __version__,
-        "created_utc": failed.created,
-        "simulated": failed.simulated,
-        "title": failed.title,
-        "site": failed.site,
-        "field": failed.field_name,
-        "survey_start_utc": utc_text(failed.survey_start_utc),
-        "survey_end_utc": utc_text(failed.survey_end_utc),
-        "survey_duration_s": failed.survey_duration_s,
-        "inputs": [asdict(item) for item in failed.inputs],
-        "n_records": len(failed.good),
-        "n_placed_records": len(track_xy(failed.good)),
-        "n_lost": {row.kind: row.count for row in failed.losses if row.consequence == "lost"},
-        "n_quarantined": dict(failed.quarantined),
-        "raw_counts": sum(record.raw_counts for record in failed.good),
-        "exposure_s": float(sum(record.exposure_s for record in failed.good)),
-        "distance_m": failed.travelled_m,
-        "map": None,
-        "mission": None if failed.mission is None else mission_summary(failed.mission),
-        "failure": {
-            "why": failed.why,
-            "what_to_do": list(failed.todo),
-            "troubles": [asdict(trouble) for trouble in failed.troubles],
-        },
-        "warnings": [failed.why],
-        "warning_codes": [NoteCode.NO_MAP],
-        "settings": dict(failed.settings),
-        "outputs": list(outputs),
-    }
-    return dict(jsonable(content))
-
-
 # The output folder of one simulated mission ---------------------------------------------------------------------
-
-_NO_RUNS: Mapping[str, Sequence[EarlierRun]] = MappingProxyType({})
-UNUSED_COUNTS = 0.01
-"""Share of the counts outside the stops up to which there is no note."""
 
 
 def write_mission(

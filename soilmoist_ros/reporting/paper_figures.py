@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, optional_module
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
-from soilmoist_ros.reporting.colours import RATE, UNCERTAIN, WATER
-from soilmoist_ros.reporting.geometry import map_extent, rings
-from soilmoist_ros.reporting.moisture_steps import at_one_place, interrupted, moisture_series
-from soilmoist_ros.reporting.page.style import (
+from soilmoist_ros.reporting.colours import (
     BLUE,
     FAINT,
     INK,
     ORANGE,
+    RATE,
     SOFT,
-    colour_map,
-    extension,
-    plain,
+    UNCERTAIN,
+    WATER,
+    colour_ramp,
     robust_range,
 )
+from soilmoist_ros.reporting.geometry import map_extent, rings
+from soilmoist_ros.reporting.moisture_steps import at_one_place, interrupted, moisture_series
 from soilmoist_ros.reporting.page.variogram_charts import mean_spread, model_curve, sample_variogram
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.season import Season
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
+Array = NDArray[np.float64]
+
 FORMATS: Final = ("svg", "pdf")
 FOLDER: Final = "figures"
 """Folder of the figures in an output folder."""
@@ -44,70 +46,19 @@ COLUMN_IN, TEXT_IN = 84 / 25.4, 174 / 25.4
 """Width of a column and of the text of a journal page [in]: 84 and 174 mm."""
 SIZE: Final = 8.0
 """Size of the text [pt]."""
+MAPS_ACROSS = 4
+"""Maps of a season side by side."""
+DAY_S = 86_400.0
 MOISTURE, RATE_TITLE = "Soil moisture [m³/m³]", "Neutron rate [counts/s]"
+MOISTURE_SD, RATE_SD = "Standard deviation [m³/m³]", "Standard deviation [counts/s]"
+EAST, NORTH = "East [m]", "North [m]"
 _VECTOR: Final[dict[str, Any]] = {
     "pdf.fonttype": 42,  # TrueType, embedded: journals refuse Type 3
     "svg.fonttype": "path",  # needs no fonts of the reader
     "font.size": SIZE,
 }
-
-
-def column_figure(height_share: float, width_in: float = COLUMN_IN) -> tuple[Figure, Axes]:
-    """A figure of the width of a column with plain axes.
-
-    :param height_share: height as a share of the width
-    :param width_in: its width [in]
-    :raises InputError: without matplotlib
-    """
-    figure = vector_figure(width_in, height_share * width_in)
-    return figure, plain(figure.add_subplot())
-
-
-def vector_figure(width_in: float, height_in: float) -> Figure:
-    """An empty figure [in].
-
-    :raises InputError: without matplotlib
-    """
-    made: Figure = optional_module("matplotlib.figure", "reports").Figure(
-        figsize=(width_in, height_in), facecolor="white", layout="constrained"
-    )
-    return made
-
-
-def caption_axes(axes: Axes, x: str, y: str) -> None:
-    """Names of both axes, and the size of all text."""
-    axes.set_xlabel(x, fontsize=SIZE)
-    axes.set_ylabel(y, fontsize=SIZE)
-    axes.tick_params(labelsize=SIZE - 1)
-
-
-def colour_bar(
-    figure: Figure,
-    image: AxesImage,
-    axes: Axes | list[Axes],
-    values: NDArray[np.float64],
-    title: str,
-    **layout: Any,
-) -> None:
-    """The scale of colours of images; its ends are pointed where values lie beyond.
-
-    :param image: one of the images
-    :param axes: the axes that it stands next to
-    :param values: all that the images show
-    :param title: quantity and unit
-    :param layout: size and place, as of matplotlib's ``Figure.colorbar``
-    """
-    bar = figure.colorbar(image, ax=axes, extend=extension(values, *image.get_clim()), **layout)
-    bar.set_label(title, fontsize=SIZE)
-    bar.ax.tick_params(labelsize=SIZE - 1)
-
-
-def key(axes: Axes) -> None:
-    """A key without a frame above the axes, where it hides nothing."""
-    axes.legend(
-        fontsize=SIZE - 1, frameon=False, handlelength=1.6, loc="lower left", bbox_to_anchor=(0, 1), ncols=2,
-        borderaxespad=0.2, columnspacing=1.2,
-    )  # fmt: skip
+_DATE: Final = {"svg": "Date", "pdf": "CreationDate"}
+"""Metadata that would make the same figures differ."""
 
 
 def write_figures(out: Path, figures: Iterable[tuple[str, Figure]], formats: Iterable[str]) -> list[Path]:
@@ -139,19 +90,6 @@ def write_figures(out: Path, figures: Iterable[tuple[str, Figure]], formats: Ite
     return written
 
 
-_DATE: Final = {"svg": "Date", "pdf": "CreationDate"}
-"""Metadata that would make the same figures differ."""
-
-
-# Figures of a survey or mission: map, standard deviation, track, variogram, and errors or moisture over time ----
-
-Array = NDArray[np.float64]
-
-EAST, NORTH = "East [m]", "North [m]"
-MOISTURE_SD, RATE_SD = "Standard deviation [m³/m³]", "Standard deviation [counts/s]"
-DAY_S = 86_400.0
-
-
 def run_figures(run: MapRun) -> Iterator[tuple[str, Figure]]:
     """Names and figures of a run; those of further properties end with the property.
 
@@ -178,24 +116,18 @@ def run_figures(run: MapRun) -> Iterator[tuple[str, Figure]]:
 def _raster_figure(run: MapRun, values: Array, title: str, colours: str) -> Figure:
     """A raster with the boundary of the field and the samples."""
     soil_map = run.soil_map
-    west, east, south, north = map_extent(soil_map)
-    figure, axes = column_figure(_height_share(run))
-    low, high = robust_range(values)
-    # Cells stay cells: without interpolation the file has one pixel for each.
-    image = axes.imshow(
-        values, origin="lower", extent=(west, east, south, north), cmap=colour_map(colours), vmin=low, vmax=high,
-        interpolation="none",
-    )  # fmt: skip
+    figure, axes = _column_figure(_height_share(run))
+    image = _raster(axes, values, map_extent(soil_map), colours, robust_range(values))
     _boundary(run, axes)
     xy = soil_map.samples.xy
     axes.plot(xy[:, 0], xy[:, 1], ".", color=INK, markersize=2.5, markeredgewidth=0)
-    colour_bar(figure, image, axes, values, title, shrink=0.9, pad=0.02)
+    _colour_bar(figure, image, axes, values, title, shrink=0.9, pad=0.02)
     return figure
 
 
 def _track_figure(run: MapRun) -> Figure:
     """The ways of the robots, and their stops: the area of a disc is the time there."""
-    figure, axes = column_figure(_height_share(run))
+    figure, axes = _column_figure(_height_share(run))
     _boundary(run, axes)
     several = len(run.tracks_xy) > 1
     for number, xy in enumerate(run.tracks_xy, 1):
@@ -211,7 +143,7 @@ def _track_figure(run: MapRun) -> Figure:
     else:
         xy = run.soil_map.samples.xy
         axes.plot(*xy.T, ".", color=ORANGE, markersize=3, label="samples", zorder=3)
-    key(axes)
+    _key(axes)
     return figure
 
 
@@ -220,7 +152,7 @@ def _variogram_figure(run: MapRun, end: str) -> Iterator[tuple[str, Figure]]:
     soil_map = run.soil_map
     found = sample_variogram(soil_map)
     for number, classes in enumerate(found):
-        figure, axes = column_figure(0.75)
+        figure, axes = _column_figure(0.75)
         h = np.linspace(1e-4, 1.04 * float(classes.lag_m.max()), 150)
         used = model_curve(soil_map.variogram, h, classes.angle_deg, mean_spread(soil_map))
         name = "9 in 10 under the model"
@@ -228,10 +160,10 @@ def _variogram_figure(run: MapRun, end: str) -> Iterator[tuple[str, Figure]]:
         axes.plot(h, used, color=BLUE, linewidth=1.2, label=f"model ({soil_map.variogram.model})")
         size = 10 + 20 * np.sqrt(classes.pairs / max(classes.pairs.max(), 1))
         axes.scatter(classes.lag_m, classes.gamma, s=size, color=INK, linewidths=0, label="samples", zorder=3)
-        caption_axes(axes, "Distance [m]", "Semivariance [(counts/s)²]")
+        _caption(axes, "Distance [m]", "Semivariance [(counts/s)²]")
         axes.set_xlim(0, h[-1])
         axes.set_ylim(bottom=min(0.0, 1.1 * float(classes.gamma.min())))
-        key(axes)
+        _key(axes)
         yield f"variogram{end}{f'_{number + 1}' if number else ''}", figure
 
 
@@ -239,11 +171,11 @@ def _errors_figure(mission: MissionResult) -> Figure:
     """Error of the map, and coverage of its intervals, against time; where the truth is known."""
     rows = [row for row in mission.series if np.isfinite(row.mse)]
     hours = np.array([row.time_s / 3600 for row in rows])
-    figure, axes = column_figure(0.75)
+    figure, axes = _column_figure(0.75)
     root = np.sqrt([row.mse for row in rows])
     axes.step(hours, root, where="post", color=BLUE, linewidth=1.2)
     axes.set_ylim(bottom=0)
-    caption_axes(axes, "Mission time [h]", "Root mean squared error [counts/s]")
+    _caption(axes, "Mission time [h]", "Root mean squared error [counts/s]")
     axes.yaxis.label.set_color(BLUE)
     other = axes.twinx()
     other.step(hours, [100 * row.coverage95 for row in rows], where="post", color=ORANGE, linewidth=1.0)
@@ -264,15 +196,15 @@ def _moisture_figure(run: MapRun) -> Figure:
         series.begin_s, 1.5 * series.step_s, bands.vwc_p05, bands.vwc, bands.vwc_p95, bands.rate
     )
     days = (time_s + series.step_s / 2 - time_s[0]) / DAY_S
-    figure, axes = column_figure(0.6)
+    figure, axes = _column_figure(0.6)
     if run.calibrated:
         axes.fill_between(days, low, high, color=FAINT, linewidth=0, label="90 %")
         axes.plot(days, vwc, color=BLUE, linewidth=1.0, label="soil moisture")
-        caption_axes(axes, "Time [d]", MOISTURE)
-        key(axes)
+        _caption(axes, "Time [d]", MOISTURE)
+        _key(axes)
     else:
         axes.plot(days, rate, color=BLUE, linewidth=1.0)
-        caption_axes(axes, "Time [d]", RATE_TITLE)
+        _caption(axes, "Time [d]", RATE_TITLE)
     return figure
 
 
@@ -280,19 +212,13 @@ def _boundary(run: MapRun, axes: Axes) -> None:
     for ring in rings(run.soil_map):
         axes.plot(*ring.T, color=SOFT, linewidth=0.8)
     axes.set_aspect("equal")
-    caption_axes(axes, EAST, NORTH)
+    _caption(axes, EAST, NORTH)
 
 
 def _height_share(run: MapRun) -> float:
     """Height of a map figure for the shape of the field, within what fits on a page."""
     west, east, south, north = map_extent(run.soil_map)
     return float(np.clip(0.72 * (north - south) / (east - west) + 0.18, 0.45, 1.6))
-
-
-# Figures of a season: the mean of each survey with its interval, and the maps -----------------------------------
-
-COLUMNS = 4
-"""Maps side by side."""
 
 
 def season_figures(season: Season) -> Iterator[tuple[str, Figure]]:
@@ -305,12 +231,12 @@ def season_figures(season: Season) -> Iterator[tuple[str, Figure]]:
     estimates = [one.mean_vwc or one.mean_rate for one in season.surveys]
     values = np.array([one.value for one in estimates])
     low, high = np.array([one.interval95 for one in estimates]).T
-    figure, axes = column_figure(0.6)
+    figure, axes = _column_figure(0.6)
     axes.errorbar(
         season.days, values, np.vstack([values - low, high - values]), fmt="o-", color=BLUE, markersize=3.5,
         linewidth=1.0, capsize=2, elinewidth=0.8,
     )  # fmt: skip
-    caption_axes(axes, "Time since the first survey [d]", f"Mean {title[0].lower()}{title[1:]}")
+    _caption(axes, "Time since the first survey [d]", f"Mean {title[0].lower()}{title[1:]}")
     yield "season", figure
     yield "maps", _maps_figure(season, title)
 
@@ -319,22 +245,85 @@ def _maps_figure(season: Season, title: str) -> Figure:
     """The map of each survey, with one scale of colours."""
     moisture, x, y, half = season.curve is not None, season.grid.x_m, season.grid.y_m, season.grid.cell_m / 2
     maps = [one.bands.vwc if moisture else one.bands.rate for one in season.surveys]
-    low, high = robust_range(np.stack(maps))
-    columns = min(COLUMNS, len(maps))
+    limits = robust_range(np.stack(maps))
+    extent = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
+    columns = min(MAPS_ACROSS, len(maps))
     rows = -(-len(maps) // columns)
     share = (y[-1] - y[0] + 2 * half) / (x[-1] - x[0] + 2 * half)
-    figure = vector_figure(TEXT_IN, rows * (share * 0.88 * TEXT_IN / columns + 0.45))
+    figure = _vector_figure(TEXT_IN, rows * (share * 0.88 * TEXT_IN / columns + 0.45))
     panels = []
     for number, (values, label) in enumerate(zip(maps, season.labels, strict=True), 1):
-        axes = plain(figure.add_subplot(rows, columns, number))
-        image = axes.imshow(
-            values, origin="lower", extent=(x[0] - half, x[-1] + half, y[0] - half, y[-1] + half),
-            cmap=colour_map(WATER if moisture else RATE), vmin=low, vmax=high, interpolation="none",
-        )  # fmt: skip
+        axes = _plain(figure.add_subplot(rows, columns, number))
+        image = _raster(axes, values, extent, WATER if moisture else RATE, limits)
         axes.set_title(label, fontsize=SIZE, loc="left")
         bottom, left = number > len(maps) - columns, (number - 1) % columns == 0
-        caption_axes(axes, "East [m]" if bottom else "", "North [m]" if left else "")
+        _caption(axes, EAST if bottom else "", NORTH if left else "")
         axes.spines[["left", "bottom"]].set_color(SOFT)
         panels.append(axes)
-    colour_bar(figure, image, panels, np.stack(maps), title, shrink=0.8, pad=0.01)
+    _colour_bar(figure, image, panels, np.stack(maps), title, shrink=0.8, pad=0.01)
     return figure
+
+
+def _column_figure(height_share: float) -> tuple[Figure, Axes]:
+    """A figure of the width of a column with plain axes; its height is a share of the width."""
+    figure = _vector_figure(COLUMN_IN, height_share * COLUMN_IN)
+    return figure, _plain(figure.add_subplot())
+
+
+def _vector_figure(width_in: float, height_in: float) -> Figure:
+    made: Figure = optional_module("matplotlib.figure", "reports").Figure(
+        figsize=(width_in, height_in), facecolor="white", layout="constrained"
+    )
+    return made
+
+
+def _plain(axes: Axes) -> Axes:
+    """Axes without the upper and right spines, and with light ticks."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(SOFT)
+    axes.tick_params(colors=SOFT, labelcolor=INK, length=3, width=0.8)
+    return axes
+
+
+def _caption(axes: Axes, x: str, y: str) -> None:
+    """Names of both axes, and the size of all text."""
+    axes.set_xlabel(x, fontsize=SIZE)
+    axes.set_ylabel(y, fontsize=SIZE)
+    axes.tick_params(labelsize=SIZE - 1)
+
+
+def _raster(
+    axes: Axes, values: Array, extent: tuple[float, ...], colours: str, limits: tuple[float, float]
+) -> Any:
+    """Cells stay cells: without interpolation the file has one pixel for each."""
+    from matplotlib.colors import ListedColormap
+
+    west, east, south, north = extent
+    return axes.imshow(
+        values, origin="lower", extent=(west, east, south, north), vmin=limits[0], vmax=limits[1],
+        cmap=ListedColormap(colour_ramp(colours, 256) / 255, colours), interpolation="none",
+    )  # fmt: skip
+
+
+def _colour_bar(
+    figure: Figure, image: AxesImage, axes: Axes | list[Axes], values: Array, title: str, **layout: Any
+) -> None:
+    """The scale of colours of images; its ends are pointed where values lie beyond.
+
+    :param axes: the axes that it stands next to
+    :param values: all that the images show
+    """
+    low, high = image.get_clim()
+    below, above = bool(np.nanmin(values) < low), bool(np.nanmax(values) > high)
+    ends = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
+    bar = figure.colorbar(image, ax=axes, extend=ends, **layout)
+    bar.set_label(title, fontsize=SIZE)
+    bar.ax.tick_params(labelsize=SIZE - 1)
+
+
+def _key(axes: Axes) -> None:
+    """A key without a frame above the axes, where it hides nothing."""
+    axes.legend(
+        fontsize=SIZE - 1, frameon=False, handlelength=1.6, loc="lower left", bbox_to_anchor=(0, 1), ncols=2,
+        borderaxespad=0.2, columnspacing=1.2,
+    )  # fmt: skip

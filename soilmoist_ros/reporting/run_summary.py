@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from soilmoist_ros.exploration import LearnedMotion, polyline_length_m
-from soilmoist_ros.foundation import shown_path
-from soilmoist_ros.mapping import FALSE_SHARE, Drift, Estimate
+from soilmoist_ros.foundation import __version__, shown_path
+from soilmoist_ros.mapping import Drift, Estimate, FieldChange
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
+from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.geometry import field_polygon, track_xy
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.page.irrigation import absolute_limits, has_level, irrigation
@@ -40,7 +41,7 @@ from soilmoist_ros.reporting.page.statistics import (
     uncertain_share,
     undefined_share,
 )
-from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.reporting.run import MapRun, NoteCode
 from soilmoist_ros.reporting.text_files import jsonable, write_json
 from soilmoist_ros.simulation import PropertySettings, achieved, mission_efficiency, reported
 
@@ -63,19 +64,8 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
     """
     soil_map, found = run.soil_map, notes(run)
     content = {
-        "schema": SCHEMA,
-        "software": "soilmoist_ros",
-        "version": run.version,
-        "survey_start_utc": utc_text(run.survey_start_utc),
-        "survey_end_utc": utc_text(run.survey_end_utc),
-        "survey_duration_s": run.survey_duration_s,
+        **_about(run, run.version),
         "time_zone": run.time_zone or None,
-        "created_utc": run.created,
-        "simulated": run.simulated,
-        "title": run.title,
-        "site": run.site,
-        "field": run.field_name,
-        "inputs": [asdict(item) for item in run.inputs],
         "logger_format": run.logger_format,
         **_records(run),
         "area_m2": float(field_polygon(soil_map).area),
@@ -108,6 +98,50 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
 def write_summary(path: Path, run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> Path:
     """Write :func:`summary` as strict JSON; returns ``path``."""
     return write_json(path, summary(run, crs, outputs))
+
+
+def failed_summary(failed: FailedRun, outputs: Sequence[str] = ()) -> dict[str, Any]:
+    """The run as plain JSON values: the known keys of :func:`summary`; ``map`` is ``None``."""
+    content = {
+        **_about(failed, __version__),
+        "n_records": len(failed.good),
+        "n_placed_records": len(track_xy(failed.good)),
+        "n_lost": {row.kind: row.count for row in failed.losses if row.consequence == "lost"},
+        "n_quarantined": dict(failed.quarantined),
+        "raw_counts": sum(record.raw_counts for record in failed.good),
+        "exposure_s": float(sum(record.exposure_s for record in failed.good)),
+        "distance_m": failed.travelled_m,
+        "map": None,
+        "mission": None if failed.mission is None else mission_summary(failed.mission),
+        "failure": {
+            "why": failed.why,
+            "what_to_do": list(failed.todo),
+            "troubles": [asdict(trouble) for trouble in failed.troubles],
+        },
+        "warnings": [failed.why],
+        "warning_codes": [NoteCode.NO_MAP],
+        "settings": dict(failed.settings),
+        "outputs": list(outputs),
+    }
+    return dict(jsonable(content))
+
+
+def _about(run: MapRun | FailedRun, version: str) -> dict[str, Any]:
+    """Origin of a run, with a map or without."""
+    return {
+        "schema": SCHEMA,
+        "software": "soilmoist_ros",
+        "version": version,
+        "survey_start_utc": utc_text(run.survey_start_utc),
+        "survey_end_utc": utc_text(run.survey_end_utc),
+        "survey_duration_s": run.survey_duration_s,
+        "created_utc": run.created,
+        "simulated": run.simulated,
+        "title": run.title,
+        "site": run.site,
+        "field": run.field_name,
+        "inputs": [asdict(item) for item in run.inputs],
+    }
 
 
 def utc_text(when: datetime | None) -> str | None:
@@ -287,7 +321,7 @@ def _change(run: MapRun) -> dict[str, Any] | None:
         "mean_vwc": None if change.mean_vwc is None else _estimate(change.mean_vwc),
         "drier_share": drier,
         "wetter_share": wetter,
-        "false_discovery_rate": FALSE_SHARE,
+        "false_discovery_rate": FieldChange.FALSE_SHARE,
         "mean_rate_since_cps": {name: _estimate(value) for name, value in found.means.items()},
     }
 

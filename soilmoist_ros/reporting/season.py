@@ -27,13 +27,11 @@ from soilmoist_ros.mapping import (
     Persistence,
     Samples,
     Variogram,
-    estimate_persistence,
     estimate_variogram,
     field_change,
     load_field,
     make_bands,
     mean_places,
-    merge_exactly,
     moisture_slope,
 )
 from soilmoist_ros.recording import SUMMARY, bag_of, configuration_of, read_parameters
@@ -84,10 +82,8 @@ class SeasonSettings:
 class SeasonSurvey:
     """A survey of the season, mapped with the counts of all.
 
-    :param run: the survey
     :param bands: its maps, each of shape (ny, nx)
-    :param mean_rate: mean rate of the field [counts/s]
-    :param mean_vwc: mean moisture of the field [m^3/m^3], ``None`` without a calibration
+    :param mean_rate: mean of the field [counts/s]; ``mean_vwc`` [m^3/m^3] is ``None`` without a calibration
     :param change: change since the survey before it, ``None`` for the first
     """
 
@@ -102,16 +98,9 @@ class SeasonSurvey:
 class Season:
     """The surveys of a field over time.
 
-    :param title: title for readers
-    :param field_name: name of the field
-    :param frame: plane of the field
-    :param grid: cells of the maps
     :param surveys: in order of time, at least two
     :param variogram: variogram of the rate of each survey
     :param persistence: how alike the patterns of the surveys are
-    :param curve: calibration, if any
-    :param simulated: whether the counts are simulated
-    :param created_utc: when it was made
     :param notes: what the user should know, in sentences
     :param illustrative: whether the calibration is a guess
     :param time_zone: name of the time zone of the field; empty if it is not known
@@ -184,7 +173,7 @@ def make_season(
     variogram = _variogram(runs, settings.model, ground.grid)
     samples = [run.survey.samples for run in runs]
     stamps = [run.survey.stamp_s for run in runs]
-    persistence = estimate_persistence(variogram, samples, stamps)
+    persistence = Persistence.estimate(variogram, samples, stamps)
     surveys, now = list[SeasonSurvey](), datetime.now(UTC)
     kriging, used = None, list[int]()
     for number, run in enumerate(runs):
@@ -273,7 +262,7 @@ def _window(samples: Sequence[Samples], stamps_s: Sequence[float], number: int) 
 
 def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) -> Variogram:
     """Variogram of the rate of each survey, by restricted maximum likelihood of the last ones together."""
-    last, *others = [merge_exactly(run.survey.samples)[0] for run in reversed(runs)]
+    last, *others = [run.survey.samples.merged for run in reversed(runs)]
     chosen, count = [], len(last)
     for one in others:
         count += len(one)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import __version__, csv_text
-from soilmoist_ros.mapping import FALSE_SHARE, Estimate
+from soilmoist_ros.mapping import Estimate, FieldChange
 from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
@@ -59,7 +59,8 @@ LAYERS = {
     "rate_change_sd": ("s-1", "standard deviation of the change of the corrected neutron count rate"),
     "significant": (
         "1",
-        f"1 drier, -1 wetter than the survey before, 0 not significant (false discovery rate {FALSE_SHARE:g})",
+        "1 drier, -1 wetter than the survey before, 0 not significant "
+        f"(false discovery rate {FieldChange.FALSE_SHARE:g})",
     ),
 }
 """Unit and meaning of each variable of the NetCDF file."""
@@ -123,7 +124,7 @@ def summary(season: Season) -> dict[str, Any]:
         "pattern_correlation": persistence.share,
         "pattern_correlation_sd": persistence.sd,
         "pattern_decay_days": persistence.decay_days if math.isfinite(persistence.decay_days) else None,
-        "false_discovery_rate": FALSE_SHARE,
+        "false_discovery_rate": FieldChange.FALSE_SHARE,
         "warnings": list(season.notes),
         "surveys": rows(season),
         "outputs": list(NAMES),
@@ -286,9 +287,10 @@ def _layers(season: Season) -> Iterator[dict[str, Any]]:
         most = colour_limits(np.abs(change))[1]
         style = (PERCENT, 1, DIFFERENCE) if moist else ("counts/s", 2, f"{DIFFERENCE}_r")
         look = shown_as("Change since the survey before", *style, (-most, most))
+        false_share = numbers.percent(FieldChange.FALSE_SHARE)
         found = layer("change", change, **look, hatchText="not significant",
                       about="In the change, brown is drier and green wetter. Hatched: the change is not "
-                      f"significant (false discovery rate {numbers.percent(FALSE_SHARE)}).")  # fmt: skip
+                      f"significant (false discovery rate {false_share}).")  # fmt: skip
         for raster, one in zip(found["maps"], surveys, strict=True):
             if one.change is not None:
                 raster["hatch"] = pack_bits((one.change.significant == 0)[::step, ::step])

@@ -23,6 +23,9 @@ from soilmoist_ros.reporting.geometry import field_polygon, right_handed, rings
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation import MissionResult
 
+DIGITS = 7
+"""Decimal places of degrees; the last is about 1 cm."""
+
 
 def jsonable(value: Any) -> Any:
     """The value in plain types; NaN and infinity become ``None``."""
@@ -120,9 +123,6 @@ def sample_times(run: MapRun) -> NDArray[np.float64]:
 
 
 # The samples, the track, the field and its no-go areas as GeoJSON (RFC 7946) ------------------------------------
-
-DIGITS = 7
-"""Decimal places of degrees; the last is about 1 cm."""
 
 
 def write_samples(path: Path, run: MapRun) -> Path:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 NAN = math.nan
-FIRST_STAMP_S, LAST_STAMP_S = -62_135_596_800.0, 253_402_300_799.0
+FIRST_STAMP_S = -62_135_596_800.0
+LAST_STAMP_S = 253_402_300_799.0
 """The years 1 to 9999, which Python's calendar has [s since 1970 UTC]."""
 
 

@@ -9,19 +9,18 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
 FOUND = Path(__file__).parent / "found"
 TRIES = 15
 
 
 @pytest.fixture(scope="module")
 def fuzz():
-    """``scripts/fuzz_targets.py`` as a module."""
-    sys.path.insert(0, str(ROOT / "scripts"))
+    """``fuzz_targets.py`` as a module."""
+    sys.path.insert(0, str(Path(__file__).parent))
     try:
         return importlib.import_module("fuzz_targets")
     finally:
-        sys.path.remove(str(ROOT / "scripts"))
+        sys.path.pop(0)
 
 
 ROS = ("model", "status")

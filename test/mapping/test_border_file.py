@@ -10,7 +10,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.border_file import BorderSource, read_border
+from soilmoist_ros.mapping.border_file import BorderSource
 from soilmoist_ros.mapping.field import load_field
 
 FRAME = LocalFrame(53.268, -0.5245)
@@ -47,7 +47,7 @@ def written(tmp_path, content, name="border.geojson"):
 
 
 def read(path, **options):
-    border = read_border(BorderSource(path, **options))
+    border = BorderSource(path, **options).read()
     return border, FRAME.to_local(border.outline[:, 1], border.outline[:, 0])
 
 
@@ -340,7 +340,7 @@ def test_points_and_lines_next_to_the_border_are_named(tmp_path):
         feature("Point", [0.001, 50.0005], name="pylon"),
         feature("LineString", [[0, 50], [0.002, 50.001]], name="ditch"),
     ]
-    (note,) = read_border(BorderSource(written(tmp_path, collection(*drawn)))).notes
+    (note,) = BorderSource(written(tmp_path, collection(*drawn))).read().notes
     assert note.startswith("lines and points are not used: 'pylon', 'ditch'; draw")
 
 
@@ -348,8 +348,8 @@ def test_a_number_that_is_a_property_of_another_feature_is_asked_for(tmp_path):
     shifted = [[[x + at, y] for x, y in ((0, 50), (0.002, 50), (0.002, 50.001), (0, 50))] for at in (0, 0.01)]
     path = written(tmp_path, collection(*(feature("Polygon", [ring], id=id) for id, ring in enumerate(shifted))))
     with pytest.raises(InputError, match=r"2 polygons that '1' fits, as number or property.*feature: 'id=[01]'"):
-        read_border(BorderSource(path, feature="1"))
-    assert read_border(BorderSource(path, feature="id=1")).outline[:, 0].min() == pytest.approx(0.01)
+        BorderSource(path, feature="1").read()
+    assert BorderSource(path, feature="id=1").read().outline[:, 0].min() == pytest.approx(0.01)
 
 
 def test_a_shapefile_without_its_index_says_so(tmp_path):
@@ -358,13 +358,13 @@ def test_a_shapefile_without_its_index_says_so(tmp_path):
     with pytest.raises(
         InputError, match=r"a.shp: lacks its part a.shx -> keep .shp, .shx, .dbf and .prj together"
     ):
-        read_border(BorderSource(tmp_path / "a.shp"))
+        BorderSource(tmp_path / "a.shp").read()
 
 
 @pytest.mark.parametrize("name", ["a.shp", "b.gpkg", "c.zip", "d.kmz", "e.kml", "f.geojson"])
 def test_a_file_that_is_not_there_is_looked_for(tmp_path, name):
     with pytest.raises(InputError, match="No such file or directory -> check its path in the field file"):
-        read_border(BorderSource(tmp_path / "missing" / name))
+        BorderSource(tmp_path / "missing" / name).read()
 
 
 def test_a_pond_is_not_the_field_because_the_border_is_in_pieces(tmp_path):

@@ -21,8 +21,6 @@ from soilmoist_ros.mapping.covariate_files import OTHER, indicators
 from soilmoist_ros.mapping.covariates import (
     Covariates,
     CovariateSource,
-    coverage,
-    joined,
     read_covariates,
     require_covariates,
 )
@@ -88,10 +86,10 @@ def test_nodata_is_missing_and_outside_the_raster_too(tmp_path):
         return np.where(x > 30, surface(x, y), -9999)
 
     found = read(write_raster(tmp_path / "half.tif", function=half, nodata=-9999))
-    assert coverage(found, GRID)["half"] == pytest.approx(0.5, abs=0.04)
+    assert found.coverage(GRID)["half"] == pytest.approx(0.5, abs=0.04)
     assert (found.at([(10, 20), (5, 40)]) == 0).all()
     part = read(write_raster(tmp_path / "part.tif", about=(0, 25), reach=30))
-    assert coverage(part, GRID)["part"] == pytest.approx(0.5, abs=0.06)
+    assert part.coverage(GRID)["part"] == pytest.approx(0.5, abs=0.06)
     assert np.abs(found.layers[0][GRID.mask & np.isfinite(found.layers[0])]).max() < 10  # no trace of -9999
 
 
@@ -99,7 +97,7 @@ def test_nodata_is_missing_and_outside_the_raster_too(tmp_path):
 def test_gaps_that_a_file_does_not_declare(tmp_path, gap):
     path = write_raster(tmp_path / "half.tif", function=lambda x, y: np.where(x > 30, surface(x, y), gap))
     found = read(path)
-    assert coverage(found, GRID)["half"] == pytest.approx(0.5, abs=0.07)
+    assert found.coverage(GRID)["half"] == pytest.approx(0.5, abs=0.07)
     east = GRID.mask & np.isfinite(found.layers[0])
     places = GRID.to_raster(np.arange(len(GRID.cells)))[east].astype(int)
     np.testing.assert_allclose(found.layers[0][east], standardised(surface(*GRID.cells[places].T)), atol=0.05)
@@ -143,7 +141,7 @@ def test_elevations_give_slope_and_wetness(tmp_path):
 
 def test_derived_values_need_no_cover_beyond_the_field(tmp_path):
     path = write_raster(tmp_path / "relief.tif", function=lambda x, y: 0.002 * (x - 30) ** 2, reach=31)
-    assert coverage(read(f"{path}:slope"), GRID)["relief slope"] > 0.97
+    assert read(f"{path}:slope").coverage(GRID)["relief slope"] > 0.97
 
 
 def soil_area(west, east):
@@ -168,7 +166,7 @@ def test_polygons_give_a_column_for_each_class_but_the_most_common(tmp_path):
     assert found.names == ("map clay", "map loam")
     clay = found.at([(20, 25), (50, 25), (5, 25)])[:, 0]
     assert clay[0] > 1 > 0 > clay[1] == clay[2]
-    assert coverage(found, GRID) == {"map clay": 1, "map loam": 1}
+    assert found.coverage(GRID) == {"map clay": 1, "map loam": 1}
 
 
 def test_where_polygons_overlap_the_first_one_of_the_file_counts(tmp_path):
@@ -394,9 +392,9 @@ def test_covariates_of_one_raster_are_joined():
     rasters = np.random.default_rng(1).normal(size=(2, *SQUARE.shape))
     both = Covariates.over(SQUARE, ["a", "b"], rasters)
     alone = [Covariates.over(SQUARE, [name], [raster]) for name, raster in zip("ab", rasters, strict=True)]
-    together = joined(alone[0], None, alone[1])
+    together = Covariates.joined(alone[0], None, alone[1])
     assert together.names == both.names
     np.testing.assert_array_equal(together.layers, both.layers)
-    assert joined(None, None) is None
+    assert Covariates.joined(None, None) is None
     with pytest.raises(ValueError, match="distinct names"):
-        joined(alone[0], alone[0])
+        Covariates.joined(alone[0], alone[0])

@@ -3,6 +3,7 @@
 """The soil map: what it is made from, its bands of moisture within the limits of the soil, and their coverage."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
-from soilmoist_ros.mapping.soil_map import common_rate_sd, make_bands, moisture_terms, possible_moisture
+from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Samples, SoilMap, Variogram, make_soil_map
+from soilmoist_ros.mapping.soil_map import (
+    common_rate_sd,
+    make_bands,
+    moisture_terms,
+    possible_moisture,
+)
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, soil_limits
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -214,23 +220,38 @@ def test_terms_of_the_moisture_are_its_mean_and_covariances(one, other, sd, corr
     assert covariance == pytest.approx(np.cov(moisture)[0, 1], abs=0.06 * largest + 2e-5)
 
 
-SEEDS = 12
+SEEDS, SAMPLES, CELLS = 12, 40, 800
 
 
-@pytest.fixture(scope="module")
-def script(load_script):
-    return load_script("tail_coverage.py")
+def misses(seed, share, dwell_s):
+    """Misses of a survey at random places of a field: below, above, and both for ``vwc`` +- 1.645 ``vwc_sd``.
+
+    The rates are a share of the field's: a tenth is a sensor of one tube.
+    """
+    rng = np.random.default_rng([seed, 7])
+    field = surrogate_field("rough", rng)
+    grid = field.field.grid(max(field.field.grid(None).extent_m / CELLS**0.5, 1.0))
+    curve = replace(field.curve, n0_cps=share * field.curve.n0_cps)
+    places = grid.cells[rng.choice(len(grid.cells), SAMPLES, replace=False)]
+    places = places + rng.uniform(-0.5, 0.5, places.shape) * grid.cell_m
+    counts = rng.poisson(share * field.rate_at(places) * dwell_s)
+    field_map = FieldMap(grid, FieldMapSettings(curve=curve))
+    field_map.set_samples(Samples(places, counts, np.full(len(places), dwell_s)))
+    soil_map = field_map.update()
+    truth = possible_moisture(curve, share * field.rate_at(grid.cells))
+    vwc, sd, low, high = (band[soil_map.grid.mask] for band in soil_map.bands[2:])
+    symmetric = SoilMap.QUANTILE_SD * sd
+    return [
+        np.mean(missed) for missed in (truth < low, truth > high, truth < vwc - symmetric, truth > vwc + symmetric)
+    ]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("share", "dwell_s"), [(1.0, 60.0), (0.1, 10.0)])
-def test_the_quantiles_miss_equally_often_on_both_sides(script, share, dwell_s):
-    """The interval vwc +- 1.645 vwc_sd has nearly all its misses above."""
-    found = []
-    for seed in range(SEEDS):
-        rng = np.random.default_rng([seed, 7])
-        found.append(script.survey(surrogate_field("rough", rng), 40, dwell_s, share, rng))
-    misses = script.Misses(*np.mean(found, axis=0))
-    assert 0.015 < misses.below < 0.085
-    assert 0.015 < misses.above < 0.085
-    assert misses.symmetric_below < 0.015 < 0.04 < misses.symmetric_above
+def test_the_quantiles_miss_equally_often_on_both_sides(share, dwell_s):
+    below, above, symmetric_below, symmetric_above = np.mean(
+        [misses(seed, share, dwell_s) for seed in range(SEEDS)], axis=0
+    )
+    assert 0.015 < below < 0.085
+    assert 0.015 < above < 0.085
+    assert symmetric_below < 0.015 < 0.04 < symmetric_above, "nearly all its misses are above"

@@ -18,8 +18,8 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters.point_cloud import points_to_message, to_seconds
 from msg_adapters.soil_map import (
-    BANDS,
     OUTSIDE,
+    Bands,
     filter_info,
     mask_to_message,
     soil_map_from_message,
@@ -69,7 +69,7 @@ def test_a_map_comes_back_in_32_bits_over_the_wire(grid, curve):
     message = deserialize_message(wire, PointCloud2)
     cells = soil_map_from_message(message)
     assert cells.tobytes() == map_cells(grid, soil_map).tobytes()
-    for name in BANDS:
+    for name in Bands._fields:
         np.testing.assert_array_equal(cells[name], getattr(soil_map, name).astype(np.float32))
     np.testing.assert_array_equal(cells[grid.mask]["x"], grid.cells[:, 0])
     np.testing.assert_array_equal(cells[grid.mask]["y"], grid.cells[:, 1])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The real nodes under faults: ``scripts/chaos``, ``scripts/soak --nodes``, and what their judge must find."""
+"""The real nodes under faults, by ``chaos.py`` and ``soak_nodes.py``, and what their judge must find."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
+import chaos
+import soak_nodes
 from diagnostic_msgs.msg import DiagnosticStatus
+from disturbed_nodes import OF_THE_WORLD, ON_NODES, Disturber, Timeline, scenario_of
+from real_nodes import START_S, Operator
 from rosgraph_msgs.msg import Clock
 
 from msg_adapters.mission import mission_to_message
@@ -34,20 +38,13 @@ COUNTING = MissionStatus(
 )  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def chaos(load_script):
-    """``scripts/chaos`` with missions of five minutes."""
-    module = load_script("chaos")
-    module.BUDGET_S = 300.0
-    return module
+@pytest.fixture(autouse=True)
+def short_missions(monkeypatch):
+    """Missions of five minutes."""
+    monkeypatch.setattr("BUDGET_S", 300.0)
 
 
-@pytest.fixture(scope="module")
-def soak_nodes(load_script):
-    return load_script("soak_nodes.py")
-
-
-def with_faults(chaos, *spans):
+def with_faults(*spans):
     return chaos.Chaos("patches", "greedy", "goto_node", Faults(spans))
 
 
@@ -64,9 +61,9 @@ COMPUTER = (
 @pytest.mark.slow
 @pytest.mark.process
 @pytest.mark.parametrize("spans", [KILLS, COMPUTER], ids=["kills", "computer"])
-def test_no_record_is_lost_and_nobody_is_disobeyed(chaos, tmp_path, monkeypatch, spans):
-    monkeypatch.setattr(chaos, "BUDGET_S", 900.0)  # a killed node is back after minutes of simulated time
-    violations, figures = chaos.run(with_faults(chaos, *spans), 1, tmp_path / "run", TIME_FACTOR)
+def test_no_record_is_lost_and_nobody_is_disobeyed(tmp_path, monkeypatch, spans):
+    monkeypatch.setattr("BUDGET_S", 900.0)  # a killed node is back after minutes of simulated time
+    violations, figures = chaos.run(with_faults(*spans), 1, tmp_path / "run", TIME_FACTOR)
     assert violations == []
     assert figures["records"] > 10
     assert figures["goals"] > 1
@@ -76,7 +73,7 @@ def test_no_record_is_lost_and_nobody_is_disobeyed(chaos, tmp_path, monkeypatch,
 
 @pytest.mark.slow
 @pytest.mark.process
-def test_a_log_that_lacks_a_record_and_a_robot_elsewhere_are_found(chaos, tmp_path, monkeypatch):
+def test_a_log_that_lacks_a_record_and_a_robot_elsewhere_are_found(tmp_path, monkeypatch):
     kept, witnessed = RecordTail.read, chaos.RealNodes.witnessed
 
     def forgetful(self):
@@ -91,14 +88,12 @@ def test_a_log_that_lacks_a_record_and_a_robot_elsewhere_are_found(chaos, tmp_pa
 
     monkeypatch.setattr(RecordTail, "read", forgetful)
     monkeypatch.setattr(chaos.RealNodes, "witnessed", moved)
-    violations, _ = chaos.run(with_faults(chaos), 1, tmp_path / "run", TIME_FACTOR)
+    violations, _ = chaos.run(with_faults(), 1, tmp_path / "run", TIME_FACTOR)
     found = {one.kind for one in violations}
     assert {Kind.LOST, Kind.MAP_DIFFERS, Kind.OUTSIDE, Kind.GOAL_OUTSIDE} <= found
 
 
-def test_states_that_a_starved_listener_missed_are_not_made_up(chaos):
-    from disturbed_nodes import Timeline
-
+def test_states_that_a_starved_listener_missed_are_not_made_up():
     here, there = Stop("a", 0.0, 0.0), Stop("b", 4.3, 0.0)
     said = [(float(at_s), replace(COUNTING, target=here)) for at_s in range(20)]
     said += [(at_s, replace(COUNTING, target=there)) for at_s in (42.0, 43.0)]
@@ -109,9 +104,7 @@ def test_states_that_a_starved_listener_missed_are_not_made_up(chaos):
     assert timeline.at(60.0) == said[-1][1]
 
 
-def test_a_state_without_a_time_is_from_when_it_was_heard(chaos, ros):
-    from real_nodes import Operator
-
+def test_a_state_without_a_time_is_from_when_it_was_heard(ros):
     operator = Operator(ros.domain, start_s=1000.0)
     try:
         publisher = ros.node.create_publisher(DiagnosticStatus, "mission", LATCHED)
@@ -123,10 +116,7 @@ def test_a_state_without_a_time_is_from_when_it_was_heard(chaos, ros):
         operator.close()
 
 
-def test_a_goal_in_the_moment_of_the_resume_comes_after_it(chaos, ros, monkeypatch):
-    from disturbed_nodes import Disturber
-    from real_nodes import START_S, Operator
-
+def test_a_goal_in_the_moment_of_the_resume_comes_after_it(ros, monkeypatch):
     operator = Operator(ros.domain, START_S)
     monkeypatch.setattr(operator, "ask", lambda request: Reply(ReplyCode.ACCEPTED, "resumed"))
     disturber = Disturber(SimpleNamespace(operator=operator), (), 300.0)
@@ -145,17 +135,13 @@ def test_a_goal_in_the_moment_of_the_resume_comes_after_it(chaos, ros, monkeypat
     assert max(late_s) > 0.0, "none of these times is heard as later than it was"
 
 
-def test_seed_and_number_make_a_run(chaos):
+def test_seed_and_number_make_a_run():
     assert str(chaos.make_chaos(1, 3)) == str(chaos.make_chaos(1, 3)) != str(chaos.make_chaos(2, 3))
     firsts = {span.fault for number in range(60) for span in chaos.make_chaos(1, number).faults.spans}
-    from disturbed_nodes import ON_NODES
-
     assert firsts == set(ON_NODES), "each fault has its turn"
 
 
-def test_every_fault_of_the_world_makes_a_scenario(chaos):
-    from disturbed_nodes import OF_THE_WORLD, scenario_of
-
+def test_every_fault_of_the_world_makes_a_scenario():
     nothing = Scenario.model_validate(scenario_of([]))
     for fault in OF_THE_WORLD:
         made = Scenario.model_validate(scenario_of([Span(fault, 100.0, 60.0, 0.3)]))
@@ -166,7 +152,7 @@ def test_every_fault_of_the_world_makes_a_scenario(chaos):
 
 
 @pytest.mark.parametrize(("index", "what"), [(1, "memory"), (2, "handles"), (3, "threads"), (4, "processor time")])
-def test_growth_of_a_node_is_a_fault(soak_nodes, index, what):
+def test_growth_of_a_node_is_a_fault(index, what):
     def sample(number, grown):
         figures = [100, 150.0, 20, 16, 1.0 * number]
         figures[index] += grown**2 if index == 4 else grown
@@ -178,7 +164,7 @@ def test_growth_of_a_node_is_a_fault(soak_nodes, index, what):
     assert what in fault
 
 
-def test_a_day_has_every_fault_and_ends_with_processes_that_last(soak_nodes):
+def test_a_day_has_every_fault_and_ends_with_processes_that_last():
     spans = soak_nodes.day_of_faults(24.0, 1)
     assert {*soak_nodes.PERIODS_S, *soak_nodes.OF_GOALS, *soak_nodes.KILLS} <= {span.fault for span in spans}
     kills = [span.at_s for span in spans if span.fault in soak_nodes.KILLS]

@@ -267,8 +267,9 @@ def test_an_emergency_stop_is_heard_from_any_publisher_and_lasts(ros, tmp_path):
         planning.wait_state(lambda state: state.phase is not Phase.PAUSED, "resumed")
 
 
-PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "commands.md"
-DOCUMENTED = [line for line in PAGE.read_text().splitlines() if line.startswith("ros2 ")]
+PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "robot.md"
+COMMANDS = PAGE.read_text().partition("## All commands")[2]
+DOCUMENTED = [line for line in COMMANDS.splitlines() if line.startswith("ros2 ")]
 TOOL = "import sys; from ros2cli.cli import main; sys.argv[0] = 'ros2'; sys.exit(main())"
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter files and documents agree with the tables of parameter_tables.py and planner_parameters.py."""
+"""Parameter files agree with the tables of the nodes: parameter_tables.py, planner_parameters.py."""
 
 from __future__ import annotations
 
@@ -95,17 +95,11 @@ def test_ranges_are_said_in_words(tables, low, high, said):
     assert tables.allowed(Parameter(name="x", default=1.0, description="x", low=low, high=high)) == said
 
 
-def test_the_table_has_a_row_for_each_parameter(tables):
-    lines = tables.markdown_table(ROWS).splitlines()
-    assert lines[2] == "| `radius_m` | double | `2.0` | m | >= 0 | radius |"
-    assert lines[3] == '| `fit` | string | `"reml"` |  | `reml`, `""` | how it is \\| fitted |'
-
-
 def test_a_table_takes_the_place_of_the_old_one_only(tables):
-    document = "a\n<!-- parameters of x -->\nold\n<!-- end of x -->\nb\n"
+    document = "a\n<!-- x -->\nold\n<!-- end of x -->\nb\n"
     new = tables.with_table(document, "x", "new \\1")
-    assert new == "a\n<!-- parameters of x -->\nnew \\1\n<!-- end of x -->\nb\n"
-    with pytest.raises(ValueError, match="<!-- parameters of y --> and <!-- end of y --> once"):
+    assert new == "a\n<!-- x -->\nnew \\1\n<!-- end of x -->\nb\n"
+    with pytest.raises(ValueError, match="<!-- y --> and <!-- end of y --> once"):
         tables.with_table(document, "y", "new")
 
 

@@ -14,14 +14,7 @@ from typing import Any
 from rehearsal.cases import ROBOT_RADIUS_M, Fault, Ground, Place
 from rehearsal.disk import Disk
 from rehearsal.judge import Judge
-from rehearsal.servers import (
-    ActionServer,
-    Answered,
-    CancelAnswered,
-    GoalOver,
-    PoseListener,
-    Reply,
-)
+from rehearsal.servers import ActionServer, Answered, CancelAnswered, GoalOver, PoseListener, Reply
 from rehearsal.world import SPEED_MPS, World
 from soilmoist_ros.exploration import (
     ANYBODYS,

@@ -83,7 +83,7 @@ def test_import_is_light():
     assert done.stdout.strip() == "[]"
 
 
-# Outputs of a mission: mission_report.py, and mission_section.py of the page ------------------------------------
+# Outputs of a mission -------------------------------------------------------------------------------------------
 
 FAKE = Path(__file__).resolve().parents[1] / "simulation"
 MISSION_FILES = [

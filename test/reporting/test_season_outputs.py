@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from scipy.io import netcdf_file
 
+from reporting.packed import unpack, unpack_bits
 from soilmoist_ros.reporting.netcdf import FILL
-from soilmoist_ros.reporting.page.viewer import unpack, unpack_bits
 from soilmoist_ros.reporting.season_outputs import (
     NAMES,
     estimate_text,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache, reduce
 
 import numpy as np
@@ -31,7 +31,6 @@ from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Str
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
 from soilmoist_ros.exploration.travel.travel import RobotMotion, TravelModel
 from soilmoist_ros.mapping import (
-    NOTHING,
     Field,
     FieldGrid,
     FieldMap,
@@ -409,7 +408,7 @@ class ExplorerSettings:
     access: AccessRules = NO_MARGIN
     calibration: MoistureCurve | None = None
     learn_travel: bool = True
-    knowledge: Knowledge = NOTHING
+    knowledge: Knowledge = field(default_factory=Knowledge)
 
     @property
     def needs_map(self) -> bool:

@@ -19,7 +19,7 @@ from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, Reques
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.foundation import SoilmoistError
-from soilmoist_ros.mapping import NO_SAMPLES, Changing, FieldMap, FieldMapSettings, Samples, VariogramFit
+from soilmoist_ros.mapping import Changing, FieldMap, FieldMapSettings, Samples, VariogramFit
 
 SAME_TIME_S = 1e-3
 """Times that differ by less are the same: they have been through messages [s]."""
@@ -191,7 +191,7 @@ def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:
     known = {each.name: each for each in explorer.properties}
     properties = []
     for each in maps:
-        samples = each.samples[0] if each.samples is not None else NO_SAMPLES
+        samples = each.samples[0] if each.samples is not None else Samples.none()
         held = known.get(each.name) if each.required else None
         held = held or Property(FieldMap(explorer.grid, FieldMapSettings(for_planning=True)), name=each.name)
         held.weight, held.factor = each.weight, each.factor

@@ -24,7 +24,7 @@ from soilmoist_ros.exploration.mission.types import MissionRules, MissionStatus,
 from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS
 from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.foundation import Health, InputError, Level
-from soilmoist_ros.mapping import FieldMap, as_samples
+from soilmoist_ros.mapping import FieldMap, Samples
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ def foreseen(
     rate = np.zeros(len(pending)) if field_map.kriging is None else field_map.kriging.predict(places(pending))[0]
     exposure_s = [each.exposure_s / factor for each in pending]
     counts = [round(max(r, MIN_RATE_CPS) * t) for r, t in zip(rate.tolist(), exposure_s, strict=True)]
-    pending_samples = as_samples(places(pending), counts, exposure_s)
+    pending_samples = Samples(places(pending), np.array(counts, float), np.array(exposure_s))
     expected, changing = field_map.samples.joined(pending_samples), field_map.changing
     ahead = FieldMap(field_map.grid, field_map.settings)
     if field_map.soil_map is None:

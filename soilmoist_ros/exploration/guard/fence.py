@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.travel.drivable_area import TOLERANCE_M, DrivableArea
 from soilmoist_ros.foundation import InputError, PlaneMove, listing
-from soilmoist_ros.mapping import MIN_AREA_M2, Field
+from soilmoist_ros.mapping import Field
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -86,7 +86,7 @@ class Fence:
         """Parts of the field between which a robot with the margin cannot drive, in words; empty if whole."""
         import shapely
 
-        parts = [part for part in shapely.get_parts(self.area.shape) if part.area >= MIN_AREA_M2]
+        parts = [part for part in shapely.get_parts(self.area.shape) if part.area >= Field.MIN_AREA_M2]
         if len(parts) < 2:
             return ""
         said = []

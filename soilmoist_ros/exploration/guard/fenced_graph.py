@@ -21,7 +21,7 @@ from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation import InputError, distance_text, listing
-from soilmoist_ros.mapping import Misplaced, misplaced
+from soilmoist_ros.mapping import Misplaced
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -362,7 +362,7 @@ _REMEDIES = {
 def _cause(graph: TravelGraph, fence: Fence) -> Misplaced | None:
     import shapely
 
-    return misplaced(shapely.MultiPoint(graph.xy), shapely.Polygon(fence.field.polygon), fence.field.frame)
+    return Misplaced.of(shapely.MultiPoint(graph.xy), shapely.Polygon(fence.field.polygon), fence.field.frame)
 
 
 def _in_degrees(graph: TravelGraph, fence: Fence) -> bool:

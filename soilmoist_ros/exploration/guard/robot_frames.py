@@ -388,7 +388,9 @@ def _speed_mps(pairs: list[_Pair]) -> float:
 
 # The robot between the two planes -------------------------------------------------------------------------------
 
-FIELD, MAP, ROBOT = "field", "map", "robot"
+FIELD = "field"
+MAP = "map"
+ROBOT = "robot"
 """Sources of the navigation's datum that are no datum themselves."""
 MAX_TF_AGE_S: Final = 5.0
 """Age from which TF no longer tells where the robot is [s]."""

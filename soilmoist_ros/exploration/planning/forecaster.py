@@ -10,8 +10,9 @@ would be::
     IV(T) = sum_i a_i l_i / (1 + T l_i),    a_i = sum_g omega_g D_g U_gi^2
 
 One decomposition gives the curve for all T. Two constants lead from there to a mission, fitted to simulated
-missions (``scripts/bench_forecast.py``): a second of a plan is worth :data:`EFFICIENCY` s of even counting, and
-the standard deviation falls by a further power of the counting time, because the variogram becomes certain.
+missions (``scripts/bench_missions.py forecasts``): a second of a plan is worth :data:`EFFICIENCY` s of even
+counting, and the standard deviation falls by a further power of the counting time, because the variogram becomes
+certain.
 """
 
 from __future__ import annotations
@@ -31,7 +32,6 @@ from soilmoist_ros.mapping import (
     Samples,
     Variogram,
     VariogramFit,
-    as_samples,
     correlation_model,
     sample_correlation,
     spatial_blocks,
@@ -278,4 +278,4 @@ def _few(samples: Samples) -> Samples:
     pools = spatial_blocks(samples.xy, 0, -(-len(samples) // _MAX_PLACES))
     exposure_s = np.array([samples.exposure_s[pool].sum() for pool in pools])
     xy = np.array([np.average(samples.xy[pool], axis=0, weights=samples.exposure_s[pool]) for pool in pools])
-    return as_samples(xy, np.array([samples.counts[pool].sum() for pool in pools]), exposure_s)
+    return Samples(xy, np.array([samples.counts[pool].sum() for pool in pools]), exposure_s)

@@ -11,7 +11,7 @@ counts Z_i and exposures t_i, and a target 0::
 With the Cholesky factor L of the matrix, W = L^-1 C_.0, b = L^-1 1 and a = L^-1 (Z/t - c), where c is the
 generalised least-squares mean, this becomes ``rate = c + a.W`` and
 ``variance = C_00 - |W|^2 + (b.W - 1)^2 / b.b``: one triangular solve per target, no inverse. On a
-large raster most of this work is not needed (:mod:`raster`).
+large raster most of this work is not needed (:mod:`.raster`).
 """
 
 from __future__ import annotations
@@ -23,13 +23,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import IllConditionedError
-from soilmoist_ros.mapping.kriging.raster import RasterKriging, check_raster
+from soilmoist_ros.mapping.kriging.raster import check_raster, krige_raster
 from soilmoist_ros.mapping.kriging.system import (
     KrigingSystem,
     Points,
     Progress,
-    RasterCells,
-    Targets,
     coincident,
     no_system,
     sample_correlation,
@@ -209,7 +207,11 @@ class PoissonKriging:
         :returns: rate [counts/s] and variance without counting noise [(counts/s)^2], each of shape (g,)
         :raises RuntimeError: before :meth:`fit`
         """
-        return self._predict(self._targets(check_xy(xy)), progress)
+        targets = self._targets(check_xy(xy))
+        rate, variance = self._system.surfaces(targets, self.keep_nugget, progress)
+        variance += target_variance(self.variogram, self.keep_nugget, targets.xy)
+        self.clipped_variances = clip_negative(variance, self.variogram.sill)
+        return rate, variance
 
     def predict_grid(
         self,
@@ -230,20 +232,9 @@ class PoissonKriging:
         """
         x, y, wanted = check_raster(x_m, y_m, mask)
         self._fitted()
-        if self.prior is not None:
-            return self._predict_cells(x, y, wanted, progress)
-        rate, variance = RasterKriging(x, y, wanted, self.keep_nugget).solve(self._system, progress)
+        rate, variance = krige_raster(self._system, x, y, wanted, self.keep_nugget, progress)
         self.clipped_variances = clip_negative(variance, self.variogram.sill)
         return rate, variance
-
-    def _predict_cells(
-        self, x_m: Array, y_m: Array, mask: NDArray[np.bool_], progress: Progress | None
-    ) -> tuple[Array, Array]:
-        """The raster cell by cell, for a prior knows no raster."""
-        places, rasters = self._fitted(), np.full((2, *mask.shape), np.nan)
-        cells = RasterCells(self.variogram, places.xy, x_m, y_m, mask, places.spread)
-        rasters[:, mask] = self._predict(cells, progress)
-        return rasters[0], rasters[1]
 
     def weights(self, xy: ArrayLike) -> tuple[Array, Array]:
         """Kriging weights and Lagrange multipliers.
@@ -340,12 +331,6 @@ class PoissonKriging:
             errors.append(self._system.shared(solved if amplitude is None else solved * amplitude[tile, None]))
         return np.concatenate(errors)
 
-    def _predict(self, targets: Targets, progress: Progress | None) -> tuple[Array, Array]:
-        rate, variance = self._system.surfaces(targets, self.keep_nugget, progress)
-        variance += target_variance(self.variogram, self.keep_nugget, targets.xy)
-        self.clipped_variances = clip_negative(variance, self.variogram.sill)
-        return rate, variance
-
     # -- factorisation ---------------------------------------------------------------------------------
 
     def _targets(self, xy: Array) -> Points:
@@ -396,11 +381,7 @@ class PoissonKriging:
         )
 
     def _refactor(self, first: int, known: int, covariance: Array | None = None) -> bool:
-        """Compute the rows of the factor from place ``first`` on; ``known`` rows were there before.
-
-        :param covariance: as :meth:`fit`
-        :returns: whether the matrix is positive definite; if not, the factor is unchanged
-        """
+        """Compute the rows of the factor from place ``first`` on; ``known`` rows were there before."""
         from scipy.linalg import solve_triangular
         from scipy.linalg.lapack import dpotrf
 

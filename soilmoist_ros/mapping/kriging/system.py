@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import squared_distances
 from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane
+from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane, scaled
 from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
@@ -118,6 +118,61 @@ class RasterCells:
         return self._variogram.correlation_of_square(square) if self._separable else square
 
 
+class SamplePoints:
+    """Samples that know their covariance with places.
+
+    :param variogram: variogram of the latent rate
+    :param samples: x, y and the spread in the first columns, shape (m, 6 or more)
+
+    Attributes
+    ----------
+    layers : list
+        (samples, x, y, factor): whose points they are, as in :class:`Supports`,
+        their places as of :func:`scaled` and their weights times the structured sill, each of shape (k,)
+    """
+
+    def __init__(self, variogram: Variogram, samples: Array) -> None:
+        self._correlation = variogram.correlation_model.correlation
+        self.layers: list[tuple[slice | NDArray[np.intp], Array, Array, Array]] = []
+        for which, points, weight in Supports(samples[:, :2], samples[:, 2:6]).layers:
+            factor = np.full(len(points), variogram.structured_sill)
+            factor *= 1.0 if weight is None else weight
+            self.layers.append((which, *scaled(variogram, *points.T), factor))
+
+    def covariance(self, x: Array, y: Array, out: Array) -> None:
+        """Structured covariance with places.
+
+        :param x: scaled east, shape (g,); see :func:`scaled`
+        :param y: scaled north
+        :param out: takes the result, shape (m, g)
+        """
+        at_once = max(1, _AT_ONCE // max(1, len(x)))
+        east, north, factor = (np.concatenate([layer[k] for layer in self.layers]) for k in (1, 2, 3))
+        for start in range(0, len(east), at_once):
+            points = slice(start, start + at_once)
+            square = x - east[points, None]
+            square *= square
+            north_square = y - north[points, None]
+            north_square *= north_square
+            square += north_square
+            correlation = self._correlation(square)
+            correlation *= factor[points, None]
+            self._add(correlation, start, out)
+
+    def _add(self, values: Array, first: int, out: Array) -> None:
+        """Add the values of points, numbered through all layers from ``first`` on, to those of their samples."""
+        begin = 0
+        for which, east, _, _ in self.layers:
+            start, stop = max(first - begin, 0), min(first + len(values) - begin, len(east))
+            if start < stop:
+                part = values[begin + start - first : begin + stop - first]
+                if isinstance(which, slice):
+                    out[start:stop] = part
+                else:
+                    out[which[start:stop]] += part
+            begin += len(east)
+
+
 def sample_correlation(variogram: Variogram, xy: Array, spread: Array | None = None, first: int = 0) -> Array:
     """Structured correlation of samples with those of them from ``first`` on, shape (n, n - first), new memory.
 
@@ -164,28 +219,22 @@ class KrigingSystem(NamedTuple):
     With an amplitude (:class:`Amplitude`), the matrix, the ones and the rates are in units of the amplitude at the
     places.
 
-    :param variogram: variogram of the latent rate
-    :param places: samples at distinct places
-    :param factor: Cholesky factor L of the matrix, lower triangle, shape (n, n)
-    :param ones: b = L^-1 1, shape (n,)
-    :param residual: a = L^-1 (rate - c), shape (n,)
-    :param mean: generalised least-squares mean c [counts/s]
     :param prior: what is known of the field besides; the residual is then about the prior mean too
     :param features: scaled features of the prior at the places, shape (n, p); empty without a prior
-    :param uncertain: errors that the rates share, solved for as the rates are, shape (n, k); none without a drift
-    :param uncertain_mean: their generalised least-squares means, shape (k,) [counts/s]
+    :param uncertain: errors that the rates share, solved for as the rates are, shape (n, k); none without a
+        drift
     """
 
-    variogram: Variogram
-    places: Samples
-    factor: Array
-    ones: Array
-    residual: Array
-    mean: float
+    variogram: Variogram  # variogram of the latent rate
+    places: Samples  # samples at distinct places
+    factor: Array  # Cholesky factor L of the matrix, lower triangle, shape (n, n)
+    ones: Array  # b = L^-1 1, shape (n,)
+    residual: Array  # a = L^-1 (rate - c), shape (n,)
+    mean: float  # generalised least-squares mean c [counts/s]
     prior: FieldPrior | None = None
     features: Array = _NO_FEATURES
     uncertain: Array = _NO_FEATURES
-    uncertain_mean: Array = np.empty(0)
+    uncertain_mean: Array = np.empty(0)  # their generalised least-squares means, shape (k,) [counts/s]
 
     @classmethod
     def of_factor(

@@ -46,14 +46,10 @@ class Effect:
 
 @dataclass(frozen=True)
 class Relation:
-    """How an earlier survey is related to this one.
+    """How an earlier survey is related to this one."""
 
-    :param name: of the earlier survey
-    :param correlation: of the patterns of the two surveys, posterior mean
-    """
-
-    name: str
-    correlation: float
+    name: str  # of the earlier survey
+    correlation: float  # of the patterns of the two surveys, posterior mean
 
 
 @dataclass(frozen=True, eq=False)

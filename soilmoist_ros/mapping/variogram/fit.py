@@ -72,6 +72,11 @@ class VariogramFit:
     prior: FieldPrior | None = None
 
     @property
+    def mode(self) -> Variogram:
+        """The mode of the stationary fit, whose variances are posterior means."""
+        return mode_of(self.stationary, self.log_sd)
+
+    @property
     def stationary(self) -> Variogram:
         """The variogram of the stationary fit."""
         return self.variogram if self.local is None else self.local.stationary
@@ -190,18 +195,18 @@ def estimate_variogram(
         raise ValueError("fitting a variogram needs at least one sample; wait for the first record")
     if extent_m is not None and not (np.isfinite(extent_m) and extent_m > 0):
         raise ValueError(f"extent_m must be positive and finite, got {extent_m}")
-    bins = _Bins.of(places, edges)
+    classes = _classes(places, edges)
     if method == "soft_l1":
-        fit = _fit_soft_l1(places, model, bins)
+        fit = _fit_soft_l1(places, model, classes)
         return replace(fit, local_rate=LocalRate.of(places, fit.variogram)) if local_noise else fit
     surveys = Surveys((places, *others), None if effects is None else tuple(effects))
-    return _fit_reml(surveys, model, bins, extent_m, anisotropy, local_noise, box, like)
+    return _fit_reml(surveys, model, classes, extent_m, anisotropy, local_noise, box, like)
 
 
 def _fit_reml(
     surveys: Surveys,
     model: ModelName,
-    bins: _Bins,
+    classes: _Classes,
     extent_m: float | None,
     anisotropy: bool,
     local_noise: bool,
@@ -211,7 +216,7 @@ def _fit_reml(
     """Restricted maximum likelihood."""
     places = surveys.samples[0]
     extent = extent_m or float(np.ptp(places.xy, axis=0).max()) or UNKNOWN_EXTENT_M
-    begin = None if like is None else mode_of(like.stationary, like.log_sd)
+    begin = None if like is None else like.mode
     estimate = maximise_reml(surveys, model, extent, anisotropy, begin)
     local_rate = LocalRate.of(places, estimate.variogram) if local_noise else None
     fit = VariogramFit(
@@ -224,7 +229,7 @@ def _fit_reml(
         estimate.prior_share,
         estimate.converged,
         estimate.message,
-        *bins.columns,
+        *classes,
         local_rate,
     )
     if like is not None and like.variogram.amplitude is None:
@@ -235,30 +240,26 @@ def _fit_reml(
     return fit if found is None else replace(fit, variogram=found[0], local=found[1])
 
 
-@dataclass(frozen=True, eq=False)
-class _Bins:
-    """The empirical semivariogram as (lag_m, gamma, weight, edges_m)."""
-
-    columns: tuple[Array, Array, Array, Array]
-
-    @classmethod
-    def of(cls, places: Samples, edges: ArrayLike | None) -> _Bins:
-        nothing = np.empty(0)
-        if edges is None and len(places) < 2:
-            return cls((nothing, nothing, nothing, nothing))
-        limits = default_edges(places.xy) if edges is None else np.asarray(edges, float)
-        if (every := -(-len(places) // MAX_PAIRED_PLACES)) > 1:
-            places = Samples(places.xy[::every], places.counts[::every], places.exposure_s[::every])
-        return cls((*semivariogram_of(places, limits), limits))
+_Classes = tuple[Array, Array, Array, Array]
+"""The empirical semivariogram: lag_m, gamma, weight, and edges_m."""
 
 
-def _fit_soft_l1(places: Samples, model: ModelName, bins: _Bins) -> VariogramFit:
+def _classes(places: Samples, edges: ArrayLike | None) -> _Classes:
+    if edges is None and len(places) < 2:
+        return np.empty(0), np.empty(0), np.empty(0), np.empty(0)
+    limits = default_edges(places.xy) if edges is None else np.asarray(edges, float)
+    if (every := -(-len(places) // MAX_PAIRED_PLACES)) > 1:
+        places = Samples(places.xy[::every], places.counts[::every], places.exposure_s[::every])
+    return (*semivariogram_of(places, limits), limits)
+
+
+def _fit_soft_l1(places: Samples, model: ModelName, classes: _Classes) -> VariogramFit:
     """Soft-L1 least squares of nugget, range and structured sill on the classes that are not empty.
 
     The fit uses units of the mean absolute semivariance and of the largest lag, so the unit of time does not
     matter. The structured sill stays above (1 % of the mean rate)^2; below, nothing could be mapped.
     """
-    lag_m, gamma, weight, _ = bins.columns
+    lag_m, gamma, weight, _ = classes
     if len(places) < 2 or not weight.any():
         raise ValueError(
             "method soft_l1 needs samples at two distinct places within the distance classes; "
@@ -281,5 +282,5 @@ def _fit_soft_l1(places: Samples, model: ModelName, bins: _Bins) -> VariogramFit
         (0.0, 0.0, 0.0),
         found.converged,
         "converged" if found.converged else "no convergence",
-        *bins.columns,
+        *classes,
     )

@@ -35,7 +35,6 @@ from soilmoist_ros.mapping.samples import Samples, noise_rate, spatial_blocks
 from soilmoist_ros.mapping.variogram.model import (
     Amplitude,
     Box,
-    CorrelationModel,
     Variogram,
     correlation_model,
     isotropic_plane,
@@ -318,23 +317,15 @@ class _Likelihood:
         )
 
 
-class _Correlations:
-    """Correlation of points and its slope, as :meth:`SupportCorrelation.at`."""
-
-    def __init__(self, model: CorrelationModel, xy: Array) -> None:
-        self._model, self._square = model, squared_distances(xy, xy)
-
-    def __call__(self, range_m: float) -> tuple[Array, Array]:
-        return self._model.with_slope(self._square / range_m**2)
-
-
 def _correlation_by_range(places: Samples, mode: Variogram) -> Callable[[float], tuple[Array, Array]]:
     """Correlation between all samples and its slope, as a function of the range."""
     model = correlation_model(mode.model)
     plane = None if mode.anisotropy == 1 else isotropic_plane(mode.anisotropy, mode.angle_deg)
     if places.spread.any():
         return SupportCorrelation(model, places.xy, places.spread, 4, plane).at
-    return _Correlations(model, places.xy if plane is None else places.xy @ plane)
+    xy = places.xy if plane is None else places.xy @ plane
+    square = squared_distances(xy, xy)
+    return lambda range_m: model.with_slope(square / range_m**2)
 
 
 def _table_shape(box: Box, mode: Variogram) -> tuple[int, int]:

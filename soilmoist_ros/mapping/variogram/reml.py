@@ -61,18 +61,12 @@ _ROUGH = 0.3
 
 
 class Minimum(NamedTuple):
-    """Minimum of a function.
+    """Minimum of a function."""
 
-    :param at: parameters, shape (p,)
-    :param value: value at the minimum
-    :param gradient: gradient at the minimum, shape (p,)
-    :param converged: whether the next step would be negligible
-    """
-
-    at: Array
-    value: float
-    gradient: Array
-    converged: bool
+    at: Array  # parameters, shape (p,)
+    value: float  # value at the minimum
+    gradient: Array  # gradient at the minimum, shape (p,)
+    converged: bool  # whether the next step would be negligible
 
 
 def minimise(
@@ -270,22 +264,17 @@ def _variance_without_noise(places: Samples, mean_rate: float) -> float:
 class RemlEstimate:
     """Result of :func:`maximise_reml`.
 
-    :param variogram: variogram to krige with; structured variance and nugget are posterior means
-    :param mode: posterior mode
-    :param log_likelihood: restricted log-likelihood at the mode, without the prior
     :param log_sd: standard errors of log (structured variance, range, nugget) by Laplace's approximation
     :param prior_share: influence of the prior on each parameter, from 0 (data only) to 1 (prior only)
-    :param converged: whether the optimiser reports convergence
-    :param message: message of the optimiser
     """
 
-    variogram: Variogram
-    mode: Variogram
-    log_likelihood: float
+    variogram: Variogram  # variogram to krige with; structured variance and nugget are posterior means
+    mode: Variogram  # posterior mode
+    log_likelihood: float  # restricted log-likelihood at the mode, without the prior
     log_sd: tuple[float, float, float]
     prior_share: tuple[float, float, float]
-    converged: bool
-    message: str
+    converged: bool  # whether the optimiser reports convergence
+    message: str  # message of the optimiser
 
 
 def mode_of(means: Variogram, log_sd: tuple[float, float, float] | None) -> Variogram:
@@ -505,22 +494,14 @@ def _highest_peak(surveys: Surveys, model: ModelName, prior: Prior, anisotropy: 
 
 @dataclass(frozen=True, eq=False)
 class _Peak:
-    """A maximum of the posterior.
+    """A maximum of the posterior."""
 
-    :param u: position in prior standard deviations from the prior's medians, shape (3,)
-    :param cost: minus the logarithm of likelihood times prior
-    :param gradient: gradient of the cost at ``u``, shape (3,)
-    :param slope: gradient of the cost as a function of u
-    :param direction: anisotropy and angle [deg]
-    :param converged: whether the gradient is negligible, apart from parameters at bounds
-    """
-
-    u: Array
-    cost: float
-    gradient: Array
-    slope: Callable[[Array], Array]
-    direction: tuple[float, float]
-    converged: bool
+    u: Array  # position in prior standard deviations from the prior's medians, shape (3,)
+    cost: float  # minus the logarithm of likelihood times prior
+    gradient: Array  # gradient of the cost at ``u``, shape (3,)
+    slope: Callable[[Array], Array]  # gradient of the cost as a function of u
+    direction: tuple[float, float]  # anisotropy and angle [deg]
+    converged: bool  # whether the gradient is negligible, apart from parameters at bounds
 
     @classmethod
     def climb(
@@ -566,8 +547,6 @@ def _mean_direction(surveys: Surveys, model: ModelName, prior: Prior, u: Array) 
     The mean is that of the logarithm of the metric (Arsigny et al. 2006, Magnetic Resonance in Medicine
     56:411-421): of the vectors ``log(anisotropy) (cos 2 angle, sin 2 angle)``. So contrary directions cancel.
     The peak of each candidate is one Newton step away from ``u``, for a subset of the places as points.
-
-    :param u: peak for a similar direction, in prior standard deviations
     """
     some = surveys.thinned(_DIRECTED_PLACES)
     candidates = [ISOTROPIC, *((ratio, angle) for ratio in ANISOTROPIES for angle in ANGLES_DEG)]

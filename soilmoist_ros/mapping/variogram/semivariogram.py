@@ -153,20 +153,13 @@ def _block_sums(samples: Samples, rows: slice, limits: Array) -> Array:
 
 
 class SoftL1Fit(NamedTuple):
-    """The minimum of the cost ``c^2 sum(sqrt(1 + (residual / c)^2) - 1)``, c = :data:`OUTLIER`.
+    """The minimum of the cost ``c^2 sum(sqrt(1 + (residual / c)^2) - 1)``, c = :data:`OUTLIER`."""
 
-    :param nugget: in units of the semivariance
-    :param range_: in units of the lag
-    :param structured: structured sill, in units of the semivariance
-    :param cost: cost
-    :param converged: whether the change of the last step was negligible
-    """
-
-    nugget: float
-    range_: float
-    structured: float
-    cost: float
-    converged: bool
+    nugget: float  # in units of the semivariance
+    range_: float  # in units of the lag
+    structured: float  # structured sill, in units of the semivariance
+    cost: float  # cost
+    converged: bool  # whether the change of the last step was negligible
 
 
 def fit_soft_l1(lag: Array, gamma: Array, model: ModelName, least_sill: float) -> SoftL1Fit:

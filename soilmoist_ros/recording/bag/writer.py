@@ -73,7 +73,9 @@ class BagWriter:
     def _begin(self, descriptor: int) -> None:
         """Begin a file; topics are described in each."""
         self._file = _AppendedFile(descriptor, self.path)
-        self._mcap = Writer(cast(IO[bytes], self._file), chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._mcap = Writer(
+            cast("IO[bytes]", self._file), chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD
+        )
         self._mcap.start(profile="ros2")
         self._schemas: dict[str, int] = {}
         self._channels: dict[Topic, int] = {}
@@ -259,7 +261,7 @@ class BagWriter:
     def _describe_again(self) -> None:
         """Describe new topics in a second chunk: damage of the first would make their messages unreadable."""
         if self._new and self._file.tell() > self._new_at:
-            chunk = cast(Any, self._mcap)._Writer__chunk_builder  # the library describes a topic once only
+            chunk = cast("Any", self._mcap)._Writer__chunk_builder  # the library describes a topic once only
             for description in self._new:
                 description.write(chunk.record_writer)
             self._new.clear()

@@ -17,10 +17,8 @@ from soilmoist_ros.mapping import (
     Persistence,
     PoissonKriging,
     SoilMap,
-    estimate_persistence,
     field_change,
     mean_places,
-    mean_variance_of,
 )
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 
@@ -71,7 +69,7 @@ def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun])
         return None
     surveys = [soil_map.samples, *(run.survey.samples for run in used)]
     stamps = [stamp_s, *(run.survey.stamp_s for run in used)]
-    persistence = estimate_persistence(soil_map.variogram, surveys, stamps)
+    persistence = Persistence.estimate(soil_map.variogram, surveys, stamps)
     kriging = JointKriging(soil_map.variogram, surveys, persistence.matrix(stamps))
     # With a drift or a reference sensor, the samples are as at the end of the survey: but for a common error.
     shared = soil_map.made_by.shared if isinstance(soil_map.made_by, PoissonKriging) else None
@@ -81,7 +79,7 @@ def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun])
     errors = np.zeros((len(places), 1)) if shared is None else shared(places)
     for number, run in enumerate(used[1:], 2):
         value, variance = kriging.mean(places, {0: share, number: -share})
-        means[run.survey.name] = Estimate(value, math.sqrt(variance + mean_variance_of(errors, share)))
+        means[run.survey.name] = Estimate(value, math.sqrt(variance + float(((share @ errors) ** 2).sum())))
     alone = JointKriging(soil_map.variogram, surveys[:1], np.eye(1))
     of_cell = (errors**2).sum(axis=1)
     sd, sd_alone = (math.sqrt(float(share @ (one.predict(places, 0)[1] + of_cell))) for one in (kriging, alone))

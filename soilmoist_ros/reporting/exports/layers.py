@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 _UTC = 100
 """GDAL's flag of a time in UTC."""
+KEPT_SHARE = 0.9
+"""Share of a zone of the advice that the file of zones has, below which there is a note."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +94,9 @@ def write_layers(
 ) -> Path:
     """Write layers into one file.
 
-    :param path: file; replaced
-    :param layers: at least one
-    :param frame: plane of the shapes
-    :param crs: reference system of the file
-    :param driver: name of GDAL's driver, such as ``GPKG``
-    :param options: options of the file for the driver
-    :returns: ``path``
+    :param layers: at least one, in the plane of the field
+    :param crs: reference system of the file, which is replaced
+    :param driver: name of GDAL's driver, such as ``GPKG``, with its options
     :raises InputError: if pyogrio is not installed; states how to install it
     """
     from shapely import to_wkb
@@ -151,9 +149,6 @@ def write_shapefile(path: Path, layer: Layer, frame: LocalFrame) -> Path:
 
 
 # The layers of a run: field, no-go areas, samples, records, track, visits, contours and zones -------------------
-
-KEPT_SHARE = 0.9
-"""Share of a zone of the advice that the file of zones has, below which there is a note."""
 
 
 def field_layer(source: RunSource) -> Layer:

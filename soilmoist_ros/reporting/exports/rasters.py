@@ -19,10 +19,11 @@ from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import colour_ramp
 from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource
-from soilmoist_ros.reporting.exports.zones import round_step, shown_range
+from soilmoist_ros.reporting.exports.zones import shown_range
 from soilmoist_ros.reporting.geotiff import BANDS
 from soilmoist_ros.reporting.netcdf import CLOCK, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.page.frame import fill_template
+from soilmoist_ros.reporting.page.numbers import round_step
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
 NODATA, MAX_VALUE = 255, 254
@@ -74,7 +75,7 @@ def _pixels(one: PropertyMap) -> tuple[NDArray[np.uint8], float, float]:
     scale, offset = 1.0, 0.0
     if one.quantity is not MOISTURE:
         low, high = float(values[inside].min()), float(values[inside].max())
-        scale = round_step(max(high - low, 1e-6), MAX_VALUE - 1)
+        scale = round_step(max(high - low, 1e-6) / (MAX_VALUE - 1))
         offset = float(np.floor(low / scale) * scale)
     steps = np.clip(np.round((np.where(inside, values, 0.0) - offset) / scale), 0, MAX_VALUE)
     return np.where(inside, steps, NODATA).astype(np.uint8), scale, offset

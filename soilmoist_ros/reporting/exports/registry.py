@@ -9,12 +9,14 @@ import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from filecmp import cmp
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from soilmoist_ros.foundation import InputError, Registry
 from soilmoist_ros.recording import SUMMARY, sync_file
+from soilmoist_ros.reporting.exports.layers import write_contours, write_zones
+from soilmoist_ros.reporting.exports.qgis import write_geopackage, write_qgis
+from soilmoist_ros.reporting.exports.rasters import write_kmz, write_netcdf, write_styled
 from soilmoist_ros.reporting.exports.source import ExportSettings, RunSource, open_source
 from soilmoist_ros.reporting.opened_run import open_run
 
@@ -39,43 +41,33 @@ class Export:
     name: str = ""
 
 
-def _built_in(module: str, function: str) -> Write:
-    """A function that is imported on use."""
-
-    def write(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
-        chosen: Write = getattr(import_module(f"soilmoist_ros.reporting.exports.{module}"), function)
-        return chosen(source, folder, settings)
-
-    return write
-
-
 BUILT_IN = {
     "qgis": Export(
-        _built_in("qgis", "write_qgis"), "QGIS project",
+        write_qgis, "QGIS project",
         "everything in one project with styles; double-click soilmoist.qgz", ".qgz",
     ),
     "gpkg": Export(
-        _built_in("qgis", "write_geopackage"), "GeoPackage",
+        write_geopackage, "GeoPackage",
         "field, no-go areas, samples, records, track, visits, contours and zones for any GIS", ".gpkg",
     ),
     "styled": Export(
-        _built_in("rasters", "write_styled"), "coloured GeoTIFF",
+        write_styled, "coloured GeoTIFF",
         "one band with a colour table, for farm software that shows pictures", ".tif",
     ),
     "zones": Export(
-        _built_in("layers", "write_zones"), "management zones",
+        write_zones, "management zones",
         "polygons with area, mean moisture and water, for variable-rate terminals (zipped shapefile)", ".zip",
     ),
     "contours": Export(
-        _built_in("layers", "write_contours"), "contour lines",
+        write_contours, "contour lines",
         "lines of equal moisture at round values (zipped shapefile)", ".zip",
     ),
     "kmz": Export(
-        _built_in("rasters", "write_kmz"), "KMZ",
+        write_kmz, "KMZ",
         "map and samples for Google Earth on a phone, without network", ".kmz",
     ),
     "netcdf": Export(
-        _built_in("rasters", "write_netcdf"), "NetCDF",
+        write_netcdf, "NetCDF",
         "maps by the CF conventions, for models and archives", ".nc",
     ),
 }  # fmt: skip
@@ -87,7 +79,7 @@ def _checked(plug_in: Any) -> Export:
     :raises TypeError: if it is no :class:`Export`
     """
     if not isinstance(plug_in, Export):
-        raise TypeError("an export must be a soilmoist_ros.reporting.exports.registry.Export")
+        raise TypeError("an export must be a soilmoist_ros.reporting.Export")
     return plug_in
 
 

@@ -54,14 +54,10 @@ def transformed(transform: Any, x: ArrayLike, y: ArrayLike) -> tuple[Array, Arra
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a map shows to readers.
+    """What a map shows to readers: the band of ``map.tif`` times the scale, in the unit.
 
-    :param band: name of its band in ``map.tif``
-    :param title: name for readers
-    :param unit: unit in which it is shown
-    :param scale: factor from the unit of the band to this unit
     :param column: name with unit for tables, at most ten ASCII characters
-    :param colours: matplotlib colour map; light for low, dark for high values
+    :param colours: colour map; light for low, dark for high values
     """
 
     band: str
@@ -80,15 +76,11 @@ RATE = Quantity("rate", "Neutron count rate", "counts/s", 1.0, "RATE_CPS", "YlOr
 class PropertyMap:
     """Map and points of one property of a run.
 
-    :param name: name of the property, empty for the first
-    :param label: name for readers
+    :param name: name of the property, empty for the first; ``label`` is for readers
     :param bands: rasters by name, shape (rows, columns), north up, NaN outside the field
     :param transform: affine transform from pixels to the reference system
-    :param crs: reference system of the rasters
     :param tags: tags of the file
-    :param frame: plane of the field
-    :param samples: columns of the samples, see :meth:`OpenedRun.samples`
-    :param records: columns of the records, see :meth:`OpenedRun.records`
+    :param samples: columns, see :meth:`OpenedRun.samples`; ``records`` see :meth:`OpenedRun.records`
     :param curve: calibration of the moisture, ``None`` if it is not known
     """
 
@@ -141,11 +133,11 @@ class PropertyMap:
 
     def quantile(self, end: str) -> Array:
         """Quantile ``p05`` or ``p95`` of :attr:`values`; by the standard deviation where there is no such band."""
-        from soilmoist_ros.mapping import QUANTILE_SD
+        from soilmoist_ros.mapping import SoilMap
 
         band = self.bands.get(f"{self.quantity.band}_{end}")
         if band is None:
-            return self.values + (QUANTILE_SD if end == "p95" else -QUANTILE_SD) * self.sd
+            return self.values + (SoilMap.QUANTILE_SD if end == "p95" else -SoilMap.QUANTILE_SD) * self.sd
         return band * self.quantity.scale
 
     def probability(self, number: int, edges: Array, relative: bool) -> Array:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation import InputError, install
 from soilmoist_ros.reporting.certainty import Certainty, certainty
 from soilmoist_ros.reporting.exports.source import PropertyMap
+from soilmoist_ros.reporting.page.numbers import round_step
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -22,17 +23,16 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MAX_LEVELS = 100
-
-
-def round_step(span: float, about: int = 8) -> float:
-    """Step from the 1-2-5 series that divides a span into at most ``about`` parts.
-
-    >>> round_step(17.0), round_step(0.9, 5)
-    (5.0, 0.2)
-    """
-    wanted = max(span, 1e-9) / about
-    power = 10.0 ** math.floor(math.log10(wanted))
-    return float(next(power * step for step in (1, 2, 5, 10) if power * step >= wanted * (1 - 1e-9)))
+PAD = 2
+"""Cells by which a map is continued beyond the field, so that lines reach its boundary."""
+MIN_CELLS = 2.0
+"""Length below which a line is left out [cells]."""
+SHARE_OF_FIELD = 0.05
+"""Default of the smallest zone, as a share of the field."""
+SMOOTHING = 0.12
+"""Standard deviation of the smoothing, in widths of the smallest zone."""
+NODE_M = 1e-3
+"""Distance within which corners of zones are one point [m]."""
 
 
 def levels(values: ArrayLike, step: float | None = None, about: int = 8) -> Array:
@@ -48,7 +48,7 @@ def levels(values: ArrayLike, step: float | None = None, about: int = 8) -> Arra
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     if high - low < 1e-9:
         return np.empty(0)
-    chosen = step or round_step(high - low, about)
+    chosen = step or round_step((high - low) / about)
     if (high - low) / chosen > MAX_LEVELS:
         raise InputError(
             f"a step of {chosen:g} gives more than {MAX_LEVELS} contour levels between {low:.3g} and {high:.3g}",
@@ -79,12 +79,6 @@ def shown_range(values: ArrayLike) -> tuple[float, float]:
 
 
 # Contour lines of a map at round values -------------------------------------------------------------------------
-
-
-PAD = 2
-"""Cells by which a map is continued beyond the field, so that lines reach its boundary."""
-MIN_CELLS = 2.0
-"""Length below which a line is left out [cells]."""
 
 
 def continued(values: Array) -> Array:
@@ -140,25 +134,14 @@ def contour_lines(
 # Management zones: classes of a map as workable polygons that share their borders and cover the field -----------
 
 
-SHARE_OF_FIELD = 0.05
-"""Default of the smallest zone, as a share of the field."""
-SMOOTHING = 0.12
-"""Standard deviation of the smoothing, in widths of the smallest zone."""
-NODE_M = 1e-3
-"""Distance within which corners of zones are one point [m]."""
-
-
 @dataclass(frozen=True, eq=False)
 class Zone:
     """A connected area of one class.
 
     :param shape: polygon in the plane of the field [m]
     :param number: number of its class, from 1 for the lowest values
-    :param low: lower limit of the class in the unit for readers, -inf for the first
-    :param high: upper limit, inf for the last
-    :param mean: mean of its cells in this unit
-    :param sd: mean standard deviation of its cells
-    :param certainty: how sure the map is that its cells belong to the class
+    :param low: lower limit of the class in the unit for readers, -inf for the first; ``high`` is inf for the last
+    :param mean: mean of its cells in this unit, with their mean standard deviation ``sd``
     :param other: share of its cells that the map puts into another class [0..1]: small parts that joined it
     :param missing: mean below a given value, its quantile 0.05 and 0.95, in the unit for readers; NaN without one
     """

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.reporting.moisture_steps import MoistureSeries, interrupted
-from soilmoist_ros.reporting.page.numbers import duration, number, percent
+from soilmoist_ros.reporting.page.numbers import duration, number, percent, round_step
 from soilmoist_ros.reporting.page.statistics import LeaveOneOut
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
@@ -31,6 +31,14 @@ Limits = tuple[float, float]
 
 BOX = 1000
 """Width and height of the SVG in its own units."""
+MAX_BINS = 240
+MAX_POINTS = 1500
+MAX_STEPS = 10
+"""Longest step of a line, in usual ones; longer ones are gaps."""
+TIME_STEPS_S = (10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400)
+_SHOWN = (0.0, 0.25, 0.5)
+_COLOURS: tuple[Colour, ...] = ("soft", "orange", "purple")
+_HEADROOM = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,12 +91,7 @@ class Path:
 
 @dataclass(frozen=True)
 class Tick:
-    """A label of an axis.
-
-    :param percent: position along the axis [%]
-    :param text: label
-    :param minor: hidden on narrow screens
-    """
+    """A label of an axis at a position along it [%]; a minor one is hidden on narrow screens."""
 
     percent: float
     text: str
@@ -100,17 +103,11 @@ class Chart:
     """A chart with its texts.
 
     :param key: anchor in the page
-    :param title: heading
     :param alt: description in words, for readers who cannot see it
-    :param marks: what is drawn, in order
-    :param x: limits of the horizontal axis
-    :param y: limits of the vertical axis
-    :param x_label: quantity and unit
-    :param y_label: quantity and unit
+    :param x: limits of the horizontal axis, ``y`` of the vertical one
     :param caption: what to see in it
-    :param height_px: height of the plot
-    :param x_ticks: labels of the horizontal axis as (value, text); made from the limits by default
-    :param y_ticks: labels of the vertical axis, likewise
+    :param x_ticks: labels of the horizontal axis as (value, text), ``y_ticks`` of the vertical one; made from the
+        limits by default
     :param top_ticks: labels above the plot as (value of x, text)
     """
 
@@ -233,12 +230,6 @@ def round_ticks(low: float, high: float, count: int) -> list[tuple[float, str]]:
     return [(value, f"{value:.{digits}f}".replace("-", "\u2212")) for value in values]
 
 
-def round_step(least: float) -> float:
-    """The smallest 1, 2 or 5 times a power of ten that is not below ``least`` (> 0)."""
-    power = 10.0 ** math.floor(math.log10(least))
-    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= least * (1 - 1e-9))
-
-
 def limits_of(*values: ArrayLike, margin: float = 0.06, zero: bool = False) -> Limits:
     """Limits around all finite values, with a margin; ``zero`` includes 0."""
     parts = [np.asarray(value, float).ravel() for value in values]
@@ -254,13 +245,6 @@ def limits_of(*values: ArrayLike, margin: float = 0.06, zero: bool = False) -> L
 
 
 # Charts of a survey: distribution, rate and factors over time, cross-validation ---------------------------------
-
-
-MAX_BINS = 240
-MAX_POINTS = 1500
-MAX_STEPS = 10
-"""Longest step of a line, in usual ones; longer ones are gaps."""
-TIME_STEPS_S = (10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400)
 
 
 def histogram_chart(run: MapRun) -> Chart:
@@ -405,11 +389,6 @@ def time_axis(time_s: ArrayLike) -> tuple[Limits, list[tuple[float, str]], str]:
 
 
 # Chart of the map's standard deviation against mission time, as forecast and as reached -------------------------
-
-
-_SHOWN = (0.0, 0.25, 0.5)
-_COLOURS: tuple[Colour, ...] = ("soft", "orange", "purple")
-_HEADROOM = 4.0
 
 
 def forecast_chart(forecasts: Sequence[TimedForecast], planned_s: float) -> Chart | None:

@@ -32,16 +32,11 @@ FEW_PLACES = 10
 class Zone:
     """A class of the field's area.
 
-    :param name: name for readers
     :param limits: its range in words, with the unit
-    :param colour: colour on the map
-    :param area_m2: its area [m^2]
     :param share: share of the field's area [0..1]
-    :param certainty: how sure the map is of it
     :param water_mm: mean water in the root zone [mm], NaN without a calibration
-    :param missing_mm: mean water missing to field capacity [mm], NaN if that is unknown
-    :param missing_mm_p05: quantile 0.05 of what is missing at a place, mean over the zone [mm]
-    :param missing_mm_p95: quantile 0.95 likewise [mm]
+    :param missing_mm: mean water missing to field capacity [mm], NaN if that is unknown; ``missing_mm_p05`` and
+        ``missing_mm_p95`` are quantiles of what is missing at a place, mean over the zone
     """
 
     name: str

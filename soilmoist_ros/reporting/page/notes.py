@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soilmoist_ros.mapping import coverage
 from soilmoist_ros.reporting.earlier.doubts import MAX_AHEAD_S, doubts, mean_rate
 from soilmoist_ros.reporting.geometry import distances_m, track_xy
 from soilmoist_ros.reporting.moisture_steps import at_one_place
@@ -189,7 +188,7 @@ def _n0_doubt(soil_map: SoilMap) -> str:
 
 def _on_covariates(run: MapRun) -> Iterator[Note]:
     """Note on covariates that much of the field lacks."""
-    shares = {} if run.covariates is None else coverage(run.covariates, run.soil_map.grid)
+    shares = {} if run.covariates is None else run.covariates.coverage(run.soil_map.grid)
     gaps = [f"{name} ({percent(share)})" for name, share in shares.items() if share < MIN_COVERAGE]
     if gaps:
         yield Note(

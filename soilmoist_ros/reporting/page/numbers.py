@@ -67,6 +67,12 @@ def tidy(text: str) -> str:
     return text.replace(" %", "\u00a0%").replace("± ", "±\u00a0")
 
 
+def round_step(least: float) -> float:
+    """The smallest 1, 2 or 5 times a power of ten that is not below ``least`` (> 0)."""
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= least * (1 - 1e-9))
+
+
 def area(area_m2: float) -> tuple[str, str]:
     """An area and its unit: hectares, square kilometres if very large."""
     size, unit = _area_unit(area_m2)

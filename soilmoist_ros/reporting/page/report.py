@@ -29,6 +29,8 @@ from soilmoist_ros.reporting.page.wording import Fact
 from soilmoist_ros.reporting.run import MapRun
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
+MAX_VISITS = 100
+MAX_LINES = 1000
 
 
 def write_report(path: Path, run: MapRun) -> Path:
@@ -149,9 +151,6 @@ def _factor(log_sd: float | None) -> str:
 
 
 # The page of a run that made no map -----------------------------------------------------------------------------
-
-MAX_VISITS = 100
-MAX_LINES = 1000
 
 
 def render_failed(failed: FailedRun) -> str:

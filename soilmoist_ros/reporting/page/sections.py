@@ -7,11 +7,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from soilmoist_ros.exploration import Visit, polyline_length_m
-from soilmoist_ros.mapping import FALSE_SHARE, Estimate, possible_moisture
+from soilmoist_ros.mapping import Estimate, FieldChange, possible_moisture
 from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.earlier.run_change import RunChange
 from soilmoist_ros.reporting.page import numbers
@@ -20,19 +21,12 @@ from soilmoist_ros.reporting.page.numbers import duration, dwell_text, length, n
 from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation import MissionResult, SeriesRow, forecast_text, mission_efficiency, series_columns
 
+MAX_VISITS = 100
+MAX_LINES = 1000
 
-@dataclass(frozen=True)
-class EarlierRow:
-    """A row of the table of earlier surveys.
 
-    :param name: name of the survey
-    :param date: its day; empty for a clock without a date
-    :param records: number of records used
-    :param samples: number of samples
-    :param relation: correlation of its pattern with that of the present survey; empty if unknown
-    :param change: change of the field's mean since then; empty if unknown
-    :param remarks: what the user should know
-    """
+class EarlierRow(NamedTuple):
+    """A row of the table of earlier surveys; texts are empty where nothing is known."""
 
     name: str
     date: str
@@ -45,12 +39,7 @@ class EarlierRow:
 
 @dataclass(frozen=True)
 class EarlierPart:
-    """The part of the report.
-
-    :param text: sentences on what the surveys contributed
-    :param change: sentences on what has changed; empty if it is not known
-    :param rows: the earlier surveys in order of time
-    """
+    """What earlier surveys contributed and what has changed, in sentences, and the surveys in order of time."""
 
     text: str
     change: str
@@ -118,8 +107,8 @@ def change_text(found: RunChange) -> str:
     return (
         f"{since[:1].upper()}{since[1:]}, {amount}. {numbers.percent(wetter)} of the field has become wetter "
         f"and {numbers.percent(drier)} drier significantly: of the cells called changed, "
-        f"{numbers.percent(FALSE_SHARE)} at most are expected not to be. The uncertainty is that of both surveys "
-        "together."
+        f"{numbers.percent(FieldChange.FALSE_SHARE)} at most are expected not to be. The uncertainty is that "
+        "of both surveys together."
     )
 
 
@@ -172,21 +161,10 @@ def _rate(change: Estimate) -> str:
 
 # Report section of the mission: its course over time and its stops ----------------------------------------------
 
-MAX_VISITS = 100
-MAX_LINES = 1000
-
 
 @dataclass(frozen=True)
 class MissionPart:
-    """The content of the section.
-
-    :param text: the course of the mission in sentences
-    :param charts: its course over time
-    :param visits: the first stops
-    :param hidden: number of stops missing from the table
-    :param several: whether there are several robots
-    :param log: lines of the mission log: what happened when, and what operators did
-    """
+    """The course of a mission in sentences and charts, its first stops, how many are left out, and its log."""
 
     text: str
     charts: tuple[Chart, ...]

@@ -13,15 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import squared_distances
-from soilmoist_ros.mapping import (
-    QUANTILE_SD,
-    Effect,
-    coverage,
-    footprint_spread,
-    moisture_terms,
-    possible_moisture,
-)
+from soilmoist_ros.mapping import Effect, SoilMap, moisture_terms, possible_moisture
 from soilmoist_ros.reporting.run import MapRun
 
 if TYPE_CHECKING:
@@ -143,11 +135,8 @@ def is_usable(soil_map: SoilMap) -> bool:
 
 @dataclass(frozen=True)
 class LeaveOneOut:
-    """Leave-one-out cross-validation with the map's variogram.
-
-    :param observed: observed rates [counts/s]
-    :param predicted: rates predicted without the sample [counts/s]
-    :param sd: standard deviation of ``observed - predicted``, counting noise included [counts/s]
+    """Leave-one-out cross-validation: observed rates, rates predicted without the sample, and the standard
+    deviation of their difference, counting noise included [counts/s].
     """
 
     observed: NDArray[np.float64]
@@ -170,80 +159,17 @@ class LeaveOneOut:
         return float(np.mean(np.abs(self.observed - self.predicted) <= INTERVAL_SD * self.sd))
 
 
-class _Kriging:
-    """The factored Poisson kriging system of a map's samples, in units of the total sill.
+def _kriging(soil_map: SoilMap) -> PoissonKriging | None:
+    """The kriging of a map; ``None`` if it is too large for a report or numerically singular."""
+    from soilmoist_ros.mapping import PoissonKriging
 
-    The covariance is ``sill - semivariance``, with what is known of the field besides, plus the counting noise.
-    """
-
-    def __init__(self, soil_map: SoilMap) -> None:
-        from scipy.linalg import cho_factor
-
-        self.soil_map = soil_map
-        self.xy = np.asarray(soil_map.samples.xy, float)
-        noise = soil_map.noise_variance
-        self._spread = soil_map.samples.spread
-        self._prior = None if soil_map.fit is None else soil_map.fit.prior
-        system = self._between_samples() + np.diag(noise)
-        self.factor = cho_factor(system, lower=True)
-        self.ones = self.solve(np.ones(len(self.xy)))
-
-    def covariance(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-        variogram = self.soil_map.variogram
-        square = squared_distances(variogram.scaled(a), variogram.scaled(b))
-        nugget = np.where(square == 0, variogram.nugget, 0.0)
-        stationary = variogram.structured_sill * variogram.correlation_of_square(square) + nugget
-        if self._prior is not None:
-            stationary = stationary + self._prior.covariance(self._prior.at(a), self._prior.at(b))
-        return variogram.modulated(np.asarray(stationary, float), a, b)
-
-    def prior_mean(self) -> NDArray[np.float64]:
-        """Prior mean of the rate of each sample about the unknown mean, shape (samples,) [counts/s]."""
-        if self._prior is None:
-            return np.zeros(len(self.xy))
-        return self._prior.mean(self._prior.at(self.xy, self._spread))
-
-    def towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Covariance between the samples and the places, shape (samples, places)."""
-        if not self._spread.any():
-            return self.covariance(self.xy, xy)
-        return self.soil_map.variogram.modulated(self._smooth_towards(xy), self.xy, xy)
-
-    def _smooth_towards(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The same without nugget and amplitude, for samples with a support."""
-        from soilmoist_ros.mapping import Points
-
-        variogram = self.soil_map.variogram
-        correlation = Points(variogram, self.xy, xy, self._spread).correlation(slice(None))
-        smooth = np.asarray(variogram.structured_sill * correlation.T)
-        if self._prior is not None:
-            smooth += self._prior.covariance(self._prior.at(self.xy, self._spread), self._prior.at(xy))
-        return smooth
-
-    def _between_samples(self) -> NDArray[np.float64]:
-        from soilmoist_ros.mapping import Supports
-
-        if not self._spread.any():
-            return self.covariance(self.xy, self.xy)
-        variogram = self.soil_map.variogram
-        stationary = Supports(self.xy, self._spread).average(self._smooth_towards)
-        stationary += variogram.nugget * np.eye(len(self.xy))
-        return variogram.modulated(stationary, self.xy, self.xy)
-
-    def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
-        from scipy.linalg import cho_solve
-
-        return np.asarray(cho_solve(self.factor, right), float)
-
-
-def _kriging(soil_map: SoilMap) -> _Kriging | None:
-    """The kriging system; ``None`` if it is too large for a report or numerically singular."""
     if not 1 <= len(soil_map.samples.xy) <= MAX_SAMPLES or not soil_map.variogram.sill > 0:
         return None
     try:
-        return _Kriging(soil_map)
+        kriging = soil_map.kriging
     except np.linalg.LinAlgError:
         return None
+    return kriging if isinstance(kriging, PoissonKriging) else None
 
 
 def leave_one_out(soil_map: SoilMap) -> LeaveOneOut | None:
@@ -254,14 +180,20 @@ def leave_one_out(soil_map: SoilMap) -> LeaveOneOut | None:
 
     :returns: ``None`` for fewer than 5 or more than ``MAX_SAMPLES`` samples
     """
+    from scipy.linalg import solve_triangular
+
     kriging = _kriging(soil_map) if len(soil_map.samples.xy) >= 5 else None
     if kriging is None:
         return None
-    q = kriging.solve(np.eye(len(kriging.xy))) - np.outer(kriging.ones, kriging.ones) / kriging.ones.sum()
-    observed = np.asarray(soil_map.samples.rate_cps, float)
-    precision = np.diag(q)
-    deviation = observed - kriging.prior_mean()
-    return LeaveOneOut(observed, observed - q @ deviation / precision, 1 / np.sqrt(precision))
+    system, observed = kriging.system, kriging.places.rate_cps
+    of_ones, of_data = solve_triangular(
+        system.factor, np.column_stack([system.ones, system.residual]), lower=True, trans="T"
+    ).T
+    inverse = solve_triangular(system.factor, np.eye(len(observed)), lower=True)
+    precision = (inverse**2).sum(axis=0) - of_ones**2 / (system.ones @ system.ones)
+    amplitude = soil_map.variogram.amplitude_at(kriging.places.xy)
+    unit = 1.0 if amplitude is None else amplitude
+    return LeaveOneOut(observed, observed - unit * of_data / precision, unit / np.sqrt(precision))
 
 
 def mean_sd(soil_map: SoilMap, moisture: bool) -> float | None:
@@ -287,20 +219,12 @@ def _means(soil_map: SoilMap) -> tuple[float | None, tuple[float, float | None]]
 
 def _mean_rate_sd(soil_map: SoilMap) -> float | None:
     """:func:`mean_sd` of the rate."""
-    from soilmoist_ros.mapping import PoissonKriging
-
     kriging = _kriging(soil_map)
     cells = _some_cells(soil_map, MAX_CELLS)[0]
     if kriging is None or not len(cells):
         return None
-    weight = np.full(len(cells), 1 / len(cells))
-    covariance = kriging.towards(cells) @ weight
-    gap = 1 - kriging.ones @ covariance
-    variance = weight @ kriging.covariance(cells, cells) @ weight - covariance @ kriging.solve(covariance)
-    variance += gap**2 / kriging.ones.sum()
-    if isinstance(soil_map.made_by, PoissonKriging):
-        variance += ((weight @ soil_map.made_by.shared(cells)) ** 2).sum()
-    return math.sqrt(max(float(variance), 0.0))
+    variance = float(kriging.covariance(cells).mean()) + soil_map.variogram.nugget / len(cells)
+    return math.sqrt(max(variance, 0.0))
 
 
 def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
@@ -350,7 +274,7 @@ def _of_places(soil_map: SoilMap) -> PoissonKriging | None:
     if fit is None or fit.method != "reml" or not means:
         return None
     columns = samples.xy, samples.counts, samples.exposure_s
-    spread = samples.spread + footprint_spread(radius_m)
+    spread = samples.spread + np.array([0.0, 0.0, 0.0, radius_m])
     model, extent_m, local = soil_map.variogram.model, soil_map.grid.extent_m, fit.local_rate is not None
     found = estimate_variogram(*columns, model, extent_m=extent_m, spread=spread, local_noise=local)
     kriging = PoissonKriging(found.variogram, soil_map.keep_nugget, found.noise_rate, fit.prior)
@@ -401,7 +325,7 @@ def mean_moisture(soil_map: SoilMap) -> MeanMoisture | None:
     if soil_map.curve is None or limits is None or between is None:
         return None
     common = calibration_sd(soil_map) or 0.0
-    away = QUANTILE_SD * math.hypot(between, common)
+    away = SoilMap.QUANTILE_SD * math.hypot(between, common)
     return MeanMoisture(
         value, between, common, max(value - away, limits.dryness), min(value + away, limits.saturation)
     )
@@ -423,11 +347,8 @@ def _evenly(count: int, most: int) -> NDArray[np.intp]:
 
 @dataclass(frozen=True)
 class TruthScore:
-    """Errors of the map against a known truth, over the cells of the field.
-
-    :param rmse: root mean squared error of the rate [counts/s]
-    :param bias: mean of estimate minus truth [counts/s]
-    :param coverage95: share of cells whose 95 % interval contains the truth [0..1]
+    """Errors of the rate against a known truth over the cells of the field [counts/s]: root mean squared error,
+    mean of estimate minus truth, and share of cells whose 95 % interval contains the truth [0..1].
     """
 
     rmse: float
@@ -491,7 +412,7 @@ def covariate_importance(run: MapRun) -> list[Importance]:
     if covariates is None:
         return []
     effects = [Effect(name, 0.0, 0.0) for name in covariates.names] if prior is None else prior.effects
-    covered, mask = coverage(covariates, soil_map.grid), soil_map.grid.mask
+    covered, mask = covariates.coverage(soil_map.grid), soil_map.grid.mask
     rate, curve = float(soil_map.rate[mask].mean()), soil_map.curve
     # The variance of the rate itself: the map is smoother, by its kriging variance.
     total = float(soil_map.rate[mask].var() + soil_map.variance[mask].mean())

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping import Samples, Supports, Variogram, default_edges, mode_of, sample_correlation
+from soilmoist_ros.mapping import Samples, Supports, Variogram, default_edges, sample_correlation
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, Mark
 from soilmoist_ros.reporting.page.numbers import number, percent
 from soilmoist_ros.reporting.run import MapRun
@@ -34,6 +34,7 @@ DIRECTIONS = 6
 """Directions of a curve on each side of the main one."""
 SIMULATIONS = 200
 SEED = 20060215
+UNIT = "Semivariance of the rate [(counts/s)²]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +44,8 @@ class Classes:
     :param angle_deg: direction anticlockwise from east [deg]; ``None`` for all directions
     :param lag_m: weighted mean distance of the pairs [m]
     :param gamma: semivariance without counting noise [(counts/s)^2]; may be negative by chance
-    :param pairs: number of pairs
-    :param expected: mean of ``gamma`` under the model of the map
-    :param low: 5 % of the surveys of a field with this model have a lower semivariance
-    :param high: 5 % have a higher one
+    :param expected: mean of ``gamma`` under the model of the map; 5 % of the surveys of a field with this model
+        have a semivariance below ``low``, 5 % above ``high``
     """
 
     angle_deg: float | None
@@ -66,7 +65,7 @@ class Classes:
 def fitted_mode(soil_map: SoilMap) -> Variogram:
     """The variogram that fits the counts best; the map may use another one."""
     fit, used = soil_map.fit, soil_map.variogram
-    return used if fit is None or used.amplitude is not None else mode_of(used, fit.log_sd)
+    return used if fit is None or used.amplitude is not None else fit.mode
 
 
 def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, spread: Array) -> Array:
@@ -183,8 +182,6 @@ def _support_points(spread: Array) -> tuple[Array, Array]:
 
 
 # The variogram chart: circles, the interval that they should lie in, and the fitted and the used model ----------
-
-UNIT = "Semivariance of the rate [(counts/s)²]"
 
 
 def variogram_charts(run: MapRun) -> Iterator[tuple[Chart, Classes]]:

@@ -17,12 +17,25 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import LocalFrame
 from soilmoist_ros.mapping import FieldChange, FieldGrid
 from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE, calibration_of
-from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, colour_ramp, coloured_png, hex_ramp
+from soilmoist_ros.reporting.colours import (
+    DIFFERENCE,
+    FAINT,
+    INK,
+    RATE,
+    SOFT,
+    UNCERTAIN,
+    WATER,
+    Picture,
+    colour_ramp,
+    coloured_png,
+    data_uri,
+    hex_ramp,
+    robust_range,
+)
 from soilmoist_ros.reporting.geometry import map_extent, rings
-from soilmoist_ros.reporting.page.charts import round_step, round_ticks
+from soilmoist_ros.reporting.page.charts import round_ticks
 from soilmoist_ros.reporting.page.irrigation import Irrigation, has_level
-from soilmoist_ros.reporting.page.numbers import percent, plain
-from soilmoist_ros.reporting.page.style import FAINT, INK, SOFT, Picture, data_uri, robust_range
+from soilmoist_ros.reporting.page.numbers import percent, plain, round_step
 from soilmoist_ros.reporting.run import MapRun
 
 Array = NDArray[np.float64]
@@ -31,6 +44,26 @@ NOTHING = 65535
 """Code of a cell without a value."""
 MAX_CELLS = 90_000
 """Cells from which a raster is thinned."""
+STOPS = 24
+FIXED_VWC = (0.0, 50.0)
+"""Colour limits of moisture that make reports comparable [% by volume]."""
+ROBOTS = {"blue": "#0072b2", "orange": "#b34700", "green": "#00704f", "purple": "#7a3f7a", "gold": "#8a6d00"}
+"""Colours of the robots in order; further robots repeat them from the first."""
+MAX_PLACES = 4000
+PERCENT = "% by volume"
+WIDTH, SIDE, TOP, BOTTOM = 302.0, 7.0, 25.0, 54.0
+"""Width of a picture, and its margins around the map [pt]."""
+TALLEST = 1.3
+"""Longest height of a map, as a share of its largest width."""
+TEXT_PT = 10.5
+"""Size of the text: 12 px where the picture is as wide as a phone."""
+FEW_SAMPLES, MANY_SAMPLES = 60, 400
+COLOURS: Final = 255
+TICKS: Final = 6
+_STYLE: Final = (
+    f"text{{font:{TEXT_PT}px system-ui,sans-serif;fill:{INK}}}.m{{text-anchor:middle}}.e{{text-anchor:end}}"
+    "path{fill:none;stroke-linejoin:round;stroke-linecap:round}"
+)
 
 
 def thinning(shape: tuple[int, ...]) -> int:
@@ -57,25 +90,11 @@ def pack(values: Array) -> dict[str, Any]:
     return {"offset": low, "step": step, "data": base64.b64encode(codes.tobytes()).decode("ascii")}
 
 
-def unpack(packed: dict[str, Any], shape: tuple[int, int]) -> Array:
-    """The raster of :func:`pack`."""
-    codes = np.frombuffer(base64.b64decode(packed["data"]), "<u2").reshape(shape)
-    return np.where(codes == NOTHING, np.nan, packed["offset"] + packed["step"] * codes)
-
-
 def pack_bits(mask: NDArray[np.bool_]) -> str:
     """A mask, eight cells a byte, row by row from south-west; empty if it is empty."""
     if not mask.any():
         return ""
     return base64.b64encode(np.packbits(mask.ravel(), bitorder="little").tobytes()).decode("ascii")
-
-
-def unpack_bits(text: str, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """The mask of :func:`pack_bits`."""
-    if not text:
-        return np.zeros(shape, bool)
-    bits = np.unpackbits(np.frombuffer(base64.b64decode(text), np.uint8), bitorder="little")
-    return bits[: shape[0] * shape[1]].reshape(shape).astype(bool)
 
 
 def rounded(xy: Array, digits: int = 1) -> list[list[float]]:
@@ -84,15 +103,6 @@ def rounded(xy: Array, digits: int = 1) -> list[list[float]]:
 
 
 # Data of the map viewer: rasters with their meaning, and what lies on top of them, all in local metres ----------
-
-
-STOPS = 24
-FIXED_VWC = (0.0, 50.0)
-"""Colour limits of moisture that make reports comparable [% by volume]."""
-ROBOTS = {"blue": "#0072b2", "orange": "#b34700", "green": "#00704f", "purple": "#7a3f7a", "gold": "#8a6d00"}
-"""Colours of the robots in order; further robots repeat them from the first."""
-MAX_PLACES = 4000
-PERCENT = "% by volume"
 
 
 def viewer_data(run: MapRun, found: Irrigation) -> dict[str, Any]:
@@ -331,21 +341,6 @@ def _visits(run: MapRun) -> list[list[Any]]:
 # Pictures of the map for paper and for browsers without scripts, in true proportions ----------------------------
 
 
-WIDTH, SIDE, TOP, BOTTOM = 302.0, 7.0, 25.0, 54.0
-"""Width of a picture, and its margins around the map [pt]."""
-TALLEST = 1.3
-"""Longest height of a map, as a share of its largest width."""
-TEXT_PT = 10.5
-"""Size of the text: 12 px where the picture is as wide as a phone."""
-FEW_SAMPLES, MANY_SAMPLES = 60, 400
-COLOURS: Final = 255
-TICKS: Final = 6
-_STYLE: Final = (
-    f"text{{font:{TEXT_PT}px system-ui,sans-serif;fill:{INK}}}.m{{text-anchor:middle}}.e{{text-anchor:end}}"
-    "path{fill:none;stroke-linejoin:round;stroke-linecap:round}"
-)
-
-
 def pictures(run: MapRun) -> Iterator[Picture]:
     """The map and its uncertainty of each property."""
     for one in run.properties:
@@ -379,14 +374,7 @@ def _picture(
 
 @dataclass(frozen=True)
 class _Sheet:
-    """Where the map lies in the picture.
-
-    :param west: western edge of what is shown [m]
-    :param south: its southern edge [m]
-    :param left: left edge of the map [pt]
-    :param bottom: its bottom, from the top of the picture [pt]
-    :param scale: [pt/m]
-    """
+    """Where the map lies: its western and southern edge [m], these edges in the picture [pt], and pt per m."""
 
     west: float
     south: float

@@ -125,7 +125,7 @@ TABLE = Path(__file__).with_name("cutoff_rigidity.csv")
 def cutoff_rigidity_gv(latitude_deg: float, longitude_deg: float) -> float:
     """Effective vertical cutoff rigidity [GV], bilinear in the table.
 
-    The table has one value per 5 x 10 degrees, for the field of 2020. ``scripts/cutoff_rigidity_table.py``
+    The table has one value per 5 x 10 degrees, for the field of 2020. ``test/equipment/cutoff_rigidity_table.py``
     computed it by tracing particles through the International Geomagnetic Reference Field (IGRF-14). Between its
     values the error is about 0.1 GV, at most 0.3. Published values of neutron monitors, of other years, differ by
     up to 0.5 GV.

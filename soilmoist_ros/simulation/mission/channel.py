@@ -22,7 +22,6 @@ from soilmoist_ros.mapping import (
     MapState,
     SoilMap,
     default_merge_radius_m,
-    joined,
 )
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -37,13 +36,7 @@ Array = NDArray[np.float64]
 
 class Channel:
     """Maps one property for all robots of a mission.
-
-    :param field: true field of the property
-    :param grid: cells of the map
-    :param settings: settings of the mission
     :param curve: calibration for a moisture map, if any
-    :param wanted: settings of the property
-    :param number: number of the property, from 0
     :param earlier: earlier surveys that inform the map, in addition to those that the settings ask for
     :param covariates: covariates that inform it, likewise
     :param whole: whether every map is of all cells; otherwise only the last one is, the others are of those that
@@ -89,7 +82,7 @@ class Channel:
         self.series = earlier_series(field, grid, settings, number)
         merge_m = default_merge_radius_m(grid, choices.margin_m)
         surveys = (one.survey(merge_m, choices.sample_radius_m) for one in self.series)
-        covariates = joined(covariates, simulated_covariates(field, grid, settings, number))
+        covariates = Covariates.joined(covariates, simulated_covariates(field, grid, settings, number))
         mapped = grid if whole else planning_grid(grid)
         self.field_map = FieldMap(mapped, choices, Knowledge((*earlier, *surveys), covariates))
         self.drift = settings.rate_drift
@@ -109,9 +102,6 @@ class Channel:
 
     def take_stop(self, now_s: float, visit: Visit, counted: Sequence[CountRecord], warmed_up: bool) -> None:
         """Add a complete visit to a map of stops.
-
-        :param now_s: time [s]
-        :param visit: the visit
         :param counted: records of the visit
         :param warmed_up: whether enough stops are measured for a map
         """

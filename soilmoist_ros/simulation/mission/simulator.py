@@ -76,8 +76,7 @@ Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 
 _NO_SURVEYS: Mapping[str, Sequence[EarlierSurvey]] = MappingProxyType({})
-PLACES_PER_RECORD = 10
-"""Number of positions, evenly spaced in time, at which the rate of a record is sampled."""
+PLACES_PER_RECORD = 10  # number of positions, evenly spaced in time, at which the rate of a record is sampled
 
 
 def simulate_mission(

@@ -15,7 +15,7 @@ from scipy.spatial.distance import cdist
 
 from soilmoist_ros.foundation.errors import IllConditionedError
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
-from soilmoist_ros.mapping.kriging.raster import RasterKriging
+from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Points, RasterCells, coincident, sample_correlation
 from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
 from soilmoist_ros.mapping.samples import Samples

@@ -1,77 +1,27 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Rows that are kept from one map to the next; :mod:`test_raster` has their maps."""
+"""Kriging on line: maps are those of kriging, and depend on nothing that was kept, bit for bit."""
 
 from dataclasses import replace
 from unittest import mock
 
 import numpy as np
 import pytest
-from scipy.spatial.distance import cdist
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, make_soil_map
 from soilmoist_ros.mapping.kriging import rows as kriging_rows
-from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, PointCovariances, Rows, add_rows
-from soilmoist_ros.mapping.kriging.few_targets import FewTargets
-from soilmoist_ros.mapping.kriging.raster import RasterKriging
-from soilmoist_ros.mapping.kriging.rows import BLOCK, MIN_TAIL, KrigingRows
+from soilmoist_ros.mapping.kriging.rows import BLOCK, MIN_TAIL, FewTargets, KrigingRows, RasterKriging
 from soilmoist_ros.mapping.samples import path_spread
 from soilmoist_ros.mapping.variogram.model import Amplitude
 
-VARIOGRAM = Variogram("matern32", 0.02, 20.0, 0.4)
+SMALL = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 40)], 4.0)
+FINE = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 40)], 1.0)
+MEAN_RATE = 3.0
 RNG = np.random.default_rng(8)
 TARGETS = RNG.uniform(0, 60, (40, 2))
-N = BLOCK + MIN_TAIL + 3
-SAMPLES = Samples(RNG.uniform(0, 60, (N, 2)), RNG.poisson(400, N), np.full(N, 100.0))
-
-
-def some(count):
-    return Samples(SAMPLES.xy[:count], SAMPLES.counts[:count], SAMPLES.exposure_s[:count])
-
-
-def kriged(xy):
-    kriging = PoissonKriging(VARIOGRAM, keep_nugget=True, mean_rate=4.0)
-    rate, variance = kriging.fit(SAMPLES.xy, SAMPLES.counts, SAMPLES.exposure_s).predict(xy)
-    return rate, variance - VARIOGRAM.sill
-
-
-def test_surfaces_are_those_of_kriging():
-    rows = KrigingRows(PointCovariances(TARGETS, True))
-    for count in (1, 20, N):
-        found = rows.update(some(count), VARIOGRAM, 4.0)
-    np.testing.assert_allclose(found, kriged(TARGETS), atol=1e-11)
-
-
-def test_at_samples_the_nugget_is_shared():
-    rows = KrigingRows(PointCovariances(TARGETS, False))
-    rows.update(SAMPLES, VARIOGRAM, 4.0)
-    np.testing.assert_allclose(rows.at_samples(np.array([0, 7])), kriged(SAMPLES.xy[[0, 7]]), atol=1e-11)
-
-
-def test_an_update_that_fails_leaves_nothing_behind():
-    rows = KrigingRows(PointCovariances(TARGETS, True))
-    with mock.patch.object(kriging_rows, "MAX_ROWS", N - 1):
-        assert rows.update(SAMPLES, VARIOGRAM, 4.0) is None
-        found = rows.update(some(20), VARIOGRAM, 4.0)
-    fresh = KrigingRows(PointCovariances(TARGETS, True)).update(some(20), VARIOGRAM, 4.0)
-    assert found.tobytes() == fresh.tobytes()
-
-
-def test_a_sample_that_moved_changes_only_its_own_covariances():
-    rows = KrigingRows(PointCovariances(TARGETS, True))
-    rows.update(SAMPLES, VARIOGRAM, 4.0)
-    for number in (N // 2, 3, N - 1):
-        xy, exposure_s = SAMPLES.xy.copy(), SAMPLES.exposure_s.copy()
-        xy[number] += 0.3
-        exposure_s[number] += 10.0
-        moved = Samples(xy, SAMPLES.counts, exposure_s, SAMPLES.spread)
-        fresh = KrigingRows(PointCovariances(TARGETS, True))
-        assert rows.update(moved, VARIOGRAM, 4.0).tobytes() == fresh.update(moved, VARIOGRAM, 4.0).tobytes()
-
-
-RNG = np.random.default_rng(8)
-TARGETS = RNG.uniform(0, 60, (40, 2))
-FEW = Samples(
+SAMPLES = Samples(
     RNG.uniform(0, 60, (90, 2)), RNG.poisson(400, 90), np.full(90, 100.0), path_spread(RNG.uniform(-6, 6, (90, 2)))
 )
 STATIONARY = Variogram("matern32", 0.02, 20.0, 0.4, 2.0, 30.0)
@@ -81,15 +31,16 @@ UNEVEN = replace(
 
 
 def first(count):
-    return Samples(FEW.xy[:count], FEW.counts[:count], FEW.exposure_s[:count], FEW.spread[:count])
+    return Samples(SAMPLES.xy[:count], SAMPLES.counts[:count], SAMPLES.exposure_s[:count], SAMPLES.spread[:count])
 
 
+@pytest.mark.parametrize("kind", [FewTargets, KrigingRows])
 @pytest.mark.parametrize("variogram", [STATIONARY, UNEVEN])
-def test_surfaces_are_those_of_kriging_however_many_samples_came_at_once(variogram):
-    grown, targets = FewTargets(TARGETS, True), np.vstack([TARGETS, FEW.xy[:1]])
+def test_surfaces_are_those_of_kriging_however_many_samples_came_at_once(variogram, kind):
+    targets = np.vstack([TARGETS, SAMPLES.xy[:1]])
+    grown = kind(targets, True)
     for count in (1, 20, 70, 90, 65):
         samples = first(count)
-        grown = FewTargets(targets, True) if count == 1 else grown
         found = grown.update(samples, variogram, 4.0)
         kriging = PoissonKriging(variogram, True, 4.0)
         kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
@@ -97,15 +48,15 @@ def test_surfaces_are_those_of_kriging_however_many_samples_came_at_once(variogr
         amplitude = variogram.amplitude_at(targets)
         prior = variogram.sill * (1.0 if amplitude is None else amplitude**2)
         np.testing.assert_allclose(found, [rate, variance - prior], atol=1e-10)
-        assert found.tobytes() == FewTargets(targets, True).update(samples, variogram, 4.0).tobytes()
+        assert found.tobytes() == kind(targets, True).update(samples, variogram, 4.0).tobytes()
 
 
 def test_the_kriging_of_a_map_takes_the_covariance_over():
     grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 60), (0, 60)], 4.0)
     raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, True)
     make_soil_map(first(60), grid, STATIONARY, raster=raster)
-    kept = make_soil_map(FEW, grid, STATIONARY, raster=raster)
-    fresh = make_soil_map(FEW, grid, STATIONARY)
+    kept = make_soil_map(SAMPLES, grid, STATIONARY, raster=raster)
+    fresh = make_soil_map(SAMPLES, grid, STATIONARY)
     assert kept.known is not None
     assert fresh.known is None
     for one, other in zip(kept.kriging.predict(TARGETS), fresh.kriging.predict(TARGETS), strict=True):
@@ -127,65 +78,186 @@ def test_all_covariances_that_are_taken_over_are_numbers(monkeypatch):
         assert np.isfinite(few.known.of_samples).all()
 
 
-X_M, Y_M = np.linspace(0.0, 60.0, 13), np.linspace(-20.0, 30.0, 11)
-GRID = np.stack(np.meshgrid(X_M, Y_M), axis=-1).reshape(-1, 2)
-RNG = np.random.default_rng(8)
-TABLE = np.column_stack([RNG.uniform(0, 50, (9, 2)), np.zeros((9, 3))])
-WEIGHTS = RNG.normal(size=(4, 9))
+def variograms(model):
+    return [
+        Variogram(model, 0.02, 30.0, 0.5),
+        Variogram(model, 0.0, 25.0, 0.4, 2.0, 30.0),
+        Variogram(model, 0.05, 60.0, 0.3, 3.0, 90.0),
+    ]
 
 
-def sums(covariances, variogram, samples=TABLE, weights=WEIGHTS):
-    covariances.begin(variogram)
-    assert covariances.keep(samples, np.arange(len(samples)), 10**6)
-    total = np.empty((len(weights), covariances.size))
-    for some, part in covariances.combine(weights):
-        total[:, some] = part
-    return total
+class Mission:
+    """Samples that grow as those of a mission do."""
+
+    def __init__(self, model, seed):
+        self.rng = np.random.default_rng(seed)
+        self.choices = variograms(model)
+        self.variogram = self.choices[0]
+        self.mean_rate = MEAN_RATE
+        self.columns = np.empty((0, 8))  # x, y, counts, exposure, spread
+
+    @property
+    def samples(self):
+        columns = self.columns
+        return Samples(columns[:, :2], columns[:, 2], columns[:, 3], columns[:, 4:])
+
+    def append(self, count):
+        rng = self.rng
+        xy = rng.uniform((0, 0), (60, 45), (count, 2))
+        xy[rng.random(count) < 0.2] = SMALL.cells[rng.integers(len(SMALL.cells))]  # where cells have their centre
+        exposure_s = rng.uniform(50, 600, count)
+        spread = path_spread(rng.uniform(-8, 8, (count, 2))) * (rng.random((count, 1)) < 0.5)
+        spread += np.where(rng.random((count, 1)) < 0.2, [[9.0, 0.0, 9.0, 8.0]], 0.0)
+        counts = rng.poisson(MEAN_RATE * exposure_s)
+        self.columns = np.concatenate([self.columns, np.column_stack([xy, counts, exposure_s, spread])])
+
+    def grow(self, back):
+        """A record joins the sample so far from the last."""
+        row = self.columns[-1 - back % len(self.columns)]
+        row[2:4] += self.rng.poisson(MEAN_RATE * 10), 10.0
+
+    def move(self, back):
+        """The same, not quite at its place."""
+        self.grow(back)
+        self.columns[-1 - back % len(self.columns), :2] += self.rng.normal(0, 0.1, 2)
+
+    def widen(self, back):
+        row = self.columns[-1 - back % len(self.columns)]
+        row[4:] += path_spread([4.0, 2.0])
+
+    def refit(self, number):
+        self.variogram, self.mean_rate = self.choices[number % 3], MEAN_RATE + 0.1 * number
+
+    def forget(self, count):
+        self.columns = self.columns[: max(1, len(self.columns) - count)].copy()
+
+    def again(self, _):
+        """Nothing new."""
 
 
-@pytest.mark.parametrize("model", ["gaussian", "exponential", "spherical", "matern32", "matern52"])
-def test_sums_are_those_of_the_covariance_function(model):
-    variogram = Variogram(model, 0.0, 20.0, 0.4)
-    expected = WEIGHTS @ variogram.covariance(cdist(TABLE[:, :2], GRID))
-    np.testing.assert_allclose(sums(PointCovariances(GRID, True), variogram), expected, atol=1e-12)
+ACTIONS = ("append", "append", "grow", "move", "widen", "refit", "forget", "again")
+steps = st.lists(st.tuples(st.sampled_from(ACTIONS), st.integers(0, 2 * BLOCK)), min_size=1, max_size=6)
 
 
-def test_a_target_at_a_sample_shares_its_nugget_if_asked():
-    variogram, samples = Variogram("matern32", 0.1, 20.0, 0.4), TABLE.copy()
-    samples[3, :2] = GRID[57]
-    shared, smooth = (sums(PointCovariances(GRID, keep), variogram, samples) for keep in (True, False))
-    difference = shared - smooth
-    np.testing.assert_allclose(difference[:, 57], 0.1 * WEIGHTS[:, 3])
-    assert not np.delete(difference, 57, axis=1).any()
+def many_targets():
+    """No number of targets counts as few."""
+    return mock.patch.object(kriging_rows, "MAX_TARGETS", 0)
 
 
-@pytest.mark.parametrize("angle_deg", [0.0, 90.0])
-def test_gaussian_covariances_along_axes_are_products(angle_deg):
-    variogram = Variogram("gaussian", 0.0, 20.0, 0.4, 2.0, angle_deg)
-    samples = TABLE.copy()
-    samples[::2, 2:] = 9.0, 2.0, 4.0
-    found = sums(AxesCovariances(X_M, Y_M), variogram, samples)
-    np.testing.assert_allclose(found, sums(PointCovariances(GRID, False), variogram, samples), atol=1e-12)
+def of_grid(grid, keep_nugget):
+    return RasterKriging(grid.x_m, grid.y_m, grid.mask, keep_nugget)
 
 
-def test_too_much_is_not_kept():
-    covariances = PointCovariances(GRID, False)
-    covariances.begin(Variogram("matern32", 0.0, 20.0, 0.4))
-    assert not covariances.keep(TABLE, np.arange(len(TABLE)), 9 * len(GRID) - 1)
+def update(raster, mission):
+    return raster.update(mission.samples, mission.variogram, mission.mean_rate)
 
 
-def test_rows_are_added_with_their_factors_and_squares():
-    covariances, variogram = PointCovariances(GRID, False), Variogram("matern32", 0.0, 20.0, 0.4)
-    rows = sums(covariances, variogram)
-    of_data, squares, data = np.ones((2, len(GRID))), np.zeros(len(GRID)), RNG.normal(size=(2, 4))
-    add_rows(covariances, WEIGHTS, data, of_data, squares)
-    np.testing.assert_allclose(of_data, 1 + data @ rows)
-    np.testing.assert_allclose(squares, (rows**2).sum(axis=0))
+def kriged(mission, grid, keep_nugget):
+    samples = mission.samples
+    kriging = PoissonKriging(mission.variogram, keep_nugget, mission.mean_rate)
+    kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
+    return np.array([grid.to_raster(values) for values in kriging.predict(grid.cells)])
 
 
-def test_a_table_grows_over_its_chunks():
-    table, values = Rows(3), RNG.normal(size=(300, 3))
-    for start, rows in table.writable(0, 300):
-        rows[:] = values[start : start + len(rows)]
-    weights = RNG.normal(size=(2, 290))
-    np.testing.assert_allclose(table.combine(weights), weights @ values[:290])
+def check_mission(grid, model, keep_nugget, first, actions, seed):
+    raster, mission = of_grid(grid, keep_nugget), Mission(model, seed)
+    mission.append(first)
+    for name, number in [("again", 0), *actions]:
+        getattr(mission, name)(number)
+        found = update(raster, mission)
+        assert found.tobytes() == update(of_grid(grid, keep_nugget), mission).tobytes()
+        np.testing.assert_allclose(found, kriged(mission, grid, keep_nugget), rtol=0, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("few", [False, True])
+@pytest.mark.parametrize(
+    ("model", "keep_nugget"), [("matern32", True), ("exponential", False), ("gaussian", True)]
+)
+@settings(max_examples=8, deadline=None)
+@given(st.integers(1, 2 * BLOCK + MIN_TAIL), steps, st.integers(0, 99))
+def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(
+    few, model, keep_nugget, first, actions, seed
+):
+    with mock.patch.object(kriging_rows, "MAX_SAMPLES", 2 * BLOCK) if few else many_targets():
+        check_mission(SMALL, model, keep_nugget, first, actions, seed)
+
+
+def test_a_mission_in_single_steps_fills_blocks():
+    raster, mission = of_grid(FINE, True), Mission("matern32", 1)
+    for _ in range(2 * BLOCK + MIN_TAIL + 1):
+        mission.append(1)
+        update(raster, mission)
+        mission.move(0)
+        found = update(raster, mission)
+    assert len(raster._cells._blocks) == 2
+    assert found.tobytes() == update(of_grid(FINE, True), mission).tobytes()
+
+
+def test_samples_at_one_place_are_merged():
+    raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
+    mission.append(9)
+    mission.columns[7, :2] = mission.columns[2, :2]
+    np.testing.assert_allclose(update(raster, mission), kriged(mission, SMALL, True), rtol=0, atol=1e-9)
+
+
+def test_one_sample_is_enough():
+    raster, mission = of_grid(SMALL, True), Mission("spherical", 3)
+    mission.append(1)
+    np.testing.assert_allclose(update(raster, mission), kriged(mission, SMALL, True), rtol=0, atol=1e-12)
+
+
+@many_targets()
+def test_what_is_too_much_to_keep_is_kriged_at_once():
+    raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
+    mission.append(60)
+    assert update(raster, mission) is not None
+    with mock.patch.object(kriging_rows, "MAX_ROWS", 40):
+        assert update(raster, mission) is None
+        soil_map = make_soil_map(mission.samples, SMALL, mission.variogram, raster=raster)
+        assert isinstance(soil_map.made_by, PoissonKriging)
+    mission.forget(30)
+    found = update(raster, mission)
+    assert found.tobytes() == update(of_grid(SMALL, True), mission).tobytes()
+    with mock.patch.object(kriging_rows, "MAX_ELEMENTS", 20 * len(SMALL.cells)):
+        assert update(raster, mission) is None
+
+
+def test_a_matrix_near_singular_is_left_to_kriging():
+    raster, mission = of_grid(SMALL, True), Mission("gaussian", 3)
+    mission.variogram = Variogram("gaussian", 0.0, 50.0, 0.5)
+    mission.append(50)
+    good = update(raster, mission)
+    columns = mission.columns.copy()
+    mission.columns[-5:, 2:4] *= 1e9
+    mission.columns[-5:, :2] = mission.columns[0, :2] + 0.01 * np.arange(1, 6)[:, None]
+    assert update(raster, mission) is None
+    mission.columns = columns
+    assert update(raster, mission).tobytes() == good.tobytes()
+
+
+@pytest.mark.parametrize("few", [True, False])
+def test_near_the_least_pivot_rows_are_exact_enough(few):
+    """Against kriging, whose Cholesky factor solves without an inverse."""
+    mission = Mission("matern32", 5)
+    mission.variogram = Variogram("matern32", 0.0, 60.0, 0.5)
+    mission.append(80)
+    mission.columns[:, 4:] = 0.0
+    mission.columns[:, 3] *= 3000  # m*/t down to some 1e-6 of the sill
+    mission.columns[:, 2] = mission.rng.poisson(MEAN_RATE * mission.columns[:, 3])
+    mission.columns[1::2, :2] = mission.columns[::2, :2] + [0.05, 0.0]
+    with mock.patch.object(kriging_rows, "MAX_TARGETS", 1000 if few else 0):
+        found = update(of_grid(SMALL, True), mission)
+    np.testing.assert_allclose(found, kriged(mission, SMALL, True), rtol=0, atol=1e-9)
+
+
+@many_targets()
+def test_memory_does_not_grow_while_the_robot_stands():
+    raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
+    mission.append(BLOCK + 20)
+    update(raster, mission)
+    blocks = [id(block) for block in raster._cells._blocks]
+    for _ in range(200):
+        mission.move(0)
+        update(raster, mission)
+    assert [id(block) for block in raster._cells._blocks] == blocks

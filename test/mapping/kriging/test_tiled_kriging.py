@@ -10,8 +10,7 @@ from scipy.linalg import cholesky
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, make_soil_map
-from soilmoist_ros.mapping.kriging.sample_tree import SampleTree
-from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
+from soilmoist_ros.mapping.kriging.tiled_kriging import SampleTree, TiledKriging
 
 SIDE_M = 180.0
 WINDOW = np.stack(np.meshgrid(np.linspace(50, 110, 17), np.linspace(-5, 55, 17)), -1).reshape(-1, 2)

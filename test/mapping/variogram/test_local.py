@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.kriging.raster import RasterKriging
+from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
 from soilmoist_ros.mapping.samples import Samples, noise_rate
 from soilmoist_ros.mapping.variogram import local as local_fit

@@ -19,7 +19,6 @@ from soilmoist_ros.reporting.exports.zones import (
     contour_lines,
     levels,
     management_zones,
-    round_step,
     zone_limits,
 )
 
@@ -141,7 +140,6 @@ def test_contours_lie_where_the_map_has_their_value():
 
 
 def test_round_values():
-    assert [round_step(span) for span in (0.03, 1.0, 8.0, 17.0)] == pytest.approx([0.005, 0.2, 1.0, 5.0])
     np.testing.assert_allclose(levels([12.1, np.nan, 18.0], 2.0), [14, 16])
     assert levels([3.0, 3.0]).size == 0
     with pytest.raises(InputError, match="more than 100 contour levels"):

@@ -21,10 +21,10 @@ from soilmoist_ros.reporting.page.charts import (
     limits_of,
     moisture_chart,
     rate_chart,
-    round_step,
     round_ticks,
     time_axis,
 )
+from soilmoist_ros.reporting.page.numbers import round_step
 from soilmoist_ros.reporting.page.statistics import leave_one_out
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord

@@ -18,6 +18,7 @@ from soilmoist_ros.mapping import (
     empirical_semivariogram,
     make_soil_map,
 )
+from soilmoist_ros.mapping.variogram.reml import mode_of
 from soilmoist_ros.mapping.variogram.semivariogram import default_edges
 from soilmoist_ros.reporting.page.variogram_charts import (
     Classes,
@@ -113,7 +114,7 @@ def test_covariance_of_samples_is_that_of_kriging():
 
 def test_the_mode_undoes_the_posterior_means():
     soil_map = survey(ISOTROPIC)
-    fit = type("Fit", (), {"log_sd": (0.4, 0.3, 1.2)})()
+    fit = type("Fit", (), {"mode": mode_of(ISOTROPIC, (0.4, 0.3, 1.2))})()
     mode = fitted_mode(dataclasses.replace(soil_map, fit=fit))
     assert mode.structured_sill * math.exp(0.08) == pytest.approx(ISOTROPIC.structured_sill)
     assert mode.nugget * math.exp(0.72) == pytest.approx(ISOTROPIC.nugget)

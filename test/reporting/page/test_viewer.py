@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from reporting.packed import unpack, unpack_bits
 from soilmoist_ros.reporting.outputs import mission_run
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.viewer import (
@@ -23,8 +24,6 @@ from soilmoist_ros.reporting.page.viewer import (
     pack,
     pack_bits,
     thinning,
-    unpack,
-    unpack_bits,
     viewer_data,
 )
 from soilmoist_ros.simulation import MissionSettings, simulate_mission

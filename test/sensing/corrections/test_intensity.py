@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The table of cutoff rigidities, and the script that computes it: scripts/cutoff_rigidity_table.py."""
+"""The table of cutoff rigidities, and the script that computes it: test/equipment/cutoff_rigidity_table.py."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -61,7 +61,7 @@ def test_impossible_scales_and_intensities_are_refused() -> None:
 
 @pytest.fixture(scope="module")
 def script(load_script):
-    return load_script("cutoff_rigidity_table.py")
+    return load_script("../test/equipment/cutoff_rigidity_table.py")
 
 
 @pytest.fixture(scope="module")

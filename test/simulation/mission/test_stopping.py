@@ -59,7 +59,7 @@ def test_without_a_limit_forecasts_change_nothing():
 
 @pytest.mark.slow
 def test_most_maps_end_within_the_band_of_their_forecasts():
-    """``scripts/bench_forecast.py`` has the whole table; here a few missions guard against gross errors."""
+    """``scripts/bench_missions.py`` has the whole table; here a few missions guard against gross errors."""
     inside, ratios = [], []
     for field in ("smooth", "patches", "ridge", "synthetic-low"):
         settings = MissionSettings(field=field, cell_m=4.0, seed=7, hours=1.0, random_field=True)

@@ -1,0 +1,591 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated missions: strategies against the best lattice, forecasts, hours that a field needs, processor time.
+
+usage: .venv/bin/python scripts/bench_missions.py lattices [--fields rough FILE.yaml] [--seeds 20] [--cell 2]
+                                                  [--strategies gcb ivr lattice:optimal] [--save]
+       .venv/bin/python scripts/bench_missions.py forecasts|hours|speed [--seeds N] [--save]
+
+*lattices*: lattices with fixed dwells of 10, 20, 30 and 60 s run on the same fields with the same seeds. The *best
+lattice* at a time is the one with the lowest mean squared error of the rate, averaged over the seeds. Ratios are
+ratios of means over the seeds; +- is the standard error of the ratio over the pairs. Each mission is stored at
+once, under a digest of its settings and of the code; an interrupted run resumes. The lattices are mapped at a
+quarter of the time and at its end only, all others at each plan.
+
+*forecasts*: each mission draws its random field from its seed; every second seed has half of the field's usual
+time. A row is the forecast for the end that was made at a share of the time. ``reached`` is the standard deviation
+of the map at the end, ``error`` the root mean squared error of the map against the truth, both divided by the
+forecast. Uniform fields and those with few counts are part of the set.
+
+*hours*: root mean squared error of the moisture [% by volume] at the end of missions of the recommended strategy
+on random square fields, by the size of the field and by how fast the soil changes.
+
+*speed*: processor time of missions of two hours, on one thread, without imports.
+"""
+
+from __future__ import annotations
+
+import os
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import argparse
+import hashlib
+import json
+import math
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import results
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+import soilmoist_ros
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.lab.comparisons import (
+    LATTICE_DWELLS,
+    QUARTER,
+    Against,
+    Outcome,
+    against_best_lattice,
+)
+from soilmoist_ros.mapping.field import Field
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+from soilmoist_ros.simulation.fields.formulas import formula
+from soilmoist_ros.simulation.fields.rate_grid import Extent
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.mission.mission_result import MissionResult, achieved, map_errors, reported
+from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
+
+Array = NDArray[np.float64]
+Row = Mapping[str, Any]
+
+# Lattices --------------------------------------------------------------------------------------------------------
+
+STATIONARY = (
+    "rough", "smooth", "patches", "ridge", "synthetic-high", "synthetic-low", "airfield-simulated", "validation",
+)  # fmt: skip
+NON_STATIONARY = ("halves", "rough-patch", "strips")
+LATTICES = tuple(f"lattice:{dwell}" for dwell in LATTICE_DWELLS)
+CODE = ("foundation", "sensing", "mapping", "exploration", "simulation")
+"""Folders that decide the result of a mission."""
+WINDOW_M = 10.0
+"""Window of the local variability of the truth [m]."""
+QUARTERS = 4
+EVERY_S = 60.0
+
+
+@dataclass(frozen=True)
+class Job:
+    """One mission.
+
+    :param field: name of a field, or path of a field file
+    :param strategy: ``NAME`` with the dwell rule ``optimal``, or ``NAME:DWELL``
+    :param cell_m: least cell size of the map [m]; the field's if that is larger
+    """
+
+    field: str
+    strategy: str
+    seed: int
+    hours: float = 2.0
+    speed_mps: float = 0.6
+    overhead_s: float = 12.0
+    cell_m: float = 0.0
+
+    @property
+    def settings(self) -> MissionSettings:
+        """Settings of the simulator."""
+        strategy, dwell = combination(self.strategy)
+        cell_m = surrogate_field(self.field).field.cell_m
+        return MissionSettings(
+            field=self.field,
+            strategy=strategy,
+            dwell=dwell,
+            hours=self.hours,
+            seed=self.seed,
+            speed_mps=self.speed_mps,
+            stop_overhead_s=self.overhead_s,
+            cell_m=max(self.cell_m, cell_m or 0.0) or None,
+            series_every_s=EVERY_S,
+            random_field=True,
+        )
+
+    @property
+    def is_lattice(self) -> bool:
+        """Whether this is a lattice, of any dwell."""
+        return combination(self.strategy)[0] == "lattice"
+
+
+def combination(text: str) -> tuple[str, str]:
+    """Strategy and dwell rule of ``NAME`` or ``NAME:DWELL``."""
+    strategy, _, dwell = text.partition(":")
+    return strategy, dwell or "optimal"
+
+
+def digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def code_digest() -> str:
+    """Digest of the code that decides the result of a mission."""
+    root = Path(soilmoist_ros.__file__).parent
+    files = sorted(path for folder in CODE for path in (root / folder).rglob("*.py"))
+    return digest("".join(f"{path.relative_to(root)}\n{path.read_text(encoding='utf-8')}" for path in files))
+
+
+def outcome(result: MissionResult, cpu_s: float) -> dict[str, Any]:
+    """What the tables need of a mission."""
+    end_s = 3600 * result.settings.hours
+    times_s = np.append(np.arange(0.0, end_s, EVERY_S), end_s)
+    columns = result.columns
+    last = np.clip(np.searchsorted(columns["time_s"], times_s + 1e-6, side="right") - 1, 0, None)
+    kept = {name: columns[name][last].tolist() for name in ("mse", "distance_m", "coverage95", "samples")}
+    visits = result.visits
+    again = sum(a.name == b.name for a, b in pairwise(visits))
+    return {
+        "time_s": times_s.tolist(),
+        **kept,
+        "quarters": quarters(result),
+        "ended_s": float(columns["time_s"][-1]),
+        "again": again,
+        "ended": result.ended,
+        "cpu_s": cpu_s,
+    }
+
+
+def quarters(result: MissionResult) -> list[float]:
+    """Coverage of the 95 % interval in the quarters of the field by local variability, the flattest first."""
+    soil_map = result.soil_map
+    if soil_map is None:
+        return [math.nan] * QUARTERS
+    inside = np.isfinite(result.truth_rate)
+    order = np.argsort(local_sd(result.truth_rate, soil_map.grid.cell_m)[inside], kind="stable")
+    rate, sd, truth = (band[inside] for band in (soil_map.rate, soil_map.rate_sd, result.truth_rate))
+    parts = np.array_split(order, QUARTERS)
+    return [map_errors(rate[part], sd[part], truth[part], None).coverage95 for part in parts]
+
+
+def local_sd(truth: Array, cell_m: float) -> Array:
+    """Standard deviation of the truth in a square window around each cell, shape (ny, nx) [counts/s].
+
+    :param truth: shape (ny, nx) [counts/s], NaN outside the field
+    """
+    width = 2 * max(round(WINDOW_M / cell_m / 2), 1) + 1
+    inside = np.isfinite(truth)
+    filled = np.where(inside, truth - np.nanmean(truth), 0.0)
+    share, mean, square = (
+        uniform_filter(band, width, mode="constant") for band in (inside * 1.0, filled, filled**2)
+    )
+    share = np.maximum(share, 1e-12)
+    return np.sqrt(np.maximum(square / share - (mean / share) ** 2, 0.0))
+
+
+class Cache:
+    """Outcomes of missions, one JSON file each."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._code = code_digest()
+
+    def path(self, job: Job) -> Path:
+        """File of a mission, made by this version of the code and of the field."""
+        field = Path(job.field)
+        about = repr(job) + (field.read_text(encoding="utf-8") if field.suffix else "")
+        folder = self.folder / field.stem / job.strategy.replace(":", "_")
+        return folder / f"{job.seed:03d}-{digest(about + self._code)}.json"
+
+    def read(self, job: Job) -> Row | None:
+        """Outcome of a mission, ``None`` if it is not stored."""
+        path = self.path(job)
+        return json.loads(path.read_text()) if path.exists() else None
+
+    def write(self, job: Job, row: Row) -> None:
+        """Store the outcome of a mission."""
+        path = self.path(job)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_suffix(f".{os.getpid()}")
+        unfinished.write_text(json.dumps({"job": asdict(job), **row}))
+        unfinished.replace(path)
+
+
+class _MappedTwice(_Simulation):
+    """A mission of fixed stops whose map is made at a quarter of the time and at the end only.
+
+    The map decides nothing in such a mission, and the maps take most of the computing time.
+    """
+
+    def update_map(self, later: bool = False) -> None:
+        if all(robot.ended for robot in self.robots):
+            super().update_map()
+
+    def enter_series(self) -> None:
+        if self.now_s == 900 * self.settings.hours:
+            super().update_map()
+        super().enter_series()
+
+
+def run(job: Job) -> dict[str, Any]:
+    """Simulate one mission."""
+    settings = job.settings
+    started = time.process_time()
+    result = _MappedTwice(settings).run(lambda share: None) if job.is_lattice else simulate_mission(settings)
+    return outcome(result, time.process_time() - started)
+
+
+def all_rows(jobs: Sequence[Job], cache: Cache, processes: int) -> dict[Job, Row]:
+    """Outcomes of all missions; those not in the cache are simulated and stored."""
+    rows = {job: row for job in jobs if (row := cache.read(job)) is not None}
+    todo = [job for job in jobs if job not in rows]
+    print(f"{len(rows)} of {len(jobs)} missions are stored", file=sys.stderr)
+
+    def take(job: Job, row: Row) -> None:
+        cache.write(job, row)
+        rows[job] = row
+        print(f"\r{len(rows)} of {len(jobs)}", end="", file=sys.stderr, flush=True)
+
+    if processes < 2:
+        for job in todo:
+            take(job, run(job))
+    elif todo:
+        with ProcessPoolExecutor(processes) as pool:
+            running = {pool.submit(run, job): job for job in todo}
+            for future in as_completed(running):
+                take(running[future], future.result())
+    print(file=sys.stderr)
+    return rows
+
+
+def column(rows: Iterable[Row], name: str, share: float = 1.0) -> Array:
+    """Values of a quantity at a share of the mission time, one per mission."""
+    return np.array([row[name][round(share * (len(row[name]) - 1))] for row in rows])
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the table: a strategy on a field, and how it compares with the best lattices."""
+
+    field: str
+    against: Against
+    coverage: float
+    quarters: tuple[float, ...]
+    stops: float
+    again: float
+    ended: float
+
+
+def lines(field: str, rows: Mapping[str, Sequence[Row]]) -> list[Line]:
+    """Compare the strategies on a field with its best lattices.
+
+    :param rows: outcomes by strategy, all with the same seeds
+    """
+    outcomes = {
+        combination(strategy): dict(
+            enumerate(map(Outcome, column(mine, "mse", QUARTER), column(mine, "mse"), column(mine, "distance_m")))
+        )
+        for strategy, mine in rows.items()
+    }
+    return [
+        Line(
+            field=Path(field).stem,
+            against=against,
+            coverage=float(column(mine, "coverage95").mean()),
+            quarters=tuple(np.mean([row["quarters"] for row in mine], axis=0).tolist()),
+            stops=float(column(mine, "samples").mean()),
+            again=float(np.mean([row["again"] for row in mine])),
+            ended=float(np.mean([row["ended_s"] / row["time_s"][-1] for row in mine])),
+        )
+        for against, mine in zip(against_best_lattice(outcomes), rows.values(), strict=True)
+    ]
+
+
+HEAD = (
+    "field", "strategy", "error at the end", "÷ best lattice", "at a quarter ÷ best lattice then", "driven [m]",
+    "driven ÷ best lattice", "in 95 %", "flat to rough", "stops", "same stop again", "ended at",
+)  # fmt: skip
+
+
+def cells(one: Line) -> tuple[str, ...]:
+    """A line as text."""
+    about = one.against
+    return (
+        one.field,
+        about.strategy if about.dwell == "optimal" else f"{about.strategy} {about.dwell}",
+        f"{1e3 * about.mse:.3g}",
+        f"{about.end_ratio:.2f} ± {about.end_ratio_se:.2f}",
+        f"{about.quarter_ratio:.2f} ± {about.quarter_ratio_se:.2f}",
+        f"{about.distance_m:.0f}",
+        f"{about.distance_ratio:.2f}",
+        f"{100 * one.coverage:.1f} %",
+        " ".join(f"{100 * share:.0f}" for share in one.quarters),
+        f"{one.stops:.0f}",
+        f"{one.again:.1f}",
+        f"{100 * one.ended:.0f} %",
+    )
+
+
+def best_lattice(field: Sequence[Line]) -> tuple[str, ...]:
+    """The lattices of a field that are best at the end and at a quarter of the time."""
+    about = field[0].against
+    best = next(
+        one.against for one in field if one.against.strategy == "lattice" and one.against.dwell == about.end_best
+    )
+    return field[0].field, about.end_best, f"{1e3 * best.mse:.3g}", f"{best.distance_m:.0f}", about.quarter_best
+
+
+def lattices(given: argparse.Namespace) -> None:
+    """Compare strategies with the best lattices of each field."""
+    cache, fields = Cache(given.cache), given.fields or [*STATIONARY, *NON_STATIONARY]
+    strategies = list(dict.fromkeys((*given.strategies, *LATTICES)))
+    seeds = range(1, given.seeds + 1)
+    jobs = {
+        (field, strategy): [Job(field, strategy, seed, given.hours, cell_m=given.cell) for seed in seeds]
+        for field in fields
+        for strategy in strategies
+    }
+    found = all_rows([job for some in jobs.values() for job in some], cache, given.processes)
+    shown, best = [], []
+    for field in fields:
+        compared = lines(
+            field, {strategy: [found[job] for job in jobs[field, strategy]] for strategy in strategies}
+        )
+        best.append(best_lattice(compared))
+        shown += [one for name, one in zip(strategies, compared, strict=True) if name in given.strategies]
+    settings = (
+        f"{given.hours:g} h, {Job.speed_mps:g} m/s, {Job.overhead_s:g} s per stop, seeds 1 to {given.seeds}, "
+        f"cells of {f'at least {given.cell:g} m' if given.cell else 'the field'}"
+    )
+    columns = ("field", "best lattice at the end", "error at the end", "driven [m]", "best lattice at a quarter")
+    results.publish("lattices", columns, best, settings, given.save)
+    results.publish("strategies", HEAD, map(cells, shown), settings, given.save)
+
+
+# Forecasts -------------------------------------------------------------------------------------------------------
+
+MADE = {
+    "uniform": (60, 50, 2.0, {"family": "gradient", "low": 4.0, "high": 4.0}),
+    "few counts": (60, 50, 2.0, {"family": "matern32", "mean": 0.5, "sd": 0.1, "range_m": 20}),
+    "many counts": (60, 50, 2.0, {"family": "matern32", "mean": 60.0, "sd": 6.0, "range_m": 15}),
+    "15 x 15 m": (15, 15, 1.0, {"family": "gaussian_field", "mean": 4.0, "sd": 0.5, "range_m": 8}),
+    "100 ha": (1000, 1000, 6.0, {"family": "matern32", "mean": 4.0, "sd": 0.5, "range_m": 200}),
+}
+"""Extents [m], hours and formulas of further fields."""
+
+
+class Made(NamedTuple):
+    """A forecast and what became of it."""
+
+    field: str
+    seed: int
+    hours: float
+    share: float
+    forecast: float
+    low: float
+    high: float
+    reached: float
+    error: float
+
+
+def made_field(name: str, seed: int) -> SurrogateField:
+    """One of :data:`MADE`."""
+    width, height, hours, about = MADE[name]
+    shipped = surrogate_field("smooth")
+    polygon = np.array([(0, 0), (width, 0), (width, height), (0, height)], float)
+    field = Field(name, shipped.frame, polygon)
+    seeded = about if about["family"] == "gradient" else {**about, "seed": seed}
+    truth = formula(**seeded).function(Extent.of(polygon, max(width, height) / 60))
+    return replace(shipped, name=name, title=name, field=field, truth=truth, hours=hours)
+
+
+def mission(name: str, seed: int) -> MissionResult:
+    """A mission on a field; every second seed has half of the time."""
+    made = name in MADE
+    field = made_field(name, seed) if made else surrogate_field(name)
+    extent_m = float(np.ptp(field.polygon, axis=0).max())
+    return simulate_mission(
+        MissionSettings(
+            field=field if made else name,
+            hours=field.hours / (1 + seed % 2),
+            seed=seed,
+            cell_m=max(min(2.0, extent_m / 20), extent_m / 60),
+            random_field=not made,
+        ),
+        forecasts=True,
+    )
+
+
+def forecasts_of(name: str, seed: int, result: MissionResult) -> Iterator[Made]:
+    """The forecasts of a mission."""
+    end = achieved(result.forecasts)
+    if end is None:
+        return
+    hours, sd = result.settings.hours, end.forecast.sd
+    error = math.sqrt(result.series[-1].mse) / end.forecast.mean_rate_cps
+    for share, made in reported(result.forecasts, 3600 * hours):
+        expected = made.forecast.sd_end
+        low, high = made.forecast.band_end
+        yield Made(name, seed, hours, share, expected, low, high, sd / expected, error / expected)
+
+
+def told(result: MissionResult) -> float | None:
+    """Share of the time at which the field was called uniform, ``None`` if it was not."""
+    for made in result.forecasts:
+        if made.forecast.hidden is not None:
+            return made.time_s / (3600 * result.settings.hours)
+    return None
+
+
+def forecast_table(found: Sequence[Made]) -> Iterator[tuple[str, ...]]:
+    """How well the forecasts held, by the share of the time at which they were made."""
+    for share in sorted({row.share for row in found}):
+        some = [row for row in found if row.share == share]
+        reached = np.quantile([row.reached for row in some], [0.1, 0.5, 0.9])
+        inside = np.mean([row.low <= row.reached * row.forecast <= row.high for row in some])
+        factor = np.median([row.high / row.forecast for row in some])
+        error = np.sqrt(np.mean([row.error**2 for row in some]))
+        yield (
+            f"{100 * share:.0f} %", str(len(some)), f"{100 * inside:.0f} %", f"×/÷ {factor:.2f}",
+            f"{reached[1]:.2f} ({reached[0]:.2f} to {reached[2]:.2f})", f"{error:.2f}",
+        )  # fmt: skip
+
+
+def forecasts(given: argparse.Namespace) -> None:
+    """Compare forecasts with what missions reach."""
+    found: list[Made] = []
+    uniform: list[str] = []
+    for seed in range(1, given.seeds + 1):
+        for name in given.fields or [*STATIONARY, *NON_STATIONARY, *MADE]:
+            result = mission(name, seed)
+            found += forecasts_of(name, seed, result)
+            share = told(result)
+            if share is not None:
+                uniform.append(f"{name} {seed} at {100 * share:.0f} %")
+            print(f"{name}, seed {seed}: {result.ended}", flush=True)
+    missions = len({(row.field, row.seed) for row in found})
+    columns = (
+        "made at", "forecasts", "inside the band", "band", "reached / forecast (10 to 90 %)", "error / forecast",
+    )  # fmt: skip
+    settings = f"{missions} missions; called uniform at some time: {'; '.join(uniform) or 'none'}"
+    results.publish("forecasts", columns, forecast_table(found), settings, given.save)
+
+
+# Hours -----------------------------------------------------------------------------------------------------------
+
+HECTARES, RANGES_M, HOURS = (0.25, 1.0, 4.0), (20, 60), (1.0, 2.0, 4.0)
+"""Areas, distances at which moistures are hardly alike any more (95 % of the variance), and mission times."""
+SQUARE = """
+name: Square of {hectares} ha
+datum: {{latitude_deg: 53.2680, longitude_deg: -0.5245}}
+polygon: [[0, 0], [{side}, 0], [{side}, {side}], [0, {side}]]
+truth:
+  formula: {{family: matern32, quantity: vwc, mean: 0.22, sd: 0.04, range_m: {range_m}}}
+  hours: 1
+  soil: {{bulk_density_gcm3: 1.4}}
+  calibration: {{n0_cps: 6.0}}
+"""
+PRACTICAL = 2.74
+"""Practical range of a Matérn 3/2 variogram, in units of its range parameter."""
+
+
+def moisture_error(field: Path, hours: float, cell_m: float, seed: int) -> float:
+    """Root mean squared error at the end of one mission [% by volume]."""
+    settings = MissionSettings(
+        field=str(field), random_field=True, hours=hours, seed=seed, cell_m=cell_m, target="vwc"
+    )
+    return 100 * simulate_mission(settings).series[-1].vwc_rmse
+
+
+def hours(given: argparse.Namespace) -> None:
+    """Simulate missions on squares."""
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "field.yaml"
+        for hectares in HECTARES:
+            side = round(100 * hectares**0.5)
+            for range_m in RANGES_M:
+                path.write_text(
+                    SQUARE.format(hectares=hectares, side=side, range_m=range_m / PRACTICAL), encoding="utf-8"
+                )
+                row = [f"{hectares:g}", f"{range_m}"]
+                for hours in HOURS:
+                    found = [moisture_error(path, hours, side / 40, seed) for seed in range(1, given.seeds + 1)]
+                    row.append(f"±{np.mean(found):.1f} %")
+                rows.append(row)
+    columns = ("field [ha]", "alike within [m]", *(f"{hours:g} h" for hours in HOURS))
+    settings = (
+        f"recommended strategy, 22 ± 4 % by volume, 4 counts/s, 0.6 m/s, 12 s at a stop, {given.seeds} seeds"
+    )
+    results.publish("hours", columns, rows, settings, given.save)
+
+
+# Speed -----------------------------------------------------------------------------------------------------------
+
+RECOMMENDED = MissionSettings(field="airfield-simulated", cell_m=1.0, hours=2.0)
+"""3,000 cells, all records, dwell optimal: what the preset recommends."""
+PUBLISHED = MissionSettings(field="synthetic-high", cell_m=1.0, hours=2.0, preset="authors")
+TIMED = {
+    "gcb": RECOMMENDED,
+    "gcb, graph of 300 nodes": replace(RECOMMENDED, travel="graph"),
+    "ivr": replace(RECOMMENDED, strategy="ivr"),
+    "ivr, graph of 300 nodes": replace(RECOMMENDED, strategy="ivr", travel="graph"),
+    "greedy as published": PUBLISHED,
+    "monte_carlo as published": replace(PUBLISHED, strategy="monte_carlo"),
+    "adaptive_sampling as published": replace(PUBLISHED, strategy="adaptive_sampling"),
+}
+"""Missions of 2 h that are timed."""
+
+
+def used_s(settings: MissionSettings) -> float:
+    """Processor time of a mission [s]."""
+    start = time.process_time()
+    simulate_mission(settings)
+    return time.process_time() - start
+
+
+def speed(given: argparse.Namespace) -> None:
+    """Time missions; the seeds are repeats."""
+    rows = []
+    for name, settings in TIMED.items():
+        used_s(replace(settings, hours=0.2))
+        seconds = statistics.median(used_s(settings) for _ in range(given.seeds))
+        rows.append((f"{name}, {settings.field}", f"{seconds:.3f}"))
+    settings = f"cells of 1 m, one thread, medians of {given.seeds} runs"
+    results.publish("missions", ("mission of 2 h", "processor time [s]"), rows, settings, given.save)
+
+
+PARTS = {"lattices": (lattices, 20), "forecasts": (forecasts, 3), "hours": (hours, 4), "speed": (speed, 5)}
+"""Functions with their numbers of seeds."""
+
+
+def main() -> None:
+    parser = results.parser(__doc__)
+    parser.add_argument("part", choices=PARTS)
+    parser.add_argument("--seeds", type=int, help="seeds 1 to this number; of speed: repeats")
+    parser.add_argument("--fields", nargs="+", help="names or field files; default: all families")
+    parser.add_argument("--strategies", nargs="+", default=["gcb"], help="NAME (dwell optimal) or NAME:DWELL")
+    parser.add_argument("--cell", type=float, default=0.0, help="least cell size of lattices [m]")
+    parser.add_argument("--hours", type=float, default=2.0, help="of lattices")
+    parser.add_argument("--processes", type=int, default=2, help="of lattices")
+    parser.add_argument("--cache", type=Path, default=Path("bench/lattice"), help="missions of lattices")
+    given = parser.parse_args()
+    run_part, seeds = PARTS[given.part]
+    given.seeds = given.seeds or seeds
+    run_part(given)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except InputError as error:
+        sys.exit(str(error))
