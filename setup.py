@@ -65,7 +65,7 @@ setup(
         "rich>=13.7",
         "pyserial>=3.5",
     ],
-    # soilmoist_ros/foundation/lazy.py names the extra of each module in messages.
+    # soilmoist_ros/foundation/registry.py names the extra of each module in messages.
     extras_require={
         # Reports, GeoTIFFs, reference systems, GIS exports, and the nearest town of a field (GeoNames).
         "reports": [

@@ -29,7 +29,7 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from soilmoist_ros.console.invitations import PORT
+from soilmoist_ros.console.visitors import PORT
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.demo import (
     DemoSettings,

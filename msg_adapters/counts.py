@@ -71,6 +71,14 @@ _MANY: Final = 500
 _MAX_COUNTS: Final = 2**32 - 1
 NUMBERS: Final = {code: number for number, code in REASONS.items()}
 """Number of each reason code in ``quarantined_counts``."""
+# Viewers read x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
+_SAMPLE: Final = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
+)
+_SPREAD: Final = ("spread_xx", "spread_xy", "spread_yy", "footprint_radius_m")
+_AREA: Final = np.dtype([*_SAMPLE.descr, *((name, "<f4") for name in _SPREAD)])
+# A ROS string ends at the first zero. Latin-1 lacks this character, so every line is restored exactly.
+_ZERO = "\N{SYMBOL FOR NULL}"
 
 
 def counts_to_message(
@@ -171,13 +179,6 @@ def counts_from_message(message: PointCloud2) -> list[CountRecord]:
 
 # ``samples``: the merged samples as a sensor_msgs/PointCloud2, one point per sample, in the plane z = 0 ---------
 
-# Viewers read x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
-_SAMPLE: Final = np.dtype(
-    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
-)
-_SPREAD: Final = ("spread_xx", "spread_xy", "spread_yy", "footprint_radius_m")
-_AREA: Final = np.dtype([*_SAMPLE.descr, *((name, "<f4") for name in _SPREAD)])
-
 
 def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
     """Message of samples.
@@ -209,9 +210,6 @@ def samples_from_message(message: PointCloud2) -> Samples:
 
 
 # Lines of the devices <-> std_msgs/String, so that a replay can start from the bytes ----------------------------
-
-# A ROS string ends at the first zero. Latin-1 lacks this character, so every line is restored exactly.
-_ZERO = "\N{SYMBOL FOR NULL}"
 
 
 def line_to_message(line: bytes) -> String:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Fixes to NavSatFix, and weather <-> FluidPressure, Temperature and RelativeHumidity of sensor_msgs."""
+"""Fixes, weather, battery and states of health <-> messages of sensor_msgs and diagnostic_msgs."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from soilmoist_ros.foundation import Health, Level, foreign_text
 from soilmoist_ros.sensing import CovarianceKind, Fix, LoggerRecord
 
 _PA_PER_HPA = 100.0
+_PERCENT = 100.0
 
 
 def fix_to_message(fix: Fix, frame_id: str) -> NavSatFix:
@@ -70,8 +71,6 @@ def weather_from_message(message: FluidPressure | Temperature | RelativeHumidity
 
 
 # State of the battery <-> sensor_msgs/BatteryState --------------------------------------------------------------
-
-_PERCENT = 100.0
 
 
 def battery_from_message(message: BatteryState) -> tuple[float, float] | None:

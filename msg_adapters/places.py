@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``plan`` as a nav_msgs/Path and ``plan_markers`` as a MarkerArray: the stops ahead, the next one first."""
+"""Places: ``plan`` and ``plan_markers``, poses for the navigation, ``robot_pose``, and transforms of TF."""
 
 from __future__ import annotations
 
@@ -31,6 +31,11 @@ _RULED_OUT: Final = ColorRGBA(r=0.8, g=0.1, b=0.1, a=0.9)
 _STOP_M: Final = 1.0
 _TEXT_M: Final = 1.2
 _LINE_M: Final = 0.15
+_UNKNOWN_M2: Final = 1e6
+"""Variance of a coordinate that is unknown [m^2]."""
+_UNKNOWN_RAD2: Final = math.tau**2
+_KNOWN_RAD2: Final = 0.1**2
+_YAW: Final = 35
 
 
 def plan_to_path(stops: Sequence[Stop], stamp_s: float, frame_id: str = FRAME) -> Path:
@@ -103,12 +108,6 @@ def _point(x_m: float, y_m: float, z_m: float = 0.0) -> Point:
 
 
 # tf2_msgs/TFMessage to transforms of the core; the robot's pose as a geometry_msgs/PoseWithCovarianceStamped ----
-
-_UNKNOWN_M2: Final = 1e6
-"""Variance of a coordinate that is unknown [m^2]."""
-_UNKNOWN_RAD2: Final = math.tau**2
-_KNOWN_RAD2: Final = 0.1**2
-_YAW: Final = 35
 
 
 def transforms_from_message(message: Any, static: bool) -> list[Transform]:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Structured numpy arrays <-> sensor_msgs/PointCloud2."""
+"""Structured numpy arrays <-> sensor_msgs/PointCloud2, and seconds since 1970 UTC <-> builtin_interfaces/Time."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ FRAME: Final = "map"
 """East-north-up metres about the field's datum."""
 
 _DATATYPES: Final = {"<f4": PointField.FLOAT32, "<f8": PointField.FLOAT64, "<u4": PointField.UINT32}
+_LAST_SECOND = 2**31 - 1
 
 
 def points_to_message(table: NDArray[Any], stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
@@ -90,8 +91,6 @@ def check_fields(message: PointCloud2, wanted: np.dtype[Any]) -> None:
 
 
 # Seconds since 1970 UTC <-> builtin_interfaces/Time -------------------------------------------------------------
-
-_LAST_SECOND = 2**31 - 1
 
 
 def to_time(stamp_s: float) -> Time:

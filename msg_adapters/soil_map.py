@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``soil_map`` and ``change``: organised PointCloud2; ``uncertainty``: the map's uncertainty as an OccupancyGrid.
+"""``soil_map`` and ``change``: organised PointCloud2; ``uncertainty`` and the keep-out mask: OccupancyGrid.
 
 All have the rows and columns of the field's grid: rows from south to north, columns from west to east.
 """
@@ -30,6 +30,8 @@ CHANGE: Final = {
 CHANGE_CELL: Final = np.dtype([(name, "<f4") for name in ("x", "y", "z", *CHANGE)])
 OUTSIDE: Final = -1
 """Uncertainty of a cell outside the field."""
+KEEPOUT_TYPE: Final = 0
+"""Number of the keep-out filter among the filters of Nav2."""
 
 
 def soil_map_to_message(
@@ -130,9 +132,6 @@ def uncertainty_from_message(message: OccupancyGrid) -> NDArray[np.int8]:
 
 
 # ``OccupancyGrid`` and ``CostmapFilterInfo`` of a keep-out mask, as Nav2's keep-out filter reads them -----------
-
-KEEPOUT_TYPE: Final = 0
-"""Number of the keep-out filter among the filters of Nav2."""
 
 
 def mask_to_message(mask: KeepoutMask, stamp_s: float, frame_id: str) -> OccupancyGrid:

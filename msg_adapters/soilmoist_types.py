@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``planner/command``: an operator's request and its reply as a soilmoist_msgs/Command."""
+"""Types of soilmoist_msgs: commands, visits, the map in numbers, and the state of the mission.
+
+The import fails if that package is not built.
+"""
 
 from __future__ import annotations
 
@@ -37,48 +40,48 @@ from soilmoist_ros.foundation import foreign_text
 from soilmoist_ros.mapping import MapState, SoilMap
 from soilmoist_ros.recording import visit_of
 
+Code = TypeVar("Code", bound=Enum)
+_RESPONSES: Final = {response: int(getattr(AlarmMessage, str(response.value).upper())) for response in Response}
+
+_TEXTS: Final = ("verb", "who", "dwell", "strategy", "target", "home", "field")
+_FLOATS: Final = (
+    "planned_dwell_s", "dwell_s", "progress", "time_used_s", "time_left_s", "clock_offset_s", "distance_m",
+    "counting_s",
+)  # fmt: skip
+_COUNTS: Final = ("raw_counts", "samples", "failures", "stop_requests")
+
 
 def request_to_message(request: OperatorRequest) -> Command.Request:
     """Message of a request; corners of the polygon are rounded to 32 bits."""
     return Command.Request(
-        verb=request.verb,
-        who=request.who,
         place=[float(value) for value in request.place],
         geographic_place=[float(value) for value in request.geographic_place],
-        dwell=request.dwell,
-        polygon=[Point32(x=float(x_m), y=float(y_m)) for x_m, y_m in request.polygon],
+        polygon=[_corner(*corner) for corner in request.polygon],
         stops=list(request.stops),
         hours=float(request.hours),
-        strategy=request.strategy,
-        target=request.target,
-        home=request.home,
         until_sd=_to_limit(request.until_sd),
         until_gain=_to_limit(request.until_gain),
-        field=request.field,
         earlier=choice_to_message(request.earlier),
         covariates=choice_to_message(request.covariates),
+        **{name: getattr(request, name) for name in _TEXTS},
     )
 
 
 def request_from_message(message: Command.Request) -> OperatorRequest:
     """Request of a message, unchecked."""
+    texts = {name: foreign_text(getattr(message, name)) for name in _TEXTS}
+    given: dict[str, Any] = {**texts, "who": texts["who"][:60]}
     return OperatorRequest(
-        verb=foreign_text(message.verb),
-        who=foreign_text(message.who)[:60],
         place=tuple(float(value) for value in message.place),
         geographic_place=tuple(float(value) for value in message.geographic_place),
-        dwell=foreign_text(message.dwell),
         polygon=tuple((float(corner.x), float(corner.y)) for corner in message.polygon),
         stops=tuple(map(foreign_text, message.stops)),
         hours=float(message.hours),
-        strategy=foreign_text(message.strategy),
-        target=foreign_text(message.target),
-        home=foreign_text(message.home),
         until_sd=_from_limit(message.until_sd),
         until_gain=_from_limit(message.until_gain),
-        field=foreign_text(message.field),
         earlier=choice_from_message(message.earlier),
         covariates=choice_from_message(message.covariates),
+        **given,
     )
 
 
@@ -194,8 +197,6 @@ def _mean(raster: NDArray[np.float64]) -> float:
 
 # ``mission_state``: the status of the mission as a soilmoist_msgs/Mission, as numbers and codes to plot ---------
 
-Code = TypeVar("Code", bound=Enum)
-
 
 def _codes(message: Any, kind: type[Code], prefix: str = "") -> dict[Code, int]:
     """Constants of a message for the members of an enumeration."""
@@ -204,7 +205,6 @@ def _codes(message: Any, kind: type[Code], prefix: str = "") -> dict[Code, int]:
 
 _PHASES: Final = _codes(MissionMessage, Phase, "PHASE_")
 _ENDS: Final = _codes(MissionMessage, MissionEnd, "END_")
-_RESPONSES: Final = {response: int(getattr(AlarmMessage, str(response.value).upper())) for response in Response}
 
 
 def mission_state_to_message(
@@ -227,24 +227,12 @@ def mission_state_to_message(
         needs_operator=bool(status.needs_operator),
         silent=bool(status.silent),
         emergency_stop=bool(status.emergency),
-        stop_requests=int(status.stop_requests),
         stop_confirmed=not status.stop_requests,
         alarms=[_alarm_to_message(alarm) for alarm in status.alarms],
         stop=stop.name if stop else "",
         stop_position=Point(x=float(stop.x_m if stop else math.nan), y=float(stop.y_m if stop else math.nan)),
-        planned_dwell_s=float(status.planned_dwell_s),
-        dwell_s=float(status.dwell_s),
-        progress=float(status.progress),
-        raw_counts=int(status.raw_counts),
         mission_time_s=float(status.now_s),
-        time_used_s=float(status.time_used_s),
-        time_left_s=float(status.time_left_s),
         estimated_end_s=float(math.nan if status.estimated_end_s is None else status.estimated_end_s),
-        clock_offset_s=float(status.clock_offset_s),
-        distance_m=float(status.distance_m),
-        samples=int(status.samples),
-        counting_s=float(status.counting_s),
-        failures=int(status.failures),
         queue=list(status.queue),
         ruled_out=list(status.blacklisted),
         ruled_out_areas=[Polygon(points=[_corner(*corner) for corner in area]) for area in status.ruled_out],
@@ -256,6 +244,7 @@ def mission_state_to_message(
         field=status.field,
         earlier=choice_to_message(status.earlier),
         covariates=choice_to_message(status.covariates),
+        **_numbers(status),
     )
 
 
@@ -267,20 +256,11 @@ def mission_state_from_message(message: MissionMessage) -> MissionStatus:
     place = float(message.stop_position.x), float(message.stop_position.y)
     end_s = float(message.estimated_end_s)
     return MissionStatus(
+        **_numbers(message),
         now_s=float(message.mission_time_s),
         phase=_member(_PHASES, message.phase, "phase"),
         reason=foreign_text(message.reason),
         target=None if math.isnan(place[0]) else Stop(foreign_text(message.stop), *place),
-        planned_dwell_s=float(message.planned_dwell_s),
-        dwell_s=float(message.dwell_s),
-        progress=float(message.progress),
-        time_used_s=float(message.time_used_s),
-        time_left_s=float(message.time_left_s),
-        distance_m=float(message.distance_m),
-        samples=int(message.samples),
-        counting_s=float(message.counting_s),
-        raw_counts=int(message.raw_counts),
-        failures=int(message.failures),
         blacklisted=tuple(map(foreign_text, message.ruled_out)),
         estimated_end_s=None if math.isnan(end_s) else end_s,
         needs_operator=bool(message.needs_operator),
@@ -288,17 +268,22 @@ def mission_state_from_message(message: MissionMessage) -> MissionStatus:
         ended=None if message.ended == MissionMessage.END_NONE else _member(_ENDS, message.ended, "end"),
         alarms=tuple(_alarm_from_message(alarm) for alarm in message.alarms),
         emergency=bool(message.emergency_stop),
-        stop_requests=int(message.stop_requests),
         queue=tuple(map(foreign_text, message.queue)),
         strategy=foreign_text(message.strategy),
         field=foreign_text(message.field),
         earlier=choice_from_message(message.earlier),
         covariates=choice_from_message(message.covariates),
-        clock_offset_s=float(message.clock_offset_s),
         ruled_out=tuple(
             tuple((float(corner.x), float(corner.y)) for corner in area.points) for area in message.ruled_out_areas
         ),
     )
+
+
+def _numbers(of: Any) -> dict[str, Any]:
+    """Numbers that status and message have under one name."""
+    return {name: float(getattr(of, name)) for name in _FLOATS} | {
+        name: int(getattr(of, name)) for name in _COUNTS
+    }
 
 
 def survey_from_message(message: MissionMessage) -> dict[str, Any]:

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, put, say, tables, warn
-from soilmoist_ros.cli.answers.progress import progress_bar
-from soilmoist_ros.cli.options.names import FILE
+from soilmoist_ros.cli.answer import answering, progress_bar, put, say, tables, warn
+from soilmoist_ros.cli.options import FILE
 from soilmoist_ros.foundation import InputError
 
 

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, put, say, warn, wrote
-from soilmoist_ros.cli.options.names import InputFile, Name
-from soilmoist_ros.cli.options.times import Moment
+from soilmoist_ros.cli.answer import answering, put, say, warn, wrote
+from soilmoist_ros.cli.options import InputFile, Moment, Name
 from soilmoist_ros.foundation import InputError, Mistake, listing
 
 if TYPE_CHECKING:
@@ -38,27 +37,13 @@ TIME = Moment()
     type=click.FloatRange(min=0, min_open=True),
     help="Effective exposure of --counts: live time divided by the product of the correction factors [s].",
 )
-@click.option(
-    "--from",
-    "start",
-    type=TIME,
-    metavar="TIME",
-    help="Use records of the log after this time (UTC), such as 2026-05-02T14:30.",
-)
+@click.option("--from", "start", type=TIME, metavar="TIME",
+              help="Use records of the log after this time (UTC), such as 2026-05-02T14:30.")  # fmt: skip
 @click.option("--to", "end", type=TIME, metavar="TIME", help="Use records of the log up to this time (UTC).")
-@click.option(
-    "--curve",
-    type=click.Choice(["desilets", "universal"]),
-    help="Curve from the rate to the moisture. Default: that of the site file.",
-)
-@click.option(
-    "--weights",
-    "weighting",
-    type=click.Choice(["revised", "conventional", "equal"]),
-    default="revised",
-    show_default=True,
-    help="How distance and depth of the cores weigh.",
-)
+@click.option("--curve", type=click.Choice(["desilets", "universal"]),
+              help="Curve from the rate to the moisture. Default: that of the site file.")  # fmt: skip
+@click.option("--weights", "weighting", type=click.Choice(["revised", "conventional", "equal"]),
+              default="revised", show_default=True, help="How distance and depth of the cores weigh.")  # fmt: skip
 @click.option(
     "--date",
     "dates",

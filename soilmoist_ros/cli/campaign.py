@@ -14,10 +14,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, current, echo, put, say, warn, wrote
-from soilmoist_ros.cli.answers.progress import progress_bar
-from soilmoist_ros.cli.options.names import Name
-from soilmoist_ros.cli.options.output_options import confirmed, figures_option, output_options, prepare_output
+from soilmoist_ros.cli.answer import answering, current, echo, progress_bar, put, say, warn, wrote
+from soilmoist_ros.cli.options import Name, confirmed, figures_option, output_options, prepare_output
 from soilmoist_ros.foundation import THREADS, InputError
 
 if TYPE_CHECKING:

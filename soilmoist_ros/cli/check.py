@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, current, put, say, warn, wrote
-from soilmoist_ros.cli.options.names import FILE, InputFile, Name
-from soilmoist_ros.cli.options.position_options import position_options
+from soilmoist_ros.cli.answer import answering, current, put, say, warn, wrote
+from soilmoist_ros.cli.options import FILE, InputFile, Name, position_options
 from soilmoist_ros.foundation import InputError, Mistake
 
 if TYPE_CHECKING:
@@ -28,24 +27,12 @@ Value = TypeVar("Value")
 
 
 @click.command("check")
-@click.option(
-    "--logger",
-    type=Name("logger", early=False),
-    multiple=True,
-    help="Logger format: a shipped name or a YAML file. Repeatable.",
-)
-@click.option(
-    "--site",
-    type=Name("site", early=False),
-    multiple=True,
-    help="Site file: a shipped name or a YAML file. Repeatable.",
-)
-@click.option(
-    "--field",
-    type=Name("field", early=False),
-    multiple=True,
-    help="Field file: a shipped name or a YAML file. Repeatable.",
-)
+@click.option("--logger", type=Name("logger", early=False), multiple=True,
+              help="Logger format: a shipped name or a YAML file. Repeatable.")  # fmt: skip
+@click.option("--site", type=Name("site", early=False), multiple=True,
+              help="Site file: a shipped name or a YAML file. Repeatable.")  # fmt: skip
+@click.option("--field", type=Name("field", early=False), multiple=True,
+              help="Field file: a shipped name or a YAML file. Repeatable.")  # fmt: skip
 @click.option("--graph", "graphs", type=FILE, multiple=True, help="Topological map of --field. Repeatable.")
 @click.option("--home", default="", metavar="NODE", help="Home of the robot in --graph.")
 @click.option("--robot-radius", "robot_radius_m", type=click.FloatRange(min=0), default=0.75, show_default=True,

@@ -15,13 +15,17 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, echo, say, warn, wrote
-from soilmoist_ros.cli.answers.live import live_view
-from soilmoist_ros.cli.answers.progress import progress_bar
-from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option
-from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
-from soilmoist_ros.cli.options.names import Name
-from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output, reported_failure
+from soilmoist_ros.cli.answer import answering, echo, live_view, progress_bar, say, warn, wrote
+from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
+from soilmoist_ros.cli.options import (
+    Name,
+    confirmed,
+    covariate_option,
+    earlier_option,
+    output_options,
+    prepare_output,
+    reported_failure,
+)
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation import InputError, install, is_installed
 
@@ -60,12 +64,9 @@ DEFAULTS = {"field": "farm", "hours": 1.0}
               help="Simulated seconds per real second.")  # fmt: skip
 @click.option("--navigator", type=click.Choice(["goto_node", "navigate_to_pose", "goal_pose"]),
               help="Navigation interface. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
-@click.option(
-    "--scenario",
-    type=Name("scenario"),
-    default="",
-    help="Simulated faults: thorvald, nav2, bad_link, bad_sensor, or a file. Default: none.",
-)
+@click.option("--scenario", type=Name("scenario"), default="",
+              help="Simulated faults: thorvald, nav2, bad_link, bad_sensor, "
+              "or a file. Default: none.")  # fmt: skip
 @click.option("--console/--no-console", "console", default=True, show_default=True,
               help="Serve the operator's page on this machine.")  # fmt: skip
 @click.option("--autostart/--no-autostart", default=True, show_default=True,

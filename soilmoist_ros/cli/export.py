@@ -8,21 +8,15 @@ from pathlib import Path
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, warn, wrote
-from soilmoist_ros.cli.options.names import FILE, Name
-from soilmoist_ros.cli.options.output_options import confirmed, overwrite_option
+from soilmoist_ros.cli.answer import answering, warn, wrote
+from soilmoist_ros.cli.options import FILE, Name, confirmed, overwrite_option
 from soilmoist_ros.foundation import InputError
 
 
 @click.command("export")
 @click.argument("run", type=FILE)
-@click.option(
-    "--to",
-    "names",
-    type=Name("export"),
-    multiple=True,
-    help="Format, repeatable. soilmoist list exports shows them.",
-)
+@click.option("--to", "names", type=Name("export"), multiple=True,
+              help="Format, repeatable. soilmoist list exports shows them.")  # fmt: skip
 @click.option("--out", type=FILE, help="Folder for the files; made if missing. Default: RUN/export.")
 @click.option("--zones", type=click.IntRange(1, 20), default=3, show_default=True,
               help="Management zones of equal area, where the site file has no limits.")  # fmt: skip

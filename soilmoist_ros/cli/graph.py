@@ -9,9 +9,8 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from soilmoist_ros.cli.answers.answer import answering, put, say, warn, wrote
-from soilmoist_ros.cli.options.names import FILE, Name
-from soilmoist_ros.cli.options.output_options import overwrite_option
+from soilmoist_ros.cli.answer import answering, put, say, warn, wrote
+from soilmoist_ros.cli.options import FILE, Name, overwrite_option
 from soilmoist_ros.foundation import InputError
 
 

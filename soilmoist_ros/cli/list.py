@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, put, say, tables
+from soilmoist_ros.cli.answer import answering, put, say, tables
 from soilmoist_ros.foundation import InputError
 
 

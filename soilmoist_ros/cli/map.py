@@ -11,15 +11,29 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, say, wrote
-from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_losses, print_notes
-from soilmoist_ros.cli.answers.progress import progress_bar
-from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
-from soilmoist_ros.cli.options.map_options import crs_option, map_options
-from soilmoist_ros.cli.options.names import InputFile, Name
-from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
-from soilmoist_ros.cli.options.position_options import position_options
-from soilmoist_ros.cli.options.times import Moment
+from soilmoist_ros.cli.answer import (
+    answering,
+    print_knowledge,
+    print_losses,
+    print_notes,
+    progress_bar,
+    say,
+    wrote,
+)
+from soilmoist_ros.cli.options import (
+    InputFile,
+    Moment,
+    Name,
+    covariate_option,
+    crs_option,
+    earlier_option,
+    figures_option,
+    map_options,
+    output_options,
+    position_options,
+    prepare_output,
+    reference_option,
+)
 from soilmoist_ros.simulation import PRESETS
 
 if TYPE_CHECKING:
@@ -28,36 +42,24 @@ if TYPE_CHECKING:
 
 @click.command("map")
 @click.argument("logs", type=InputFile(), nargs=-1, required=True)
-@click.option(
-    "--logger",
-    type=Name("logger"),
-    help="Logger format: a shipped name or a YAML file. Default: detected from the header.",
-)
+@click.option("--logger", type=Name("logger"),
+              help="Logger format: a shipped name or a YAML file. Default: detected from the header.")  # fmt: skip
 @click.option(
     "--site", type=Name("site"), help="Site file: corrections, soil, calibration. Default: standard corrections."
 )
 @click.option(
     "--field", type=Name("field"), help="Field file: boundary, cell size. Default: the surroundings of the track."
 )
-@click.option(
-    "--nmea",
-    "--track",
-    type=InputFile(),
-    multiple=True,
-    help="Positions, for loggers without them: NMEA, GPX, CSV, RTKLIB or a bag, by content. Repeatable.",
-)
+@click.option("--nmea", "--track", type=InputFile(), multiple=True,
+              help="Positions, for loggers without them: NMEA, GPX, CSV, "
+              "RTKLIB or a bag, by content. Repeatable.")  # fmt: skip
 @click.option("--from", "start", type=Moment(), metavar="TIME",
               help="Map records after this time, such as 2026-05-02T14:30+02:00; UTC without a zone.")  # fmt: skip
 @click.option("--to", "end", type=Moment(), metavar="TIME",
               help="Map records up to this time; UTC without a zone.")  # fmt: skip
 @position_options
-@click.option(
-    "--preset",
-    type=click.Choice(tuple(PRESETS)),
-    default="recommended",
-    show_default=True,
-    help="Model and fit where none are given: the recommended ones, or the published ones.",
-)
+@click.option("--preset", type=click.Choice(tuple(PRESETS)), default="recommended", show_default=True,
+              help="Model and fit where none are given: the recommended ones, or the published ones.")  # fmt: skip
 @map_options("by --preset")
 @click.option("--exact", "max_exact_samples", type=click.IntRange(min=1), default=2000, show_default=True,
               help="Samples up to which the map is exact; beyond, it is made tile by tile.")  # fmt: skip

@@ -10,19 +10,30 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, say, wrote
-from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_losses, print_notes, rate_error
-from soilmoist_ros.cli.answers.progress import progress_bar
-from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
-from soilmoist_ros.cli.options.map_options import crs_option, map_options
-from soilmoist_ros.cli.options.names import FILE, Name
-from soilmoist_ros.cli.options.output_options import (
+from soilmoist_ros.cli.answer import (
+    answering,
+    print_knowledge,
+    print_losses,
+    print_notes,
+    progress_bar,
+    rate_error,
+    say,
+    wrote,
+)
+from soilmoist_ros.cli.options import (
+    FILE,
+    Name,
+    covariate_option,
+    crs_option,
+    earlier_option,
     figures_option,
+    gnss_shift_option,
+    map_options,
     output_options,
     prepare_output,
+    reference_option,
     reported_failure,
 )
-from soilmoist_ros.cli.options.position_options import gnss_shift_option
 
 if TYPE_CHECKING:
     from soilmoist_ros.pipeline import Replay

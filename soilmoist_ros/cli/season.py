@@ -9,10 +9,8 @@ from typing import Any
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, say, warn, wrote
-from soilmoist_ros.cli.answers.progress import progress_bar
-from soilmoist_ros.cli.options.names import FILE, Name, VariogramModel
-from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
+from soilmoist_ros.cli.answer import answering, progress_bar, say, warn, wrote
+from soilmoist_ros.cli.options import FILE, Name, VariogramModel, figures_option, output_options, prepare_output
 
 
 @click.command("season")

@@ -13,12 +13,24 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from soilmoist_ros.cli.answers.answer import answering, echo, say, wrote
-from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_notes, rate_error
-from soilmoist_ros.cli.answers.progress import progress_bar
-from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option
-from soilmoist_ros.cli.options.mission_options import chosen_settings, mission_options
-from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
+from soilmoist_ros.cli.answer import (
+    answering,
+    echo,
+    print_knowledge,
+    print_notes,
+    progress_bar,
+    rate_error,
+    say,
+    wrote,
+)
+from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
+from soilmoist_ros.cli.options import (
+    covariate_option,
+    earlier_option,
+    figures_option,
+    output_options,
+    prepare_output,
+)
 
 if TYPE_CHECKING:
     from soilmoist_ros.console import WatchedMission

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import click
 
-from soilmoist_ros.cli.answers.answer import echo, reporting_errors
-from soilmoist_ros.cli.answers.live import json_lines, live_view
-from soilmoist_ros.cli.options.names import FILE, Name
+from soilmoist_ros.cli.answer import echo, json_lines, live_view, reporting_errors
+from soilmoist_ros.cli.options import FILE, Name
 from soilmoist_ros.foundation import InputError
 
 _POLL_S = 0.2

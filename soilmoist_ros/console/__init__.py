@@ -7,18 +7,12 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.console.access import Access as Access
     from soilmoist_ros.console.board import Board as Board
-    from soilmoist_ros.console.invitations import LOOPBACK as LOOPBACK
-    from soilmoist_ros.console.invitations import PORT as PORT
-    from soilmoist_ros.console.invitations import free_port as free_port
-    from soilmoist_ros.console.invitations import invitation as invitation
-    from soilmoist_ros.console.invitations import reachable as reachable
-    from soilmoist_ros.console.maps.map_layers import MapLayers as MapLayers
-    from soilmoist_ros.console.plan.survey_files import SurveyFiles as SurveyFiles
-    from soilmoist_ros.console.plan.walk import Walk as Walk
-    from soilmoist_ros.console.robot_history import RobotHistory as RobotHistory
-    from soilmoist_ros.console.robot_history import VisitHistory as VisitHistory
+    from soilmoist_ros.console.board import RobotHistory as RobotHistory
+    from soilmoist_ros.console.board import VisitHistory as VisitHistory
+    from soilmoist_ros.console.map_layers import MapLayers as MapLayers
+    from soilmoist_ros.console.plan_routes import SurveyFiles as SurveyFiles
+    from soilmoist_ros.console.plan_work import Walk as Walk
     from soilmoist_ros.console.server import ConsoleServer as ConsoleServer
     from soilmoist_ros.console.server import Steering as Steering
     from soilmoist_ros.console.views import battery_view as battery_view
@@ -30,20 +24,24 @@ if TYPE_CHECKING:
     from soilmoist_ros.console.views import place_views as place_views
     from soilmoist_ros.console.views import sample_views as sample_views
     from soilmoist_ros.console.views import visit_view as visit_view
+    from soilmoist_ros.console.visitors import LOOPBACK as LOOPBACK
+    from soilmoist_ros.console.visitors import PORT as PORT
+    from soilmoist_ros.console.visitors import Access as Access
+    from soilmoist_ros.console.visitors import free_port as free_port
+    from soilmoist_ros.console.visitors import invitation as invitation
+    from soilmoist_ros.console.visitors import reachable as reachable
     from soilmoist_ros.console.watched_mission import WatchedMission as WatchedMission
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "access": "Access",
-        "board": "Board",
-        "invitations": "LOOPBACK PORT free_port invitation reachable",
-        "maps.map_layers": "MapLayers",
-        "plan.survey_files": "SurveyFiles",
-        "plan.walk": "Walk",
-        "robot_history": "RobotHistory VisitHistory",
+        "board": "Board RobotHistory VisitHistory",
+        "map_layers": "MapLayers",
+        "plan_routes": "SurveyFiles",
+        "plan_work": "Walk",
         "server": "ConsoleServer Steering",
         "views": "battery_view choices_view field_view health_view mission_view node_views place_views sample_views visit_view",
+        "visitors": "Access LOOPBACK PORT free_port invitation reachable",
         "watched_mission": "WatchedMission",
     },
 )

@@ -18,18 +18,14 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from soilmoist_ros.console.access import COOKIE, Access, Visitor
+from soilmoist_ros.console.background import BackgroundRoute
 from soilmoist_ros.console.board import Board, changes
-from soilmoist_ros.console.controls import Controls
-from soilmoist_ros.console.entrance import Entrance
 from soilmoist_ros.console.jobs import Jobs
-from soilmoist_ros.console.maps.background_route import BackgroundRoute
-from soilmoist_ros.console.maps.map_layers import MapLayers
-from soilmoist_ros.console.plan.routes import PlanRoutes
-from soilmoist_ros.console.plan.survey_files import SurveyFiles
-from soilmoist_ros.console.plan.walk import Walk
-from soilmoist_ros.console.requests import request_from_json, who_of
-from soilmoist_ros.console.run_routes import RunRoutes
+from soilmoist_ros.console.map_layers import MapLayers
+from soilmoist_ros.console.plan_routes import PlanRoutes, SurveyFiles
+from soilmoist_ros.console.plan_work import Walk
+from soilmoist_ros.console.runs import RunRoutes
+from soilmoist_ros.console.visitors import COOKIE, Access, Controls, Entrance, Visitor, request_from_json, who_of
 from soilmoist_ros.exploration import OperatorRequest, Reply
 from soilmoist_ros.foundation import InputError, optional_module
 from soilmoist_ros.reporting import jsonable

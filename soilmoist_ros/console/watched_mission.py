@@ -10,14 +10,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-from soilmoist_ros.console.access import Access
-from soilmoist_ros.console.board import Board
-from soilmoist_ros.console.invitations import PORT
-from soilmoist_ros.console.maps.map_layers import MapLayers
-from soilmoist_ros.console.plan.survey_files import SurveyFiles
-from soilmoist_ros.console.robot_history import RobotHistory
+from soilmoist_ros.console.board import Board, RobotHistory
+from soilmoist_ros.console.map_layers import MapLayers
+from soilmoist_ros.console.plan_routes import SurveyFiles
 from soilmoist_ros.console.server import ConsoleServer
 from soilmoist_ros.console.views import PLACE_DIGITS, field_view, mission_view, sample_views, visit_view
+from soilmoist_ros.console.visitors import PORT, Access
 from soilmoist_ros.exploration import Phase
 from soilmoist_ros.mapping import Field, FieldGrid, map_cells
 from soilmoist_ros.simulation import Moment

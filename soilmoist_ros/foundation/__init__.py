@@ -4,10 +4,9 @@
 
 from typing import TYPE_CHECKING
 
-from soilmoist_ros.foundation.lazy import open_door as open_door
+from soilmoist_ros.foundation.registry import open_door as open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.foundation.batches import Batches as Batches
     from soilmoist_ros.foundation.configuration import config_folder as config_folder
     from soilmoist_ros.foundation.configuration import parse_yaml as parse_yaml
     from soilmoist_ros.foundation.configuration import read_limited as read_limited
@@ -16,28 +15,29 @@ if TYPE_CHECKING:
     from soilmoist_ros.foundation.configuration import read_yaml as read_yaml
     from soilmoist_ros.foundation.configuration import resource as resource
     from soilmoist_ros.foundation.configuration import resource_names as resource_names
+    from soilmoist_ros.foundation.errors import Health as Health
     from soilmoist_ros.foundation.errors import IllConditionedError as IllConditionedError
     from soilmoist_ros.foundation.errors import InputError as InputError
+    from soilmoist_ros.foundation.errors import Level as Level
     from soilmoist_ros.foundation.errors import Mistake as Mistake
     from soilmoist_ros.foundation.errors import SoilmoistError as SoilmoistError
+    from soilmoist_ros.foundation.errors import did_you_mean as did_you_mean
+    from soilmoist_ros.foundation.errors import listing as listing
     from soilmoist_ros.foundation.geodesy import LatLon as LatLon
     from soilmoist_ros.foundation.geodesy import LocalFrame as LocalFrame
+    from soilmoist_ros.foundation.geodesy import PlaneMove as PlaneMove
+    from soilmoist_ros.foundation.geodesy import coordinates_text as coordinates_text
+    from soilmoist_ros.foundation.geodesy import direction as direction
     from soilmoist_ros.foundation.geodesy import distance_and_bearing as distance_and_bearing
+    from soilmoist_ros.foundation.geodesy import distance_text as distance_text
+    from soilmoist_ros.foundation.geodesy import fit_move as fit_move
     from soilmoist_ros.foundation.geodesy import floats as floats
+    from soilmoist_ros.foundation.geodesy import move_between as move_between
+    from soilmoist_ros.foundation.geodesy import other_datum as other_datum
+    from soilmoist_ros.foundation.geodesy import place_text as place_text
     from soilmoist_ros.foundation.geodesy import squared_distances as squared_distances
-    from soilmoist_ros.foundation.health import Health as Health
-    from soilmoist_ros.foundation.health import Level as Level
-    from soilmoist_ros.foundation.lazy import install as install
-    from soilmoist_ros.foundation.lazy import is_installed as is_installed
-    from soilmoist_ros.foundation.lazy import not_installed as not_installed
-    from soilmoist_ros.foundation.lazy import optional_module as optional_module
-    from soilmoist_ros.foundation.places import coordinates_text as coordinates_text
-    from soilmoist_ros.foundation.places import direction as direction
-    from soilmoist_ros.foundation.places import distance_text as distance_text
-    from soilmoist_ros.foundation.places import other_datum as other_datum
-    from soilmoist_ros.foundation.places import place_text as place_text
-    from soilmoist_ros.foundation.places import town_distance_m as town_distance_m
-    from soilmoist_ros.foundation.places import town_text as town_text
+    from soilmoist_ros.foundation.geodesy import town_distance_m as town_distance_m
+    from soilmoist_ros.foundation.geodesy import town_text as town_text
     from soilmoist_ros.foundation.plain_values import DAY_S as DAY_S
     from soilmoist_ros.foundation.plain_values import csv_text as csv_text
     from soilmoist_ros.foundation.plain_values import finite_number as finite_number
@@ -48,17 +48,17 @@ if TYPE_CHECKING:
     from soilmoist_ros.foundation.plain_values import shown_path as shown_path
     from soilmoist_ros.foundation.plain_values import shown_text as shown_text
     from soilmoist_ros.foundation.plain_values import text_of_csv as text_of_csv
-    from soilmoist_ros.foundation.plane_move import PlaneMove as PlaneMove
-    from soilmoist_ros.foundation.plane_move import fit_move as fit_move
-    from soilmoist_ros.foundation.plane_move import move_between as move_between
     from soilmoist_ros.foundation.registry import Registry as Registry
+    from soilmoist_ros.foundation.registry import install as install
+    from soilmoist_ros.foundation.registry import is_installed as is_installed
+    from soilmoist_ros.foundation.registry import not_installed as not_installed
+    from soilmoist_ros.foundation.registry import optional_module as optional_module
     from soilmoist_ros.foundation.sections import Section as Section
     from soilmoist_ros.foundation.sections import line_of as line_of
     from soilmoist_ros.foundation.sections import load_model as load_model
-    from soilmoist_ros.foundation.suggestions import did_you_mean as did_you_mean
-    from soilmoist_ros.foundation.suggestions import listing as listing
     from soilmoist_ros.foundation.version import __version__ as __version__
     from soilmoist_ros.foundation.workers import THREADS as THREADS
+    from soilmoist_ros.foundation.workers import Batches as Batches
     from soilmoist_ros.foundation.workers import connect as connect
     from soilmoist_ros.foundation.workers import cores as cores
     from soilmoist_ros.foundation.workers import one_thread_each as one_thread_each
@@ -67,19 +67,13 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "batches": "Batches",
         "configuration": "config_folder parse_yaml read_limited read_lines read_quickly read_yaml resource resource_names",
-        "errors": "IllConditionedError InputError Mistake SoilmoistError",
-        "geodesy": "LatLon LocalFrame distance_and_bearing floats squared_distances",
-        "health": "Health Level",
-        "lazy": "install is_installed not_installed optional_module",
-        "places": "coordinates_text direction distance_text other_datum place_text town_distance_m town_text",
+        "errors": "Health IllConditionedError InputError Level Mistake SoilmoistError did_you_mean listing",
+        "geodesy": "LatLon LocalFrame PlaneMove coordinates_text direction distance_and_bearing distance_text fit_move floats move_between other_datum place_text squared_distances town_distance_m town_text",
         "plain_values": "DAY_S csv_text finite_number foreign_text nan_as_text printable read_json shown_path shown_text text_of_csv",
-        "plane_move": "PlaneMove fit_move move_between",
-        "registry": "Registry",
+        "registry": "Registry install is_installed not_installed optional_module",
         "sections": "Section line_of load_model",
-        "suggestions": "did_you_mean listing",
         "version": "__version__",
-        "workers": "THREADS connect cores one_thread_each shared_work",
+        "workers": "Batches THREADS connect cores one_thread_each shared_work",
     },
 )

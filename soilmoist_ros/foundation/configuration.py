@@ -17,8 +17,7 @@ from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.events import AliasEvent
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.foundation.errors import InputError, Mistake, did_you_mean
 
 _MAX_BYTES: Final = 50_000_000
 _MAX_YAML_BYTES: Final = 2_000_000

@@ -1,12 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Exceptions of the core: each states the mistake, its place and the remedy."""
+"""What people are told: mistakes with place and remedy, states of health, and suggestions for names."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import difflib
+import enum
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+
+MAX_NAMES = 12
+"""Maximum number of names in a message."""
 
 
 @dataclass(frozen=True)
@@ -57,3 +62,52 @@ class InputError(SoilmoistError):
 
 class IllConditionedError(SoilmoistError):
     """A covariance matrix is not positive definite, even with jitter: the model is numerically inconsistent."""
+
+
+# Names -----------------------------------------------------------------------------------------------------------
+
+
+def listing(names: Iterable[str]) -> str:
+    """The names, separated by commas; a long list is cut, with the number of names left out."""
+    every = list(names)
+    shown = ", ".join(every[:MAX_NAMES])
+    return f"{shown} and {len(every) - MAX_NAMES} more" if len(every) > MAX_NAMES else shown
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`` (did you mean 'x'?)`` for a similar known word or the only one with this begin, else an empty text."""
+    names = list(map(str, known))  # members of enumerations, too, as people write them
+    begin = [name for name in names if word and name.startswith(word)]
+    close = difflib.get_close_matches(word, names, n=1, cutoff=0.6) or (begin if len(begin) == 1 else [])
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+# Health ----------------------------------------------------------------------------------------------------------
+
+
+class Level(enum.IntEnum):
+    """Severity, numbered as in diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    """Works, but needs attention."""
+    ERROR = 2
+    """Does not work."""
+    STALE = 3
+    """State unknown or out of date."""
+
+
+@dataclass(frozen=True)
+class Health:
+    """State of one part.
+
+    :param name: name of the part, such as ``logger link``
+    :param level: severity
+    :param message: one line for the operator, with the remedy if there is one
+    :param values: details by name, with units in the names
+    """
+
+    name: str
+    level: Level
+    message: str
+    values: Mapping[str, str] = field(default_factory=dict)

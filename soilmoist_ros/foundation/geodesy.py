@@ -16,11 +16,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.registry import optional_module
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -35,6 +38,12 @@ FLATTENING = 1 / 298.257223563
 ECCENTRICITY2 = FLATTENING * (2 - FLATTENING)
 """Square of the first eccentricity."""
 DEGREE = math.pi / 180
+_AROUND_M = np.array([(0.0, 0.0), (100.0, 0.0), (0.0, 100.0), (-100.0, 0.0), (0.0, -100.0)])
+_COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+_SAME_DATUM_M = 0.05
+"""Datums this close are the same one, written with fewer digits [m]."""
+_NEAR_M = 30_000.0
+"""Distance up to which a place is near a town [m]."""
 
 
 def floats(values: ArrayLike) -> Array:
@@ -205,3 +214,185 @@ def _within_a_turn(angle: Array) -> Array:
     return np.where(
         np.abs(angle) > math.pi, turned - 2 * math.pi * np.floor(turned / (2 * math.pi)) - math.pi, angle
     )
+
+
+# Moves between planes --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneMove:
+    """Coordinates of one plane to those of another: ``R(yaw_rad) @ place + shift_m``.
+
+    :param yaw_rad: turn, counter-clockwise [rad]
+    :param shift_m: where the origin of the first plane lies in the second [m]
+
+    >>> move = PlaneMove(math.pi / 2, (10.0, 0.0))
+    >>> move.place((1.0, 0.0))
+    (10.0, 1.0)
+    >>> move.inverse.place((10.0, 1.0))
+    (1.0, 0.0)
+    """
+
+    yaw_rad: float = 0.0
+    shift_m: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the two planes are one."""
+        return self == PlaneMove()
+
+    @property
+    def inverse(self) -> PlaneMove:
+        """The move back."""
+        back = PlaneMove(-self.yaw_rad)
+        x, y = back.place(self.shift_m)
+        return PlaneMove(-self.yaw_rad, (-x, -y))
+
+    def places(self, xy_m: ArrayLike) -> Array:
+        """Coordinates of n places in the second plane, shape (n, 2) [m].
+
+        :param xy_m: coordinates in the first plane, shape (n, 2) [m]
+        """
+        xy = np.atleast_2d(np.asarray(xy_m, float))
+        if self.is_identity:
+            return xy
+        cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return np.asarray(xy @ np.array([(cosine, sine), (-sine, cosine)]) + self.shift_m)
+
+    def place(self, xy_m: tuple[float, float]) -> tuple[float, float]:
+        """Coordinates of one place in the second plane [m]."""
+        if self.is_identity:
+            return xy_m
+        cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        x, y = xy_m
+        return cosine * x - sine * y + self.shift_m[0], sine * x + cosine * y + self.shift_m[1]
+
+    def heading(self, yaw_rad: float) -> float:
+        """A heading in the second plane, counter-clockwise from its x axis [rad], -pi..pi."""
+        return math.remainder(yaw_rad + self.yaw_rad, math.tau)
+
+
+def fit_move(start_m: ArrayLike, end_m: ArrayLike) -> tuple[PlaneMove, float]:
+    """Move that brings places of one plane closest to the same places in another, and its error.
+
+    Least squares over turn and shift (Umeyama, IEEE TPAMI 13, 1991, without scale).
+
+    :param start_m: coordinates in the first plane, shape (n, 2) [m]; not all equal
+    :param end_m: coordinates of the same places in the second plane, shape (n, 2) [m]
+    :returns: the move, and the root mean square of the distances that remain [m]
+    """
+    start, end = np.asarray(start_m, float), np.asarray(end_m, float)
+    start_mean, end_mean = start.mean(axis=0), end.mean(axis=0)
+    from_start, from_end = start - start_mean, end - end_mean
+    across = float(np.sum(from_start[:, 0] * from_end[:, 1] - from_start[:, 1] * from_end[:, 0]))
+    along = float(np.sum(from_start * from_end))
+    turn = PlaneMove(math.atan2(across, along))
+    x, y = turn.places([start_mean])[0]
+    move = PlaneMove(turn.yaw_rad, (float(end_mean[0] - x), float(end_mean[1] - y)))
+    error_m = math.sqrt(float(np.mean(np.sum((move.places(start) - end) ** 2, axis=1))))
+    return move, error_m
+
+
+def move_between(
+    start: LocalFrame, end: LocalFrame, yaw_rad: float = 0.0, about_m: ArrayLike = (0.0, 0.0)
+) -> PlaneMove:
+    """Move from the plane of one datum to that of another, exact at a place.
+
+    The meridians of two datums are not parallel, so the move turns a little even without ``yaw_rad``.
+
+    :param start: plane of the coordinates that are given
+    :param end: datum of the coordinates that are wanted
+    :param yaw_rad: direction of the wanted x axis, counter-clockwise from east [rad]
+    :param about_m: where the move is used, in the plane ``start`` [m]
+    :returns: the move; the identity if the two planes are one
+    :raises ValueError: if the datums are on two sides of the earth
+    """
+    if start == end and yaw_rad == 0.0:
+        return PlaneMove()
+    around = np.asarray(about_m, float) + _AROUND_M
+    geographic = start.to_geographic(around)
+    wanted = end.to_local(*geographic.T)
+    if not np.isfinite(wanted).all():
+        raise ValueError("the two datums are on two sides of the earth")
+    return fit_move(around, PlaneMove(-yaw_rad).places(wanted))[0]
+
+
+# Places in words -------------------------------------------------------------------------------------------------
+
+
+def direction(bearing_deg: float) -> str:
+    """The nearest of eight directions of the compass.
+
+    >>> direction(287.0), direction(359.0)
+    ('west', 'north')
+    """
+    return _COMPASS[round(bearing_deg / 45) % 8]
+
+
+def distance_text(distance_m: float) -> str:
+    """A distance in m or km.
+
+    >>> distance_text(42.4), distance_text(2340.0), distance_text(7_012_345.0)
+    ('42 m', '2.3 km', '7,012 km')
+    """
+    if distance_m < 1000:
+        return f"{distance_m:.0f} m"
+    return f"{distance_m / 1000:,.{1 if distance_m < 10_000 else 0}f} km"
+
+
+def coordinates_text(latitude_deg: float, longitude_deg: float, digits: int = 2) -> str:
+    """Latitude and longitude with letters instead of signs.
+
+    >>> coordinates_text(53.268, -0.5245)
+    '53.27 N, 0.52 W'
+    """
+    north, east = "S" if latitude_deg < 0 else "N", "W" if longitude_deg < 0 else "E"
+    return f"{abs(latitude_deg):.{digits}f} {north}, {abs(longitude_deg):.{digits}f} {east}"
+
+
+def other_datum(datum: LatLon, plane: LocalFrame) -> str:
+    """Difference between a datum and that of a plane, with a remedy; empty if both are the same.
+
+    :param datum: latitude and longitude of the other one [deg]
+    """
+    away_m = distance_and_bearing((plane.latitude_deg, plane.longitude_deg), datum)[0]
+    if away_m < _SAME_DATUM_M:
+        return ""
+    there = coordinates_text(*datum, digits=6)
+    return f"its places are about another datum ({there}, {distance_text(away_m)} away): give all one field file"
+
+
+def town_text(place: LatLon) -> str:
+    """The nearest town with region and country; empty without the extra ``reports``."""
+    town = _nearest_town(place)
+    if town is None:
+        return ""
+    region = [town.get("state", ""), town["country"]]
+    name = f"{town['city']} ({', '.join(dict.fromkeys(filter(None, region)))})"
+    distance_m, bearing_deg = distance_and_bearing((town["latitude"], town["longitude"]), place)
+    return (
+        f"near {name}"
+        if distance_m < _NEAR_M
+        else f"{distance_text(distance_m)} {direction(bearing_deg)} of {name}"
+    )
+
+
+def town_distance_m(place: LatLon) -> float | None:
+    """Distance to the nearest town [m]; ``None`` without the extra ``reports``."""
+    town = _nearest_town(place)
+    return None if town is None else distance_and_bearing((town["latitude"], town["longitude"]), place)[0]
+
+
+def place_text(place: LatLon) -> str:
+    """Coordinates, and the nearest town if the extra ``reports`` is installed."""
+    return ", ".join(filter(None, [coordinates_text(*place), town_text(place)]))
+
+
+@lru_cache(maxsize=64)
+def _nearest_town(place: LatLon) -> dict[str, Any] | None:
+    """Town of more than 1000 inhabitants (GeoNames), ``None`` without the gazetteer."""
+    try:
+        gazetteer = optional_module("reverse_geocode")
+    except InputError:
+        return None
+    return dict(gazetteer.get(place))

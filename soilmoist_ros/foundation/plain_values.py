@@ -14,6 +14,10 @@ DAY_S = 86_400.0
 """A day [s]."""
 _FOLDERS = re.compile(r"(?<![^\s(\"'=])(?:[A-Za-z]:[\\/]|/)(?:[^\\/\s]+[\\/])*")
 """Folders at the begin of an absolute path."""
+_SEQUENCE = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)?|\x1b[ -/]*[0-~]?")
+"""Control sequences of terminals: colours and moves, titles and links, others."""
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "'", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""Beginnings of formulas, in both widths, and what a spreadsheet removes before them."""
 
 
 def shown_path(path: PurePath | str) -> str:
@@ -107,10 +111,6 @@ def printable(text: str) -> str:
     )
 
 
-_SEQUENCE = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)?|\x1b[ -/]*[0-~]?")
-"""Control sequences of terminals: colours and moves, titles and links, others."""
-
-
 def foreign_text(text: str) -> str:
     r"""A text of another program or person as one line, without control sequences and invisible marks.
 
@@ -123,7 +123,3 @@ def foreign_text(text: str) -> str:
         return text
     shown = (one if one.isprintable() else " " * one.isspace() for one in _SEQUENCE.sub("", text))
     return " ".join("".join(shown).split())
-
-
-_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "'", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-"""Beginnings of formulas, in both widths, and what a spreadsheet removes before them."""

@@ -14,8 +14,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from soilmoist_ros.foundation.configuration import read_yaml
-from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.foundation.suggestions import did_you_mean
+from soilmoist_ros.foundation.errors import InputError, Mistake, did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
 Location = tuple[int | str, ...]

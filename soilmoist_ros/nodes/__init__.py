@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from soilmoist_ros.nodes.demo import run_demo as run_demo
     from soilmoist_ros.nodes.field_simulator import FieldSimulator as FieldSimulator
     from soilmoist_ros.nodes.mapper import Mapper as Mapper
+    from soilmoist_ros.nodes.node_process import run as run
     from soilmoist_ros.nodes.parameters import Parameter as Parameter
     from soilmoist_ros.nodes.parameters import Parameters as Parameters
     from soilmoist_ros.nodes.planner import Planner as Planner
     from soilmoist_ros.nodes.recorder import Recorder as Recorder
-    from soilmoist_ros.nodes.run import run as run
     from soilmoist_ros.nodes.sensor_driver import SensorDriver as SensorDriver
 
 # Pydantic's search for plugins reads the metadata of every installed package. The search takes longer than
@@ -33,10 +33,10 @@ __getattr__, __dir__, __all__ = open_door(
         "demo": "DemoSettings run_demo",
         "field_simulator": "FieldSimulator",
         "mapper": "Mapper",
+        "node_process": "run",
         "parameters": "Parameter Parameters",
         "planner": "Planner",
         "recorder": "Recorder",
-        "run": "run",
         "sensor_driver": "SensorDriver",
     },
 )

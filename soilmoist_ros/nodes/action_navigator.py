@@ -92,6 +92,7 @@ class ActionNavigator(ABC):
         self._looked_s, self._there_s = -math.inf, math.inf
         self._ids: dict[int, UUID] = {}
         self._heard: tuple[float, float] | None = None  # of the computer's clock, and of the mission
+        self._said = ""
         self._actions = ActionClient(node, kind, name)
         # Some goals are cancelled without a handle of the action client, so cancelling needs a service client.
         self._cancels = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
@@ -125,9 +126,9 @@ class ActionNavigator(ABC):
         return max(found, 1) if self._actions.server_is_ready() else 0
 
     @property
-    @abstractmethod
     def on_the_way(self) -> str:
-        """See :class:`Navigator`."""
+        """What the last feedback of the goal says."""
+        return self._said
 
     @property
     def caution(self) -> str:
@@ -149,6 +150,7 @@ class ActionNavigator(ABC):
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
+        self._said = ""
         with self._lock:
             there = self._track.standing_at(stop, self._there_m)
         self._step(self._client.go, goal_id, self.goals(stop, way), then=(there,))
@@ -254,8 +256,8 @@ class ActionNavigator(ABC):
         """Goal of the action."""
 
     @abstractmethod
-    def heard(self, message: Any) -> None:
-        """Process feedback of the action."""
+    def heard(self, message: Any) -> str:
+        """What feedback of the action says, in words."""
 
     @abstractmethod
     def verdict(self, result: Any) -> tuple[bool, str]:
@@ -290,7 +292,7 @@ class ActionNavigator(ABC):
 
     def _on_feedback(self, message: Any) -> None:
         self._heard = time.monotonic(), self._track.now_s
-        self.heard(message)
+        self._said = self.heard(message)
 
     def _answered(self, goal_id: int, future: Future) -> None:
         handle = future.result()

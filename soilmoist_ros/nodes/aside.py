@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Services whose work takes long, such as saving files: the node's callbacks go on meanwhile."""
+"""Work outside the callbacks: services that take long, and what other threads ask for."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""``soilmoist bag play``: plays a bag to real nodes, with the time of the recording."""
+"""Nodes of the commands: ``soilmoist bag play`` plays a bag, ``demo`` and ``watch`` follow a mission."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -46,11 +46,46 @@ from soilmoist_ros.sensing import logger_fault
 from soilmoist_ros.simulation import CLOCK_PART, WAITS_FOR
 
 Progress = Callable[[str, float], None]
+SomeNode = TypeVar("SomeNode", bound=Node)
 
 _TICK_S: Final = 0.02
 _LISTENERS_LIMIT_S: Final = 10.0
 _LISTENERS_SETTLE_S: Final = 1.0
 _LAST_MESSAGES: Final = Duration(seconds=10)
+
+
+@contextmanager
+def _spinning(make: Callable[[Context], SomeNode], domain: int | None = None) -> Iterator[SomeNode]:
+    """Run a node in a thread, in a ROS context of its own.
+
+    :param make: makes the node
+    :param domain: number of the ROS domain; that of the shell if ``None``
+    """
+    context, ending = Context(), threading.Event()
+    rclpy.init(context=context, domain_id=domain)
+    executor = SingleThreadedExecutor(context=context)
+
+    def spin() -> None:
+        while not ending.is_set():
+            executor.spin_once(timeout_sec=0.2)
+
+    try:
+        node = make(context)
+        executor.add_node(node)
+        thread = threading.Thread(target=spin, daemon=True)
+        thread.start()
+        try:
+            yield node
+        finally:
+            ending.set()
+            thread.join(2.0)
+            node.destroy_node()
+    finally:
+        executor.shutdown()
+        context.try_shutdown()
+
+
+# A bag ----------------------------------------------------------------------------------------------------------
 
 
 class BagPlayer(Node):
@@ -176,35 +211,17 @@ def player_of(
     interrupted = threading.Event()
     # Python drops a KeyboardInterrupt that is raised within a callback of the garbage collector.
     previous = signal.signal(signal.SIGINT, lambda number, frame: interrupted.set())
-    context = Context()
-    rclpy.init(context=context)
-    executor = SingleThreadedExecutor(context=context)
-    ending = threading.Event()
-
-    def spin() -> None:
-        while not ending.is_set():
-            executor.spin_once(timeout_sec=0.2)
-
-    thread = threading.Thread(target=spin, daemon=True)
     try:
         with BagReader(bag) as reader:
             playback = Playback(reader, topics, start_s)
-            player = BagPlayer(playback, Pacer(playback.start_ns, speed), context, say, interrupted)
-            executor.add_node(player)
-            thread.start()
-            try:
+            pacer = Pacer(playback.start_ns, speed)
+            with _spinning(lambda context: BagPlayer(playback, pacer, context, say, interrupted)) as player:
                 yield player
-            finally:
-                ending.set()
-                thread.join(2.0)
-                player.destroy_node()
     finally:
         signal.signal(signal.SIGINT, previous)
-        executor.shutdown()
-        context.try_shutdown()
 
 
-# Subscribes to a mission, for a live view -----------------------------------------------------------------------
+# A mission ------------------------------------------------------------------------------------------------------
 
 
 class Monitor(Node):
@@ -261,7 +278,7 @@ class Monitor(Node):
                 self._live.rain = health.values[MapWorker.RAIN]
 
 
-@contextlib.contextmanager
+@contextmanager
 def monitored(live: LiveMission, frame: LocalFrame, domain: int) -> Iterator[None]:
     """Run a :class:`Monitor` in a thread.
 
@@ -269,30 +286,11 @@ def monitored(live: LiveMission, frame: LocalFrame, domain: int) -> Iterator[Non
     :param frame: plane of the field
     :param domain: number of the ROS domain
     """
-    context = Context()
-    rclpy.init(context=context, domain_id=domain)
-    executor = SingleThreadedExecutor(context=context)
-    monitor = Monitor(live, frame, context)
-    executor.add_node(monitor)
-    ending = threading.Event()
-
-    def spin() -> None:
-        while not ending.is_set():
-            executor.spin_once(timeout_sec=0.2)
-
-    thread = threading.Thread(target=spin, daemon=True)
-    thread.start()
-    try:
+    with _spinning(lambda context: Monitor(live, frame, context), domain):
         yield
-    finally:
-        ending.set()
-        thread.join(2.0)
-        executor.shutdown()
-        monitor.destroy_node()
-        context.try_shutdown()
 
 
-# Reacts to the space bar while a command runs in a terminal -----------------------------------------------------
+# The space bar --------------------------------------------------------------------------------------------------
 
 
 @contextmanager

@@ -58,9 +58,9 @@ from soilmoist_ros.console import (
 from soilmoist_ros.exploration import TRIGGERS, OperatorRequest, Reply, ReplyCode, Verb, parse_topological_map
 from soilmoist_ros.foundation import Health, InputError, Level, foreign_text, resource
 from soilmoist_ros.mapping import load_field
+from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import CONSOLE as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, SENSOR, VISITS, interface_class
 from soilmoist_ros.sensing import fix_from_message
 
@@ -69,6 +69,8 @@ __all__ = ["PARAMETERS", "Console", "main"]
 STALE_S: Final = 30.0
 """Age at which the health of a part is shown as unknown [s]."""
 SHOW_S: Final = 1.0
+REPEAT_S: Final = 0.5
+"""Time between two messages of a pressed stop [s]; a planner takes silence of 2 s for a release."""
 
 
 class Console(Node):
@@ -295,9 +297,6 @@ class Console(Node):
 
 
 # Commands from the operator's page to the planners, and the emergency stop --------------------------------------
-
-REPEAT_S: Final = 0.5
-"""Time between two messages of a pressed stop [s]; a planner takes silence of 2 s for a release."""
 
 
 class ConsoleSteering:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the demo, and the configuration of its nodes."""
+"""The whole system in simulation: all nodes as processes on a private ROS domain, a live view, and the report."""
 
 from __future__ import annotations
 
@@ -29,6 +29,10 @@ from soilmoist_ros.simulation import (
 )
 
 _OF_MAPPER = ("samples", "model", "mapper/save")
+__all__ = ["DemoError", "DemoSettings", "run_demo"]
+Show = Callable[[LiveMission], None]
+_START_LIMIT_S = 60.0
+_POLL_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -180,13 +184,6 @@ def _absolute(field: str) -> str:
 
 
 # Simulates the whole system: all nodes as processes on a private ROS domain, a live view, and the report --------
-
-__all__ = ["DemoError", "DemoSettings", "run_demo"]
-
-Show = Callable[[LiveMission], None]
-
-_START_LIMIT_S = 60.0
-_POLL_S = 0.2
 
 
 class DemoError(SoilmoistError):

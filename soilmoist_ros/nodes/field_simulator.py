@@ -31,10 +31,10 @@ from msg_adapters import (
 )
 from soilmoist_ros.exploration import PLACE_TIME, RECORD_STAMP
 from soilmoist_ros.foundation import Level
+from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import FIELD_SIMULATOR as PARAMETERS
 from soilmoist_ros.nodes.parameter_tables import mission_settings
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS
 from soilmoist_ros.nodes.virtual_navigation import MAP_FRAME, NavigateToPoseServer, navigation_servers
 from soilmoist_ros.simulation import (

@@ -38,10 +38,10 @@ from msg_adapters import (
 from soilmoist_ros.foundation import Batches, Health, InputError, Level, foreign_text, other_datum, read_json
 from soilmoist_ros.mapping import Field, MapState, MapWorker, Skip, SoilMap, map_health
 from soilmoist_ros.nodes.aside import Aside
+from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import MAPPER as PARAMETERS
 from soilmoist_ros.nodes.parameter_tables import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.parameters import Parameters, Value, other_namespaces
-from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, VISITS, interface_class
 from soilmoist_ros.recording import (
     HELD,
@@ -65,6 +65,16 @@ _POLL_S: Final = 1.0
 _FLUSH_S: Final = 5.0
 _SLICE: Final = 500
 """Records that are added at a time, so that reports and services need not wait for a flood."""
+CHANGE_PAUSE_S: Final = 5.0
+"""Shortest time from one change to the next [s]."""
+CHANGE_SHARE: Final = 20
+"""The pause is at least this multiple of the time that a change takes."""
+CHANGE_PART: Final = "change"
+_Queued = tuple[FieldSurvey, SoilMap | None, float]
+"""A map, the field that it is of, and the end of its last record [s since 1970-01-01 UTC]."""
+NO_CHANGE_YET: Final = Health(CHANGE_PART, Level.OK, "waiting for enough samples for a map")
+_REPEAT: Final = 6
+"""An unchanged list is published every so many times, for receivers that have lost one."""
 
 
 class Mapper(Node):
@@ -319,16 +329,6 @@ class Mapper(Node):
 
 # The change of the field since an earlier survey, while the map grows: the topic ``change`` of a mapper ---------
 
-PAUSE_S: Final = 5.0
-"""Shortest time from one change to the next [s]."""
-SHARE: Final = 20
-"""The pause is at least this multiple of the time that a change takes."""
-PART: Final = "change"
-_Queued = tuple[FieldSurvey, SoilMap | None, float]
-"""A map, the field that it is of, and the end of its last record [s since 1970-01-01 UTC]."""
-
-WAITING: Final = Health(PART, Level.OK, "waiting for enough samples for a map")
-
 
 class ChangeOutput:
     """Computes the change of the newest map in a thread, and publishes it.
@@ -341,9 +341,9 @@ class ChangeOutput:
     def __init__(self, node: Node, survey: FieldSurvey, frame: str) -> None:
         self._survey, self._frame = survey, frame
         self._publisher = node.create_publisher(PointCloud2, "change", LATCHED)
-        self._said = WAITING
+        self._said = NO_CHANGE_YET
         self._closing = False
-        self._maps: Batches[_Queued] = Batches(self._compute, PART)
+        self._maps: Batches[_Queued] = Batches(self._compute, CHANGE_PART)
 
     @property
     def health(self) -> list[Health]:
@@ -354,7 +354,7 @@ class ChangeOutput:
         """The maps to come are of another field, or have other earlier surveys."""
         if self._survey.earlier and not survey.earlier:
             self._publisher.publish(change_to_message(survey.map.grid, None, 0.0, self._frame))
-        self._survey, self._said = survey, WAITING
+        self._survey, self._said = survey, NO_CHANGE_YET
 
     def put(self, soil_map: SoilMap | None, stamp_s: float) -> None:
         """Compute the change of a map soon; never waits.
@@ -379,18 +379,15 @@ class ChangeOutput:
             return
         self._publisher.publish(change_to_message(survey.map.grid, change, stamp_s, self._frame))
         if found is not None:
-            self._said = Health(PART, Level.OK, change_summary(found))
+            self._said = Health(CHANGE_PART, Level.OK, change_summary(found))
         elif soil_map is not None:
-            self._said = Health(PART, Level.OK, "not computed: the surveys have too many samples")
-        until_s = time.monotonic() + max(PAUSE_S, SHARE * (time.monotonic() - began_s))
+            self._said = Health(CHANGE_PART, Level.OK, "not computed: the surveys have too many samples")
+        until_s = time.monotonic() + max(CHANGE_PAUSE_S, CHANGE_SHARE * (time.monotonic() - began_s))
         while time.monotonic() < until_s and not self._closing:
             time.sleep(0.1)
 
 
 # Exchange of records between the mappers of several robots, so that none misses any for good --------------------
-
-_REPEAT: Final = 6
-"""An unchanged list is published every so many times, for receivers that have lost one."""
 
 
 class MapperExchange:

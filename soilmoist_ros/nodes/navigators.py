@@ -60,70 +60,6 @@ SETTLE_S: Final = 5.0
 """Standstill that counts as arrival where the navigation gives no result [s]: five fixes of a usual receiver."""
 
 
-class RouteFeedback:
-    """Subscribes to the feedback of goals.
-
-    :param node: node of the subscriptions
-    :param topic: plain topic of the feedback
-    :param kind: class of the action
-    :param on_topic: called with each message of the plain topic; passes it to :meth:`heard`
-    """
-
-    def __init__(self, node: Node, topic: str, kind: Any, on_topic: Callable[[Any], None]) -> None:
-        self.route = ""
-        self._on_topic = on_topic
-        self._node = node
-        self._topic = node.resolve_topic_name(topic)
-        self._kind = kind
-        self._next_look_s = 0.0
-        self._offer: tuple[Any, ...] = ()
-        self._subscription: Subscription | None = None
-
-    def heard(self, message: Any) -> None:
-        """Process feedback of a goal, or a message of the plain topic."""
-        content = getattr(message, "feedback", message)
-        for name in ("route", "data"):
-            text = getattr(content, name, None)
-            if isinstance(text, str):
-                self.route = foreign_text(text)
-
-    def look_for_topic(self) -> None:
-        """Subscribe to the plain topic once it exists; its type and quality of service depend on the version."""
-        if time.monotonic() < self._next_look_s:
-            return
-        self._next_look_s = time.monotonic() + LOOK_EVERY_S
-        found = self._node.get_publishers_info_by_topic(self._topic)
-        offer = tuple(
-            (info.topic_type, info.qos_profile.reliability, info.qos_profile.durability) for info in found
-        )
-        if not found or offer == self._offer:
-            return
-        self._offer = offer
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = None
-        message_class = self._message_class(found[0].topic_type)
-        if message_class is None:
-            self._node.get_logger().warning(f"{self._topic} has the unknown type {found[0].topic_type}: ignored")
-            return
-        profile = requested_qos(request_for([offered_qos(info.qos_profile) for info in found]))
-        self._subscription = self._node.create_subscription(
-            message_class, self._topic, self._on_topic, profile, event_callbacks=NO_EVENTS
-        )
-
-    def _message_class(self, name: str) -> Any:
-        _package, folder, kind = name.split("/")
-        if folder == "action":
-            return self._kind.Feedback if kind == f"{self._kind.__name__}_Feedback" else None
-        try:
-            return interface_class(name)
-        except ImportError:
-            return None
-
-
-# Navigation over a topological map by the action ``GotoNode`` ---------------------------------------------------
-
-
 class GotoNodeNavigator(ActionNavigator):
     """A client of ``GotoNode``. The server finds the route; some abort a goal where the robot stands already.
 
@@ -145,12 +81,10 @@ class GotoNodeNavigator(ActionNavigator):
     ) -> None:
         super().__init__(node, name, kind, client, track, there_m, report, yields)
         self._is_nearest = False
-        self._feedback = RouteFeedback(node, feedback_topic, kind, self._on_feedback)
-
-    @property
-    def on_the_way(self) -> str:
-        """The last node in the navigation's feedback."""
-        return self._feedback.route
+        self._topic = node.resolve_topic_name(feedback_topic)
+        self._next_look_s = 0.0
+        self._offer: tuple[Any, ...] = ()
+        self._feedback: Subscription | None = None
 
     @property
     def feedback_age_s(self) -> float:
@@ -159,13 +93,14 @@ class GotoNodeNavigator(ActionNavigator):
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """See :class:`Navigator`."""
-        self._feedback.route = ""
         self._is_nearest = 0 < len(way.corners) <= 2
         super().go(goal_id, stop, way)
 
     def tick(self, now_s: float) -> None:
         """See :class:`Navigator`."""
-        self._feedback.look_for_topic()
+        if time.monotonic() >= self._next_look_s:
+            self._next_look_s = time.monotonic() + LOOK_EVERY_S
+            self._look_for_feedback()
         super().tick(now_s)
 
     def goals(self, stop: Stop, way: Way) -> tuple[WayPoint, ...]:
@@ -180,20 +115,49 @@ class GotoNodeNavigator(ActionNavigator):
             goal.no_orientation = True  # the sensor has no heading
         return goal
 
-    def heard(self, message: Any) -> None:
-        """Process feedback of a goal, or of the plain topic."""
-        self._feedback.heard(message)
+    def heard(self, message: Any) -> str:
+        """The node that the robot passes, in feedback of a goal or in a message of the plain topic."""
+        content = getattr(message, "feedback", message)
+        texts = [getattr(content, name, None) for name in ("data", "route")]
+        return next((foreign_text(text) for text in texts if isinstance(text, str)), self.on_the_way)
 
     def verdict(self, result: Any) -> tuple[bool, str]:
         """The flag of the result; it has no reason, so the last feedback is quoted."""
         why = "is the stop on its map, and the way free?"
         if self._is_nearest:
             why = "the robot is nearest to this node already; some servers need reconfigure_edges: false for that"
-        last = f"; its last feedback was {self._feedback.route!r}" if self._feedback.route else ""
+        last = f"; its last feedback was {self.on_the_way!r}" if self.on_the_way else ""
         return bool(getattr(result, "success", False)), f"{why}{last}"
 
+    def _look_for_feedback(self) -> None:
+        """Subscribe to the plain topic once it exists; its type and quality of service depend on the version."""
+        found = self._node.get_publishers_info_by_topic(self._topic)
+        offer = tuple(
+            (info.topic_type, info.qos_profile.reliability, info.qos_profile.durability) for info in found
+        )
+        if not found or offer == self._offer:
+            return
+        self._offer = offer
+        if self._feedback is not None:
+            self._node.destroy_subscription(self._feedback)
+            self._feedback = None
+        kind = self._feedback_class(found[0].topic_type)
+        if kind is None:
+            self._node.get_logger().warning(f"{self._topic} has the unknown type {found[0].topic_type}: ignored")
+            return
+        profile = requested_qos(request_for([offered_qos(info.qos_profile) for info in found]))
+        self._feedback = self._node.create_subscription(
+            kind, self._topic, self._on_feedback, profile, event_callbacks=NO_EVENTS
+        )
 
-# Navigation by Nav2's action ``NavigateToPose``: poses with answers, feedback and cancellation ------------------
+    def _feedback_class(self, name: str) -> Any:
+        _package, folder, kind = name.split("/")
+        if folder == "action":
+            return self._kind.Feedback if kind == f"{self._kind.__name__}_Feedback" else None
+        try:
+            return interface_class(name)
+        except ImportError:
+            return None
 
 
 class NavigateToPoseNavigator(ActionNavigator):
@@ -218,17 +182,6 @@ class NavigateToPoseNavigator(ActionNavigator):
     ) -> None:
         super().__init__(node, name, kind, client, track, there_m, report, yields)
         self._frame = frame
-        self._progress = ""
-
-    @property
-    def on_the_way(self) -> str:
-        """Distance that remains to the next way point, and recoveries."""
-        return self._progress
-
-    def go(self, goal_id: int, stop: Stop, way: Way) -> None:
-        """See :class:`Navigator`."""
-        self._progress = ""
-        super().go(goal_id, stop, way)
 
     def goal_message(self, point: WayPoint) -> Any:
         """Goal with the pose at this time: Nav2 transforms it by its stamp."""
@@ -237,11 +190,11 @@ class NavigateToPoseNavigator(ActionNavigator):
         goal.pose = pose_stamped(point.stop.x_m, point.stop.y_m, now_s, self._frame, point.heading_rad)
         return goal
 
-    def heard(self, message: Any) -> None:
-        """Process feedback."""
+    def heard(self, message: Any) -> str:
+        """Distance that remains to the next way point, and recoveries."""
         content = message.feedback
         remaining_m = float(getattr(content, "distance_remaining", float("nan")))
-        self._progress = progress(remaining_m, int(getattr(content, "number_of_recoveries", 0)))
+        return progress(remaining_m, int(getattr(content, "number_of_recoveries", 0)))
 
     def verdict(self, result: Any) -> tuple[bool, str]:
         """The error code in words."""
@@ -249,11 +202,8 @@ class NavigateToPoseNavigator(ActionNavigator):
         return code == 0, failure(code, text)
 
 
-# Navigation by ``geometry_msgs/PoseStamped`` on ``goal_pose``, which RViz publishes and Nav2 accepts ------------
-
-
 class GoalPoseNavigator:
-    """A :class:`Navigator` that publishes poses.
+    """Publishes ``geometry_msgs/PoseStamped`` on ``goal_pose``, as RViz does and Nav2 accepts.
 
     :param node: the node that publishes
     :param action: name of the action by which the same navigation can be stopped, if it has one

@@ -47,6 +47,10 @@ REMOVED: Final = {
 }
 """Parameters of earlier releases that a file may still set: what holds instead."""
 _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
+NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver")
+"""Modules with the tables of the nodes, of which a file for all nodes may have parameters."""
+MISSPELT = 0.85
+"""Similarity to a parameter of the node, from 0 to 1, from which a name under ``/**`` is a misspelt one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,12 +218,6 @@ def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
         except InvalidNamespaceException as error:
             raise InputError(f"others: {name!r} is not a namespace ({error})", "an example is /robot_2") from None
     return [name for name in plain if name != node.get_namespace()]
-
-
-NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver")
-"""Modules with the tables of the nodes, of which a file for all nodes may have parameters."""
-MISSPELT = 0.85
-"""Similarity to a parameter of the node, from 0 to 1, from which a name under ``/**`` is a misspelt one."""
 
 
 def names_for_all(arguments: Sequence[str], node: str) -> set[str]:

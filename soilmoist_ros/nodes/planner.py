@@ -33,11 +33,11 @@ from soilmoist_ros.exploration import (
     read_topological_map,
 )
 from soilmoist_ros.nodes.navigators import make_navigator
+from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameters import Parameters, Value
 from soilmoist_ros.nodes.planner_inputs import PlannerFrames, PlannerInputs
 from soilmoist_ros.nodes.planner_outputs import PlannerKeepout, PlannerOutputs
 from soilmoist_ros.nodes.planner_parameters import PARAMETERS, chosen_survey, make_team, make_watch, mission_rules
-from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import LATCHED, NO_EVENTS, SENSOR, interface_class
 from soilmoist_ros.recording import StoredMission
 
@@ -48,6 +48,10 @@ TICK_S: Final = 0.2
 SHOW_S: Final = 1.0
 MAP_WAIT_S: Final = 20.0
 """Longest wait for the mapper before the next stop is chosen [s]; a map of a large field takes some seconds."""
+LOOK_S: Final = 0.5
+"""Time between two checks whether a release of the emergency stop counts [s]."""
+WHO: Final = "ros2 param"
+"""Who sets a parameter: ROS does not say."""
 
 
 class Planner(Node):
@@ -157,11 +161,6 @@ class Planner(Node):
 
 
 # Commands of an operator to the planner: services, live parameters, and emergency stops -------------------------
-
-LOOK_S: Final = 0.5
-"""Time between two checks whether a release of the emergency stop counts [s]."""
-WHO: Final = "ros2 param"
-"""Who sets a parameter: ROS does not say."""
 
 
 class PlannerCommands:

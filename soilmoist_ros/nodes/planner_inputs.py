@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Inputs of the planner: fixes, records, the mapper's results, and the map of the navigation."""
+"""Inputs of the planner: fixes, records, frames, the mapper's results, and the map of the navigation."""
 
 from __future__ import annotations
 

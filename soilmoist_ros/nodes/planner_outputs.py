@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Outputs of the planner: status and plan of the mission, visits, health, and requests to save the map."""
+"""Outputs of the planner: status and plan of the mission, visits, health, the fence, requests to save the map."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ from soilmoist_ros.sensing import DOUBTS, Doubt
 
 SAVE_LIMIT_S: Final = 120.0
 """Longest wait for the saved map at the end of the process [s]."""
+INFO_TOPIC: Final = "costmap_filter_info"
 
 
 class PlannerOutputs:
@@ -152,8 +153,6 @@ class PlannerOutputs:
 
 
 # Publishes the fence as a keep-out mask for the costmaps of Nav2 ------------------------------------------------
-
-INFO_TOPIC: Final = "costmap_filter_info"
 
 
 class PlannerKeepout:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Runs nodes as processes that start and end together."""
+"""Nodes as processes that start and end together, on a private ROS domain of this machine."""
 
 from __future__ import annotations
 
@@ -22,6 +22,13 @@ _PR_SET_PDEATHSIG = 1
 _POLL_S = 0.02
 # Loaded here: between fork and exec a process must not load a library.
 _prctl = ctypes.CDLL(None).prctl if sys.platform == "linux" else None
+DOMAINS = range(100, 0, -1)
+"""Domains whose ports are below the ephemeral ports of Linux; people choose low ones."""
+PORTS_EACH = 250
+"""Number of ports of a domain."""
+FIRST_PORT = 7400
+LAST_PORT = FIRST_PORT + PORTS_EACH - 1
+"""The first and the last port of domain 0."""
 
 
 class ProcessGroup:
@@ -150,14 +157,6 @@ def end_with_parent(parent: int) -> None:
 
 
 # A private ROS domain on the loopback interface, which no other machine can join --------------------------------
-
-DOMAINS = range(100, 0, -1)
-"""Domains whose ports are below the ephemeral ports of Linux; people choose low ones."""
-PORTS_EACH = 250
-"""Number of ports of a domain."""
-FIRST_PORT = 7400
-LAST_PORT = FIRST_PORT + PORTS_EACH - 1
-"""The first and the last port of domain 0."""
 
 
 @contextlib.contextmanager

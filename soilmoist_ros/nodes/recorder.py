@@ -26,9 +26,9 @@ from msg_adapters import diagnostics_to_message
 from soilmoist_ros.exploration import property_weights
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.aside import Aside
+from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import RECORDER as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import DEFAULT, interface_class, offered_qos, quiet_node, requested_qos
 from soilmoist_ros.recording import (
     CLOSED_S,
@@ -72,6 +72,10 @@ _LOOK_S: Final = 0.01
 _QUIET_LOOKS: Final = 20
 """Looks without messages after which it is closed."""
 _MAX_LOOKS: Final = 100
+_ASK_S: Final = 1.0
+_AGAIN_S: Final = 10.0
+"""Time between two requests to a node [s]; a restart may change its values."""
+_OF_EVERY_NODE: Final = ("qos_overrides.", "start_type_description_service")
 
 
 def take_until_quiet(take: Callable[[], int]) -> None:
@@ -289,11 +293,6 @@ class Recorder(Node):
 
 
 # Requests the parameters of other nodes regularly, without waiting for the answers ------------------------------
-
-_ASK_S: Final = 1.0
-_AGAIN_S: Final = 10.0
-"""Time between two requests to a node [s]; a restart may change its values."""
-_OF_EVERY_NODE: Final = ("qos_overrides.", "start_type_description_service")
 
 
 class ParameterCollector:

@@ -32,10 +32,10 @@ from msg_adapters import (
 from soilmoist_ros.foundation import InputError, LatLon, resource
 from soilmoist_ros.mapping import load_field
 from soilmoist_ros.nodes.aside import Soon
+from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import DRIVER_SETTINGS
 from soilmoist_ros.nodes.parameter_tables import SENSOR_DRIVER as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.run import run
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, SENSOR, VISITS, other_type
 from soilmoist_ros.recording import DRIVER, QUARANTINED, RecordLog, write_whole
 from soilmoist_ros.sensing import (
@@ -56,6 +56,8 @@ from soilmoist_ros.sensing import (
 
 _RELEASE_S = 0.1
 _DIAGNOSTICS_S = 1.0
+NAME: Final = "header.json"
+_log = logging.getLogger(__name__)
 
 
 class SensorDriver(LifecycleNode):
@@ -281,10 +283,6 @@ class DriverOutputs:
 
 
 # The last header of a logger on the disk: some loggers send it only when they are switched on -------------------
-
-NAME: Final = "header.json"
-
-_log = logging.getLogger(__name__)
 
 
 class StoredHeader:

@@ -15,6 +15,12 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from soilmoist_ros.foundation import listing
 from soilmoist_ros.recording import Qos, Request
 
+NO_EVENTS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""For subscriptions whose publishers may offer less: no warning, and none of the callbacks with which the executor
+may crash when the subscription is destroyed."""
+_KEEP: Final = 100
+"""Depth of a publisher if the recorded depth is unknown."""
+
 
 def _profile(depth: int, latched: bool = False, reliable: bool = True) -> QoSProfile:
     return QoSProfile(
@@ -41,9 +47,6 @@ TF_STATIC: Final = _profile(100, latched=True)
 """``/tf_static``: each publisher sends its transforms once."""
 CLOCK: Final = _profile(1, reliable=False)
 """Simulated time: only the latest matters."""
-NO_EVENTS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
-"""For subscriptions whose publishers may offer less: no warning, and none of the callbacks with which the executor
-may crash when the subscription is destroyed."""
 
 
 # Types of interfaces: of the publishers of a topic, and those that are imported at run time ---------------------
@@ -89,9 +92,6 @@ def other_type(node: Node, topic: str, expected: str) -> str:
 
 
 # Quality of service of publishers <-> what a recorder stores and requests ---------------------------------------
-
-_KEEP: Final = 100
-"""Depth of a publisher if the recorded depth is unknown."""
 
 
 def offered_qos(profile: QoSProfile) -> Qos:

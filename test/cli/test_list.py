@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from soilmoist_ros.cli.list import KINDS
 from soilmoist_ros.cli.main import main
-from soilmoist_ros.cli.options.names import NAMES
+from soilmoist_ros.cli.options import NAMES
 
 
 def listed(*options):

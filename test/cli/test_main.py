@@ -15,9 +15,8 @@ import rasterio
 import rasterio.warp
 from click.testing import CliRunner
 
-from soilmoist_ros.cli.answers.answer import EXIT_CODES
-from soilmoist_ros.cli.main import COMMANDS, RENAMED, main
-from soilmoist_ros.cli.options.examples import EXAMPLES
+from soilmoist_ros.cli.answer import EXIT_CODES
+from soilmoist_ros.cli.main import COMMANDS, EXAMPLES, RENAMED, main
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.simulation.mission.settings import SETTINGS

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE / "plan"), str(HERE.parent / "nodes")]
+sys.path[:0] = [str(HERE), str(HERE.parent / "nodes")]
 
 
 @pytest.fixture
 def urgent_jobs(monkeypatch):
     """Jobs of the page do not yield to other tests: a process with niceness 10 takes minutes on busy cores."""
     from soilmoist_ros.console import jobs
-    from soilmoist_ros.console.plan import routes
+    from soilmoist_ros.console import plan_routes as routes
 
     monkeypatch.setattr(jobs, "_YIELDING", ())
     monkeypatch.setattr(routes, "SHORT_LIMIT_S", 300.0)

@@ -16,13 +16,13 @@ import shapely
 from axe_playwright_python.sync_playwright import Axe
 from browser import DESK, PHONE, Link, chromium, slide
 from playwright.sync_api import expect
+from test_plan_work import CORNERS, along
 from test_server import Served
-from test_walk import CORNERS, along
 
-from soilmoist_ros.console.access import Access
 from soilmoist_ros.console.views import battery_view, choices_view, field_view, health_view
+from soilmoist_ros.console.visitors import Access
 from soilmoist_ros.exploration.control.operator_request import ReplyCode
-from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.foundation.errors import Health, Level
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 

@@ -13,8 +13,7 @@ import pytest
 
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.jobs import Jobs
-from soilmoist_ros.console.run_routes import RunRoutes
-from soilmoist_ros.console.runs import file_of, list_runs, run_of
+from soilmoist_ros.console.runs import RunRoutes, file_of, list_runs, run_of
 from soilmoist_ros.foundation.errors import InputError
 
 

@@ -11,8 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.console.board import Board, changes
-from soilmoist_ros.console.robot_history import MAX_TRAIL, MAX_VISITS, RobotHistory, VisitHistory
+from soilmoist_ros.console.board import MAX_TRAIL, MAX_VISITS, Board, RobotHistory, VisitHistory, changes
 from soilmoist_ros.console.views import (
     field_view,
     headline,
@@ -24,7 +23,7 @@ from soilmoist_ros.console.views import (
 )
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.health import Health, Level
+from soilmoist_ros.foundation.errors import Health, Level
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 

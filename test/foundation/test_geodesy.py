@@ -1,13 +1,32 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Moves between planes: exact inverses, recovered by a fit, and right on the earth."""
+
+from __future__ import annotations
+
+import math
+import sys
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 from scipy.spatial.distance import cdist
 
-from soilmoist_ros.foundation.geodesy import LocalFrame, distance_and_bearing, squared_distances
+from soilmoist_ros.foundation.geodesy import (
+    LocalFrame,
+    PlaneMove,
+    coordinates_text,
+    direction,
+    distance_and_bearing,
+    distance_text,
+    fit_move,
+    move_between,
+    place_text,
+    squared_distances,
+    town_text,
+)
 
 
 @pytest.mark.slow
@@ -123,3 +142,97 @@ def test_squared_distances_are_those_of_scipy():
 def test_a_datum_of_numpy_numbers_is_a_plane_for_proj():
     frame = LocalFrame(np.float64(51.3508), np.float64(12.4315))
     assert frame.crs == LocalFrame(51.3508, 12.4315).crs
+
+
+# Moves between planes: exact inverses, recovered by a fit, and right on the earth -------------------------------
+
+metres = st.floats(-5000, 5000)
+moves = st.builds(PlaneMove, st.floats(-math.pi, math.pi), st.tuples(metres, metres))
+FIELD = LocalFrame(52.0, 13.0)
+
+
+@given(moves, metres, metres)
+def test_the_inverse_leads_back(move, x, y):
+    assert move.inverse.place(move.place((x, y))) == pytest.approx((x, y), abs=1e-8)
+    assert move.places([(x, y)])[0] == pytest.approx(move.place((x, y)), abs=1e-9)
+    assert math.cos(move.inverse.heading(move.heading(0.3))) == pytest.approx(math.cos(0.3))
+
+
+def test_the_identity_changes_no_bit():
+    xy = np.array([(0.1, 0.2), (1e-17, -0.0)])
+    assert PlaneMove().is_identity
+    assert (PlaneMove().places(xy) == xy).all()
+    assert PlaneMove().place((0.1, 0.2)) == (0.1, 0.2)
+    assert move_between(FIELD, LocalFrame(52.0, 13.0)).is_identity
+
+
+@given(moves, st.integers(0, 2**32 - 1))
+def test_a_fit_recovers_the_move(move, seed):
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(-100, 100, (20, 2))
+    found, error_m = fit_move(start, move.places(start))
+    assert error_m < 1e-6
+    assert found.places(start) == pytest.approx(move.places(start), abs=1e-6)
+    noisy, error_m = fit_move(start, move.places(start) + rng.normal(0, 0.1, (20, 2)))
+    assert error_m < 0.3
+    assert np.abs(noisy.places(start) - move.places(start)).max() < 0.5
+
+
+@pytest.mark.slow
+@settings(max_examples=20)
+@given(st.floats(-60, 60), st.floats(-180, 180), metres, metres, st.floats(-math.pi, math.pi))
+def test_a_place_keeps_its_latitude_and_longitude(latitude, longitude, east, north, yaw_rad):
+    start = LocalFrame(latitude, longitude)
+    end_latitude, end_longitude = start.to_geographic([(east, north)])[0]
+    end = LocalFrame(float(end_latitude), float(end_longitude))
+    move = move_between(start, end, yaw_rad)
+    for place in ((0.0, 0.0), (300.0, 0.0), (-200.0, 250.0)):
+        moved = move.place(place)
+        back = end.to_geographic([PlaneMove(yaw_rad).place(moved)])[0]
+        away_m = start.to_local(*back)[0] - place
+        assert np.hypot(*away_m) < 0.01  # at 5 km from the datum
+
+
+def test_meridians_converge():
+    far = move_between(FIELD, LocalFrame(52.0, 14.0))
+    assert math.degrees(far.yaw_rad) == pytest.approx(
+        -math.sin(math.radians(52.0)), abs=0.01
+    )  # north is to the right
+
+
+def test_the_other_side_of_the_earth_is_refused():
+    with pytest.raises(ValueError, match="two sides"):
+        move_between(FIELD, LocalFrame(-52.0, -167.0))
+
+
+# Places in words ------------------------------------------------------------------------------------------------
+
+LINCOLN = (53.268, -0.5245)
+
+
+@pytest.mark.parametrize(
+    ("bearing_deg", "name"), [(0, "north"), (22, "north"), (23, "north-east"), (350, "north")]
+)
+def test_directions(bearing_deg, name):
+    assert direction(bearing_deg) == name
+
+
+def test_distances_have_the_unit_that_people_use():
+    texts = [distance_text(metres) for metres in (3.4, 999.0, 1499.0, 12_345.0, 7_012_000.0)]
+    assert texts == ["3 m", "999 m", "1.5 km", "12 km", "7,012 km"]
+
+
+def test_coordinates_have_letters_for_signs():
+    assert coordinates_text(-33.9, 18.4, 1) == "33.9 S, 18.4 E"
+
+
+@pytest.mark.slow
+def test_the_nearest_town():
+    pytest.importorskip("reverse_geocode")
+    assert place_text(LINCOLN) == "53.27 N, 0.52 W, near Nettleham (England, United Kingdom)"
+    assert town_text((0.0, -30.0)).startswith("502 km north-east of Fernando de Noronha")
+
+
+def test_without_the_gazetteer_there_are_coordinates(monkeypatch):
+    monkeypatch.setitem(sys.modules, "reverse_geocode", None)
+    assert place_text((53.2681, -0.5245)) == "53.27 N, 0.52 W"

@@ -54,9 +54,8 @@ from fuzz_seeds import (
     truths,
 )
 
-from soilmoist_ros.console.plan.outline import outline
-from soilmoist_ros.console.plan.work import TASKS
-from soilmoist_ros.console.requests import request_from_json
+from soilmoist_ros.console.plan_work import TASKS, outline
+from soilmoist_ros.console.server import request_from_json
 from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, interrupted_records
 from soilmoist_ros.exploration.mission.state import state_from_json
 from soilmoist_ros.exploration.mission.types import MissionRules

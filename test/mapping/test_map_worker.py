@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.drift import Change, Jump
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, MapState

@@ -24,7 +24,7 @@ from msg_adapters.environment import (
     weather_from_message,
     weather_to_messages,
 )
-from soilmoist_ros.foundation.health import Health, Level, worst
+from soilmoist_ros.foundation.errors import Health, Level
 from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, diagonal_covariance, fix_from_message
 from soilmoist_ros.sensing.records import LoggerRecord, Position
@@ -191,11 +191,6 @@ def test_levels_are_those_of_the_message():
 
 def test_a_level_that_does_not_exist_is_an_error():
     assert health_from_status(DiagnosticStatus(level=b"\x09")).level is Level.ERROR
-
-
-def test_the_worst_level_of_several():
-    assert worst([]) is Level.OK
-    assert worst([Health("a", Level.WARN, ""), Health("b", Level.ERROR, ""), Health("c", Level.OK, "")]) == 2
 
 
 def test_control_characters_of_other_nodes_do_not_come_in():

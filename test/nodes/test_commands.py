@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of an operator to a real planner (planner_commands.py): services, parameters, emergency stops."""
+"""Commands of an operator to a real planner: services, parameters, emergency stops."""
 
 import importlib
 import os

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The operator's page in a real browser, with the real console and planner (console.py, console_steering.py)."""
+"""The operator's page in a real browser, with the real console and planner."""
 
 from __future__ import annotations
 

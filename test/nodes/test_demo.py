@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The demonstration (demo_configuration.py) as a user starts it: with a further property, with several robots."""
+"""The demonstration as a user starts it: with a further property, with several robots."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The mapper as a real process; for several robots with wiring/mapper_exchange.py."""
+"""The mapper as a real process, also for several robots."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import FRAME, to_seconds
 from msg_adapters.soil_map import change_from_message, soil_map_from_message, uncertainty_from_message
 from msg_adapters.soilmoist_types import map_summary_to_message
-from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge import EarlierSurvey

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The navigators (action_navigator.py, goto_node.py, navigate_to_pose.py, goal_pose.py) and a faulty robot."""
+"""The navigators (action_navigator.py, navigators.py) and a faulty robot."""
 
 import math
 import queue
@@ -456,7 +456,7 @@ def posing(ros, world):
 
     ros.node.create_subscription(PoseStamped, "goal_pose", take, 10)
     client = PoseClient(2.0, 5.0, SPEED_MPS)
-    driver = Driver(ros, world, lambda node, report: GoalPoseNavigator(node, "nav", ["bag*"], client, report))
+    driver = Driver(ros, world, lambda node, report: GoalPoseNavigator(node, "nav", client, report))
     ros.wait_for(lambda: not driver.navigator.waiting_for)
     driver.poses = poses
     yield driver
@@ -534,7 +534,7 @@ def test_a_recorder_is_no_navigation(ros, world):
     recorder = Node("recorder_2", context=ros.context)
     recorder.create_subscription(PoseStamped, "goal_pose", lambda _: None, 10)
     client = PoseClient(2.0, 5.0, SPEED_MPS)
-    navigator = GoalPoseNavigator(ros.node, "nav", ["recorder*"], client, lambda _: None)
+    navigator = GoalPoseNavigator(ros.node, "nav", client, lambda _: None)
     ros.wait_for(lambda: "recorder_2 drive no robot" in navigator.waiting_for, message="the recorder")
     navigation = Node("toy", context=ros.context)
     navigation.create_subscription(PoseStamped, "goal_pose", lambda _: None, 10)

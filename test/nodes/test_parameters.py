@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of parameters: the rows (parameter.py), and that nodes accept nothing else (declaration.py)."""
+"""Rows of tables of parameters, and that nodes accept nothing else."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.parameters import Parameter, Parameters, check_values
+from soilmoist_ros.nodes.parameter_tables import table_of
+from soilmoist_ros.nodes.parameters import NODES, REMOVED, Parameter, Parameters, check_values
 
 TABLE = (
     Parameter(name="field", default="", description="field file"),
@@ -151,6 +152,13 @@ def test_old_names_are_read_with_a_warning(ros, capfd):
         Parameters(make(ros, pace=2.0, speed_mps=1.0), TABLE)
     with pytest.raises(InputError, match=r"speed_mps must be 0\.1 \.\. 3 m/s, got 9"):
         Parameters(make(ros, pace=9.0), TABLE)
+
+
+def test_removed_parameters_are_named_and_ignored(ros, capfd):
+    parameters = Parameters(make(ros, backoff_s=9.0, speed_mps=2.0), TABLE)
+    assert parameters.number("speed_mps") == 2.0
+    assert "parameter backoff_s is not used any more: the wait after the first failure" in capfd.readouterr().err
+    assert not {row.name for node in NODES for row in table_of(node)} & set(REMOVED)
 
 
 def test_values_without_a_node():

@@ -45,9 +45,8 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.foundation.plane_move import PlaneMove, move_between
+from soilmoist_ros.foundation.errors import Level
+from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove, move_between
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples import as_samples
@@ -278,7 +277,7 @@ def test_a_map_of_the_navigation_with_another_datum_is_named_and_can_be_used(ros
 
 # The datum of a navigation from the robot's datum service; its type is imported at run time, and a fake here ----
 
-FIELD = Field("test", LocalFrame(52.0, 13.0), np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]))
+ACRE = Field("test", LocalFrame(52.0, 13.0), np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)]))
 DATUM = LocalFrame(52.001, 13.002)
 
 
@@ -343,7 +342,7 @@ def planner(monkeypatch):
 def test_the_service_is_asked_until_it_answers(planner, monkeypatch):
     node, service, _ = planner
     monkeypatch.setitem(sys.modules, "robot_localization.srv", SimpleNamespace(ToLL=ToLL))
-    frames = PlannerFrames(node, Values(), FIELD)
+    frames = PlannerFrames(node, Values(), ACRE)
     assert frames.tick() == ""
     assert not service.questions
     service.there = True
@@ -356,7 +355,7 @@ def test_the_service_is_asked_until_it_answers(planner, monkeypatch):
     monkeypatch.undo()
     service.answer()
     frames.tick()
-    wanted = move_between(FIELD.frame, DATUM, about_m=(30.0, 20.0))
+    wanted = move_between(ACRE.frame, DATUM, about_m=(30.0, 20.0))
     assert frames.robot.move.place((30.0, 20.0)) == pytest.approx(wanted.place((30.0, 20.0)), abs=0.01)
     frames.tick()
     assert not service.questions, "what is known is not asked again"
@@ -365,7 +364,7 @@ def test_the_service_is_asked_until_it_answers(planner, monkeypatch):
 def test_without_its_type_the_datum_comes_from_a_drive(planner, monkeypatch):
     node, _, warnings = planner
     monkeypatch.setitem(sys.modules, "robot_localization.srv", None)
-    frames = PlannerFrames(node, Values(), FIELD)
+    frames = PlannerFrames(node, Values(), ACRE)
     frames.tick()
     assert any("robot_localization/srv/ToLL is not installed" in each for each in warnings)
     assert any("the frames are not checked: tf2_msgs is not installed" in each for each in warnings)

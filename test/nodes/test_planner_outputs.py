@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A real planner publishes the fence for the costmaps of Nav2 (planner_keepout.py)."""
+"""A real planner publishes the fence for the costmaps of Nav2."""
 
 import numpy as np
 import pytest

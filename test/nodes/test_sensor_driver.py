@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The sensor driver as a real process, with devices as in the field; ``driver_outputs.py`` stores its records."""
+"""The sensor driver as a real process, with devices as in the field."""
 
 import contextlib
 import itertools
@@ -26,8 +26,8 @@ from std_msgs.msg import Float64, String
 from msg_adapters.counts import counts_from_message, counts_to_message, line_from_message
 from msg_adapters.environment import diagnostics_from_message, fix_to_message, weather_from_message
 from msg_adapters.point_cloud import to_seconds, to_time
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.nodes.sensor_driver import NAME, StoredHeader
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS, SENSOR, VISITS
 from soilmoist_ros.recording.record_log import DRIVER, RecordTail

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The navigator goto_node.py against the topological navigation of LCAS, where it is installed.
+"""The navigator ``GotoNode`` against the topological navigation of LCAS, where it is installed.
 
 Nav2, its controller and the localisation are stand-ins. test_navigators.py has the same with a stand-in server.
 """

@@ -31,8 +31,7 @@ from msg_adapters.point_cloud import to_time
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plane_move import PlaneMove
+from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.model import Variogram

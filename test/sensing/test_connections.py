@@ -15,8 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scripted_server import LIMIT_S, ScriptedServer, opened, read, read_until, sends
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.sensing.connections import (
     MAX_SENDERS,
     RECENT_S,

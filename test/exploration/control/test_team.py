@@ -28,8 +28,8 @@ from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strat
 from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping import PoissonKriging
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.field import Field

@@ -22,8 +22,8 @@ from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Ph
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, Position

@@ -24,10 +24,8 @@ from soilmoist_ros.exploration.guard.robot_frames import (
     yaw_rotation,
 )
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.foundation.plane_move import PlaneMove, move_between
+from soilmoist_ros.foundation.errors import InputError, Level
+from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove, move_between
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms

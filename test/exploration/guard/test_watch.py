@@ -14,7 +14,7 @@ from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, Surroundings, Watch, WatchLimits
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
-from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.sensing.position.place_judge import PlaceFix
 
 IDLE, MISSION = Doing(), Doing(under_way=True)

@@ -19,8 +19,7 @@ from soilmoist_ros.exploration.travel.topological_map import (
 )
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.plane_move import PlaneMove
+from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove
 
 NOON = datetime(2024, 5, 17, 12, 0, 3)
 

@@ -16,8 +16,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.recorder import BagRecorder, RecorderState, check_name, free_bytes, next_bag

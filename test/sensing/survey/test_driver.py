@@ -13,9 +13,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.log_layout import Header
 from soilmoist_ros.sensing.formats.robot_logger import format_record

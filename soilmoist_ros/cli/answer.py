@@ -1,0 +1,371 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The answer of a command: lines for people, or one JSON object; progress, a live view, errors, exit codes."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from soilmoist_ros.foundation import InputError, Mistake, SoilmoistError, not_installed, printable
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from soilmoist_ros.reporting import LiveMission, MapRun
+
+EXIT_CODES = {
+    0: "all was done; files that need an extra that is not installed are named",
+    1: "failed, or done in part",
+    2: "bad input: nothing was changed",
+    130: "interrupted by Ctrl-C",
+}
+"""Exit codes of every command."""
+_KEY = "soilmoist_ros.answer"
+_SHOW_S = 0.5
+_LINE_S = 1.0
+MAX_REASONS = 3
+"""Number of reasons for lost records that are printed."""
+
+
+@dataclass
+class Answer:
+    """How a command answers, and what it has answered so far.
+
+    :param as_json: lines go to standard error, and standard output gets one JSON object
+    :param quiet: no lines and no progress, only warnings and errors
+    """
+
+    as_json: bool = False
+    quiet: bool = False
+    values: dict[str, Any] = field(default_factory=dict)
+
+
+def current() -> Answer:
+    """The answer of the running command."""
+    context = click.get_current_context(silent=True)
+    return Answer() if context is None else context.meta.setdefault(_KEY, Answer())
+
+
+def echo(text: str, *, err: bool) -> None:
+    """Print a line that may have words of files in it; every line for people goes through here.
+
+    :param err: whether it goes to standard error
+    """
+    click.echo(printable(text), err=err)
+
+
+def say(text: str) -> None:
+    """Print a line of the result."""
+    answer = current()
+    if not answer.quiet:
+        echo(text, err=answer.as_json)
+
+
+def warn(text: str) -> None:
+    """Print a line that must not be missed: with ``--quiet`` and ``--json`` it goes to standard error."""
+    answer = current()
+    answer.values.setdefault("warnings", []).append(text)
+    echo(text, err=answer.as_json or answer.quiet)
+
+
+def put(**values: Any) -> None:
+    """Add values to the JSON object of the answer."""
+    current().values.update(values)
+
+
+def wrote(paths: Iterable[Path], out: Path | None = None) -> None:
+    """Report the files that were written.
+
+    :param out: their folder; its summary.json becomes part of the answer
+    """
+    answer = current()
+    for path in paths:
+        say(f"wrote {path}")
+        answer.values.setdefault("written", []).append(str(path))
+    if out is not None:
+        if (out / "report.html").is_file():
+            say(f"open       {(out / 'report.html').absolute().as_uri()}")
+        answer.values["out"] = str(out)
+        if answer.as_json:
+            from soilmoist_ros.recording import SUMMARY
+            from soilmoist_ros.reporting import read_summary
+
+            if (out / SUMMARY).is_file():
+                answer.values["summary"] = read_summary(out)
+
+
+def tables() -> Console:
+    """A console of rich for the tables of the answer."""
+    from rich.console import Console
+
+    answer = current()
+    return Console(stderr=answer.as_json, quiet=answer.quiet)
+
+
+def answering(command: Callable[..., None]) -> Callable[..., None]:
+    """Add ``--json`` and ``--quiet``, report errors as messages, and exit with a code of :data:`EXIT_CODES`."""
+
+    @click.option("--json", "as_json", is_flag=True,
+                  help="Print the result as one JSON object; all else goes to standard error.")  # fmt: skip
+    @click.option("-q", "--quiet", is_flag=True, help="Print warnings and errors only.")
+    @wraps(command)
+    def run(*args: Any, as_json: bool, quiet: bool, **kwargs: Any) -> None:
+        context = click.get_current_context()
+        answer = context.meta[_KEY] = Answer(as_json, quiet)
+
+        def checked() -> None:
+            _require_inputs(context)
+            command(*args, **kwargs)
+
+        try:
+            code, mistakes = _run(checked)
+        except click.UsageError as error:  # click prints it
+            _print_json(answer, context.command_path, 2, [Mistake(error.format_message())])
+            raise
+        _print_json(answer, context.command_path, code, mistakes)
+        if code:
+            sys.exit(code)
+
+    return run
+
+
+def reporting_errors(command: Callable[..., None]) -> Callable[..., None]:
+    """Report errors as messages, and exit with a code of :data:`EXIT_CODES`."""
+
+    @wraps(command)
+    def run(*args: Any, **kwargs: Any) -> None:
+        if code := _run(lambda: command(*args, **kwargs))[0]:
+            sys.exit(code)
+
+    return run
+
+
+def _require_inputs(context: click.Context) -> None:
+    """Check, before anything heavy is loaded, that the files and names that were given exist.
+
+    :raises InputError: with all that are missing
+    """
+    mistakes: list[Mistake] = []
+    for parameter in context.command.params:
+        require, given = getattr(parameter.type, "require", None), context.params.get(parameter.name or "")
+        if require is None or given is None:
+            continue
+        for value in given if isinstance(given, tuple) else (given,):
+            try:
+                require(value)
+            except InputError as error:
+                mistakes += error.mistakes
+    if mistakes:
+        raise InputError(mistakes)
+
+
+def _run(command: Callable[[], None]) -> tuple[int, tuple[Mistake, ...]]:
+    """Run a command; its exit code and mistakes, which are printed."""
+    try:
+        try:
+            command()
+        except ModuleNotFoundError as error:
+            raise not_installed(error) from None
+    except InputError as error:
+        for mistake in error.mistakes:
+            echo(f"error: {mistake}", err=True)
+        return 2, error.mistakes
+    except SoilmoistError as error:
+        echo(f"error: {error}", err=True)
+        return 1, (Mistake(str(error)),)
+    except KeyboardInterrupt:
+        echo("interrupted: nothing was written", err=True)
+        return 130, ()
+    except SystemExit as error:
+        return (error.code if isinstance(error.code, int) else int(error.code is not None)), ()
+    return 0, ()
+
+
+def _print_json(answer: Answer, path: str, code: int, mistakes: Iterable[Mistake]) -> None:
+    if not answer.as_json:
+        return
+    from soilmoist_ros.reporting import dumps
+
+    errors = [
+        {
+            "message": one.message,
+            "remedy": one.remedy,
+            "path": one.path,
+            "line": one.line or None,
+            "key": one.column or None,
+        }
+        for one in mistakes
+    ]
+    click.echo(
+        dumps({"command": path.partition(" ")[2], "exit_code": code, "errors": errors, **answer.values}, indent=2)
+    )
+
+
+# Progress of the commands: a bar on a terminal, otherwise plain lines -------------------------------------------
+
+
+@contextmanager
+def progress_bar(time_left: bool = True) -> Iterator[Callable[[str, float], None]]:
+    """Report progress: a bar on a terminal, otherwise a line per step and tenth; nothing with ``--quiet``.
+
+    :param time_left: whether the bar states the remaining time
+    """
+    if current().quiet:
+        yield lambda step, share: None
+        return
+    if not sys.stderr.isatty():
+        last = ("", 0)
+
+        def plain(step: str, share: float) -> None:
+            nonlocal last
+            tenths = int(10 * share)
+            if step != last[0]:
+                echo(f"... {step}", err=True)
+            elif tenths > last[1] and tenths < 10:
+                echo(f"... {step}: {10 * tenths} %", err=True)
+            last = (step, tenths)
+
+        yield plain
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description:32}", markup=False),
+        BarColumn(),
+        *([TimeRemainingColumn()] * time_left),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        yield lambda step, share: bar.update(task, description=printable(step), completed=share)
+
+
+# A running mission on the terminal, or as lines of JSON ---------------------------------------------------------
+
+
+@contextmanager
+def live_view() -> Iterator[Callable[[LiveMission], None]]:
+    """Show a mission: a live picture on a terminal, otherwise a line per change of state; nothing with --quiet."""
+    from soilmoist_ros.reporting import render
+
+    if current().quiet:
+        yield lambda live: None
+        return
+    console = tables()
+    if not console.is_terminal:
+        said: dict[str, str] = {}
+
+        def plain(live: LiveMission) -> None:
+            for robot in live.robots:
+                text = robot.state
+                if text.partition(" (")[0] != said.get(robot.namespace):
+                    said[robot.namespace] = text.partition(" (")[0]
+                    used_s = float(robot.status.get("time_used_s", 0.0))
+                    name = f"{robot.namespace.replace('_', ' ')}: " if robot.namespace else ""
+                    say(f"{used_s:7.0f} s  {name}{text}")
+
+        yield plain
+        return
+    from rich.live import Live
+
+    shown_s = 0.0
+    with Live(console=console, auto_refresh=False, transient=False) as screen:
+
+        def picture(live: LiveMission) -> None:
+            nonlocal shown_s
+            now_s = time.monotonic()
+            if now_s - shown_s >= _SHOW_S:
+                shown_s = now_s
+                rows = max(6, min(22, console.height - 7 - len(live.maps) - 3 * len(live.robots)))
+                screen.update(render(live.view(), min(64, console.width - 2), rows), refresh=True)
+
+        yield picture
+
+
+@contextmanager
+def json_lines() -> Iterator[Callable[[LiveMission], None]]:
+    """Print a mission for programs: a JSON object a line when it has changed, once a second at most."""
+    from soilmoist_ros.reporting import dumps, jsonable
+
+    printed: dict[str, Any] = {}
+    printed_s = -_LINE_S
+
+    def line(live: LiveMission) -> None:
+        nonlocal printed, printed_s
+        now_s = time.monotonic()
+        if now_s - printed_s < _LINE_S:
+            return
+        values = jsonable(live.values)  # NaN differs from itself, None does not
+        if values != printed:
+            printed, printed_s = values, now_s
+            click.echo(dumps({"time_utc": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}", **values}))
+
+    yield line
+
+
+# Lines on a map that several commands print ---------------------------------------------------------------------
+
+
+def rate_error(mse: float, coverage95: float) -> str:
+    """Error of a rate map: mean squared error [(counts/s)^2] and share of the cells within their interval."""
+    return f"MSE {mse:.4f} (counts/s)2, {100 * coverage95:.0f} % of the cells within their 95 % interval"
+
+
+def print_knowledge(run: MapRun) -> None:
+    """Print what a reference sensor, earlier surveys and covariates contributed to a map, and what has changed."""
+    from soilmoist_ros.reporting import (
+        REFERENCE,
+        change_amount,
+        change_since,
+        covariate_importance,
+        dated,
+        relations,
+    )
+
+    for row in run.corrections:
+        if row.name == REFERENCE:
+            say(f"reference  {', '.join(f'{name} {value}' for name, value in row.parameters.items())}")
+    related = relations(run)
+    for one in run.earlier:
+        known = related.get(one.survey.name)
+        relation = "" if known is None else f", correlation of the patterns {known:.2f}"
+        remarks = "".join(f". {remark.rstrip('.')}" for remark in one.remarks)
+        say(f"earlier    {dated(one)}: {len(one.survey.samples)} samples{relation}{remarks}")
+    found = run.change
+    if found is not None:
+        share = 1 - found.sd / found.sd_alone if found.sd_alone > 0 else 0.0
+        drier, wetter = found.change.shares
+        say(f"           the standard deviation of the smooth rate is {100 * share:.0f} % lower with them")
+        say(f"change     {change_since(found)}: mean {change_amount(found)}")
+        say(f"           {100 * wetter:.0f} % of the field significantly wetter, {100 * drier:.0f} % drier")
+    for part in covariate_importance(run):
+        effect, share95 = part.rate_cps, part.variance_share
+        say(
+            f"covariate  {part.name}: {effect.value:+.3f} counts/s per standard deviation "
+            f"({effect.p025:+.3f} to {effect.p975:+.3f}), {100 * share95.value:.0f} % of the variance"
+        )
+
+
+def print_losses(run: MapRun) -> None:
+    """Print why records were lost, the most frequent reasons first."""
+    for row in [row for row in run.losses if row.consequence == "lost"][:MAX_REASONS]:
+        remedy = f" -> {row.remedy}" if row.remedy else ""
+        warn(f"lost       {row.count} by {row.kind}, such as {row.example}{remedy}")
+
+
+def print_notes(run: MapRun) -> None:
+    """Print the notes on a map."""
+    from soilmoist_ros.reporting import notes
+
+    for note in notes(run):
+        warn(f"warning    {note}")

@@ -1,0 +1,124 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Options of ``simulate`` and ``demo``, derived from the declared settings of a mission."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import wraps
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from soilmoist_ros.cli.options import NAMES, Name, completions
+from soilmoist_ros.simulation import PRESETS, SETTINGS, Setting
+
+if TYPE_CHECKING:
+    from soilmoist_ros.simulation import MissionSettings
+
+Command = Callable[..., None]
+
+
+class _Value(click.ParamType):  # type: ignore[type-arg]
+    """Option type that applies the checks of a setting."""
+
+    def __init__(self, setting: Setting) -> None:
+        self.name = {int: "integer", float: "number"}.get(setting.kind, "text")
+        self._setting = setting
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            return self._setting.parsed(value) if isinstance(value, str) else self._setting.checked(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """The permitted values, or their type."""
+        name = self._setting.name if self._setting.name in NAMES else self.name
+        return f"[{self._setting.limits}]" if self._setting.choices else name.upper()
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Permitted values and names that continue the word."""
+        name = {"field": "surrogate"}.get(self._setting.name, self._setting.name)
+        if name in NAMES:
+            return completions(name, incomplete)
+        return [CompletionItem(choice) for choice in self._setting.choices if choice.startswith(incomplete)]
+
+
+def mission_options(
+    names: Iterable[str] = tuple(SETTINGS), defaults: Mapping[str, Any] = MappingProxyType({})
+) -> Callable[[Command], Command]:
+    """Add an option per setting; the command receives the given options as ``choices``.
+
+    :param names: settings that become options
+    :param defaults: defaults of the command that are not those of the settings
+    """
+    chosen = [SETTINGS[name] for name in names]
+
+    def decorate(command: Command) -> Command:
+        @wraps(command)
+        def run(*args: Any, **kwargs: Any) -> None:
+            given = {one.name: value for one in chosen if (value := kwargs.pop(one.name)) not in (None, ())}
+            command(*args, choices={**defaults, **given}, **kwargs)
+
+        wrapped: Command = run
+        for one in reversed(chosen):
+            wrapped = _option(one, defaults)(wrapped)
+        return wrapped
+
+    return decorate
+
+
+def _option(setting: Setting, defaults: Mapping[str, Any]) -> Callable[[Command], Command]:
+    """The option of a setting; ``None`` unless given."""
+    default = f"Default: {defaults[setting.name]}." if setting.name in defaults else _default(setting)
+    if setting.kind is bool:
+        stem = setting.option.removeprefix("--")
+        names = f"--{stem}/--no-{stem}"
+        return click.option(names, setting.name, default=None, help=f"{setting.help} {default}")
+    if setting.kind is tuple:
+        return click.option(
+            setting.option,
+            setting.name,
+            multiple=True,
+            type=Name("surrogate"),
+            metavar="FIELD[:WEIGHT]",
+            help=f"{setting.help} Repeatable.",
+        )
+    first, dot, rest = setting.help.partition(". ")
+    unit = f" [{setting.unit}]" if setting.unit else ""
+    text = f"{first.rstrip('.')}{unit}. {rest if dot else ''}".strip()
+    return click.option(
+        setting.option, setting.name, type=_Value(setting),
+        help=f"{text} {default}".rstrip(),
+    )  # fmt: skip
+
+
+def _default(setting: Setting) -> str:
+    """The default as text; empty if the help states it already."""
+    if setting.name in PRESETS["recommended"]:
+        of_preset = dict.fromkeys(values[setting.name] for values in PRESETS.values())
+        return f"Default: {' or '.join(of_preset)}, by --preset."
+    if setting.name == "hours":
+        return "Default: the usual time of the field."
+    if setting.kind is bool:
+        return f"Default: {'yes' if setting.default else 'no'}."
+    return "" if setting.default is None else f"Default: {setting.default}."
+
+
+def chosen_settings(choices: dict[str, Any]) -> MissionSettings:
+    """Mission settings from options; the mission time defaults to that of the field.
+
+    :raises InputError: if the options cannot be used
+    """
+    from soilmoist_ros.simulation import MissionSettings, surrogate_field
+
+    if (graph := choices.get("graph")) is not None and choices.get("travel") != "free":
+        choices = {**choices, "travel": "graph", "graph": None if graph == "lattice" else graph}
+    settings = MissionSettings(**choices)
+    if "hours" not in choices:
+        settings = MissionSettings(**choices, hours=surrogate_field(settings.field_name).hours)
+    settings.check()
+    return settings

@@ -1,0 +1,422 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Options that several commands share: names, files, times, the output folder, and how a map is made."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from soilmoist_ros.cli.answer import wrote
+from soilmoist_ros.foundation import InputError, install, is_installed
+
+Command = Callable[..., None]
+FILE = click.Path(path_type=Path)
+_UNITS_S = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0, "w": 604_800.0}
+_RUN = "give the folder that --out of a run named, a recording, or a folder of such"
+_SHIPPED = {"field": "fields", "site": "sites", "scenario": "scenarios"}
+_NO_FILES = ("strategy", "dwell", "model", "export")
+
+
+def _shipped(kind: str) -> Callable[[], Iterable[str]]:
+    def names() -> Iterable[str]:
+        from soilmoist_ros.foundation import resource_names
+
+        return resource_names(kind)
+
+    return names
+
+
+def _of(room: str, source: str) -> Callable[[], Iterable[str]]:
+    """Names that a registry, or a function, of a room has."""
+
+    def names() -> Iterable[str]:
+        found: Any = getattr(import_module(f"soilmoist_ros.{room}"), source)
+        return found.names() if hasattr(found, "names") else found()  # type: ignore[no-any-return]
+
+    return names
+
+
+def _dwells() -> Iterable[str]:
+    from soilmoist_ros.exploration import DWELL_RULES
+
+    return [name + ":" * DWELL_RULES.get(name).needs_value for name in DWELL_RULES.names()]
+
+
+NAMES: dict[str, Callable[[], Iterable[str]]] = {
+    "field": _shipped("fields"),
+    "surrogate": _of("simulation", "surrogate_field_names"),
+    "site": _shipped("sites"),
+    "logger": _of("sensing", "logger_names"),
+    "scenario": _shipped("scenarios"),
+    "campaign": _shipped("campaigns"),
+    "strategy": _of("exploration", "STRATEGIES"),
+    "dwell": _dwells,
+    "model": _of("mapping", "VARIOGRAM_MODELS"),
+    "export": _of("reporting", "EXPORTS"),
+}
+"""What can be named -> its names, read on use."""
+
+
+def completions(kind: str, incomplete: str) -> list[CompletionItem]:
+    """Names that continue a word, and files where the path of one will do.
+
+    :param kind: a key of :data:`NAMES`
+    """
+    # Files come first: bash clears what is before.
+    files = [] if kind in _NO_FILES else [CompletionItem(incomplete, type="file")]
+    return files + [CompletionItem(name) for name in NAMES[kind]() if name.startswith(incomplete)]
+
+
+class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A name, or the path of a file. The command that uses it checks it.
+
+    :param kind: a key of :data:`NAMES`
+    :param early: whether it is checked before the command begins; otherwise the command does it
+    """
+
+    def __init__(self, kind: str, early: bool = True) -> None:
+        self.name = self._kind = kind
+        self._early = early
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Names and files that continue the word."""
+        return completions(self._kind, incomplete)
+
+    def require(self, value: str) -> None:
+        """Check a given name or path before the work; what the file says is checked later.
+
+        :raises InputError: if there is no such name and no such file
+        """
+        if not self._early or not value or Path(value).is_file():
+            return
+        if self._kind in _SHIPPED:
+            from soilmoist_ros.foundation import resource
+
+            resource(_SHIPPED[self._kind], value)
+        elif self._kind == "logger":
+            from soilmoist_ros.sensing import logger_path
+
+            logger_path(value)
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """A placeholder: reading the names would make the help slow."""
+        return {"surrogate": "field", "export": "format"}.get(self._kind, self._kind).upper()
+
+
+class InputFile(click.Path):
+    """Path of a file or folder that must exist when the command begins.
+
+    :param remedy: what to do if it does not
+    :param words: values that are no paths
+    """
+
+    def __init__(self, remedy: str = "check the path", words: tuple[str, ...] = ()) -> None:
+        super().__init__(path_type=Path)
+        self._remedy, self.words = remedy, words
+
+    def require(self, value: Path) -> None:
+        """Check a given path.
+
+        :raises InputError: if there is nothing
+        """
+        if str(value) in self.words or value.exists():
+            return
+        raise InputError("there is no such file", self._remedy, value)
+
+
+class VariogramModel(Name):
+    """Name of a registered variogram model, checked. Only a given option loads the registry: it needs numpy."""
+
+    def __init__(self) -> None:
+        super().__init__("model")
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name if a model has it; fail otherwise."""
+        from soilmoist_ros.mapping import VARIOGRAM_MODELS
+
+        try:
+            VARIOGRAM_MODELS.get(value)
+        except InputError as error:
+            self.fail(str(error), param, ctx)
+        return value
+
+
+# Times ----------------------------------------------------------------------------------------------------------
+
+
+class Moment(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A time in ISO 8601 with or without a time zone, converted to UTC; without a zone it is UTC."""
+
+    name = "time"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> datetime:
+        """The time in UTC."""
+        if isinstance(value, datetime):
+            return value
+        try:
+            moment = datetime.fromisoformat(re.sub(r"\s*(UTC|GMT|Z)$", "+00:00", str(value).strip()))
+            return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
+        except (ValueError, OverflowError):
+            self.fail(
+                f"{value!r} is no time: write 2026-05-02T14:30Z, 2026-05-02T16:30+02:00 or 2026-05-02", param
+            )
+
+
+class Shift(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A duration with a sign and a unit, as seconds."""
+
+    name = "duration"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The duration [s]."""
+        if isinstance(value, float):
+            return value
+        found = re.fullmatch(r"([+-]?\d+(?:\.\d+)?)\s*(s|min|h|d|w)", str(value).strip())
+        if found is None:
+            self.fail(f"{value!r} is no duration: write it with s, min, h, d or w, such as -18s or 1024w", param)
+        return float(found[1]) * _UNITS_S[found[2]]
+
+
+# The output folder ----------------------------------------------------------------------------------------------
+
+
+def output_options(
+    text: str = "Folder for the results; made if missing.", required: bool = True
+) -> Callable[[Command], Command]:
+    """Add ``--out`` and ``--overwrite``.
+
+    :param text: help of ``--out``
+    :param required: whether the command needs ``--out``
+    """
+
+    def decorate(command: Command) -> Command:
+        command = overwrite_option("Replace the results of an earlier run in --out.")(command)
+        return click.option("--out", type=FILE, required=required, help=text)(command)
+
+    return decorate
+
+
+def overwrite_option(text: str) -> Callable[[Command], Command]:
+    """Add ``--overwrite``, which ``--force`` means as well.
+
+    :param text: its help
+    """
+    return click.option("--overwrite", "--force", "overwrite", is_flag=True, help=text)
+
+
+def figures_option(command: Command) -> Command:
+    """Add ``--figures``; matplotlib is looked for before the work."""
+
+    def known(_context: click.Context, _option: click.Parameter, chosen: tuple[str, ...]) -> tuple[str, ...]:
+        if chosen and not is_installed("matplotlib"):
+            raise InputError("--figures needs matplotlib, which is not installed", install("reports"))
+        return chosen
+
+    text = "Also write figures for publications, as svg or pdf, to figures/ in --out. Repeatable."
+    return click.option("--figures", type=click.Choice(("svg", "pdf")), multiple=True, callback=known, help=text)(
+        command
+    )
+
+
+def prepare_output(out: Path, overwrite: bool) -> None:
+    """Check the output folder before the work; ask on a terminal before earlier results are replaced.
+
+    :raises InputError: if it cannot be written, or has results that must not be replaced
+    """
+    from soilmoist_ros.reporting import require_free, require_writable, results_in
+
+    if not overwrite:
+        require_writable(out)
+        overwrite = confirmed(out, results_in(out))
+    require_free(out, overwrite)
+
+
+def confirmed(out: Path, held: str) -> bool:
+    """Whether the user agrees, on a terminal, that results are replaced; false without a terminal.
+
+    :param held: the results, in words; empty if there is nothing to ask
+    :raises InputError: if the user declines
+    """
+    if not held or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    if click.confirm(f"{out} has {held}. Replace them?", err=True):
+        return True
+    raise InputError("nothing was changed", "choose another output folder", out)
+
+
+@contextmanager
+def reported_failure(out: Path) -> Iterator[None]:
+    """Write the report of a run without a map.
+
+    :param out: output folder
+    :raises NoMapError: why there is no map
+    """
+    from soilmoist_ros.reporting import NoMapError
+
+    try:
+        yield
+    except NoMapError as error:
+        from soilmoist_ros.reporting import write_failed
+
+        wrote(write_failed(out, error.failed), out)
+        raise
+
+
+# Positions ------------------------------------------------------------------------------------------------------
+
+gnss_shift_option = click.option(
+    "--gnss-shift",
+    "gnss_shift_s",
+    type=Shift(),
+    metavar="DURATION",
+    default=0.0,
+    show_default=False,
+    help="Time added to that of the positions, such as 1024w, 2h or -18s. Default: none.",
+)
+
+
+def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--gnss-shift``, ``--logger-topic`` and ``--fix-topic``."""
+    fix = click.option(
+        "--fix-topic",
+        default="",
+        metavar="TOPIC",
+        help="In bags: topic with positions, fixes or NMEA. Default: raw/gnss, or fix.",
+    )
+    logger = click.option(
+        "--logger-topic",
+        default="",
+        metavar="TOPIC",
+        help="In bags: topic with the logger's lines. Default: raw/logger, or the only text.",
+    )
+    return gnss_shift_option(logger(fix(command)))
+
+
+# Earlier surveys, covariates, a reference sensor ----------------------------------------------------------------
+
+
+class _Runs(InputFile):
+    """A run or a folder of runs, checked before the command begins."""
+
+    def require(self, value: Path) -> None:
+        """Check that there is a run.
+
+        :raises InputError: if there is none
+        """
+        super().require(value)
+        if str(value) not in self.words:
+            from soilmoist_ros.reporting import find_runs
+
+            find_runs(value.expanduser())
+
+
+class _Covariate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A file with covariates, checked before the command begins."""
+
+    name = "FILE[:BAND]"
+
+    def require(self, value: str) -> None:
+        """Check that the file can be read and has the band.
+
+        :raises InputError: if not, or if an extra is not installed
+        """
+        if value == "none":
+            return
+        from soilmoist_ros.mapping import CovariateSource
+
+        source = CovariateSource.parse(value)
+        source.require_file()
+        from soilmoist_ros.mapping import require_covariates
+
+        require_covariates([source])
+
+
+def earlier_option(more: str = "") -> Callable[[Command], Command]:
+    """Add ``--earlier``; the command receives the paths as ``earlier``.
+
+    :param more: text that follows in the help
+    """
+    text = (
+        "Earlier run of the same field, whose counts inform this map: an output folder, a recording, or a folder "
+        f"of runs. Repeatable.{more}"
+    )
+    return click.option(
+        "--earlier", "earlier", type=_Runs(_RUN, ("none",)), multiple=True, metavar="RUN", help=text
+    )
+
+
+def covariate_option(more: str = "") -> Callable[[Command], Command]:
+    """Add ``--covariate``; the command receives the texts as ``covariates``.
+
+    :param more: text that follows in the help
+    """
+    text = (
+        "Raster that may explain the map, such as relief or a satellite image. BAND is a number, a name, or "
+        "what is derived from elevations: elevation, slope, aspect, curvature, wetness. Or polygons of a soil "
+        f"map, whose attribute is BAND. Repeatable.{more}"
+    )
+    return click.option(
+        "--covariate", "covariates", type=_Covariate(), multiple=True, metavar="FILE[:BAND]", help=text
+    )
+
+
+def reference_option(command: Command) -> Command:
+    """Add ``--reference``; the command receives the path as ``reference``."""
+    text = (
+        "Log of a stationary neutron sensor at the field, which counted during the survey. Its changes correct "
+        "the counts to the end of the survey. The site file is used for both."
+    )
+    return click.option("--reference", type=InputFile(), metavar="LOG", help=text)(command)
+
+
+# The map --------------------------------------------------------------------------------------------------------
+
+
+def map_options(default: str) -> Callable[[Command], Command]:
+    """Add the options of variogram, drift, cells and samples.
+
+    :param default: help on the defaults of the variogram, such as ``by --preset``
+    """
+    by_default = f" Default: {default}."
+    nugget = by_default if default.startswith("as ") else " Default: keep."
+    chosen = (
+        ("--fit", ("reml", "soft_l1"),
+         "Variogram fit: restricted maximum likelihood, or the published robust least squares."),
+        ("--noise", ("local", "mean"),
+         "Rate in the Poisson noise of a sample: local to its place or the mean rate."),
+        ("--local", ("auto", "off"), "Whether the variance may differ from place to place."),
+        ("--drift-model", ("auto", "off"), "Whether the mean rate may change during the survey."),
+    )  # fmt: skip
+    model = "Variogram model: gaussian, exponential, spherical, matern32, matern52, or that of a plug-in."
+    smooth = "Map the rate with its micro-scale variation (keep), or its smooth part only (filter)."
+    merge = "Records within this radius become one sample [m]. Default: a quarter of the footprint."
+    options = (
+        click.option("--model", type=VariogramModel(), help=model + by_default),
+        *(click.option(name, type=click.Choice(words), help=text + by_default) for name, words, text in chosen),
+        click.option("--nugget", type=click.Choice(["keep", "filter"]), help=smooth + nugget),
+        click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m]."),
+        click.option("--merge", "merge_radius_m", type=click.FloatRange(min=0), help=merge),
+    )
+
+    def decorate(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def crs_option(command: Command) -> Command:
+    """Add ``--crs``."""
+    text = "CRS of the GeoTIFF, such as EPSG:32614. Default: the UTM zone of the datum."
+    return click.option("--crs", metavar="CRS", help=text)(command)

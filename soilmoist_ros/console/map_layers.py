@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The map as pictures, one pixel a cell, and its values at a place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.reporting import DRY_TO_WET, between, palette_png
+
+Array = NDArray[np.float64]
+
+_COLOURS: Final = 127
+_PALE: Final = 0.3
+"""Strength of the colour of a change that may be chance."""
+_DRIER_TO_WETTER: Final = np.array(
+    [(84, 48, 5), (166, 97, 26), (223, 194, 125), (245, 245, 245), (128, 205, 193), (1, 133, 113), (0, 60, 48)],
+    float,
+)
+_CERTAIN_TO_NOT: Final = np.array(
+    [(247, 244, 249), (221, 199, 226), (201, 148, 199), (206, 76, 152), (160, 20, 90), (90, 0, 60)], float
+)
+_PALE_NOTE: Final = "Pale: may be chance"
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A way to show the map.
+
+    :param key: name of the band in the message
+    :param title: what it is
+    :param unit: its unit
+    :param colours: colours from low to high, shape (k, 3)
+    :param note: what else the page says of it
+    """
+
+    key: str
+    title: str
+    unit: str
+    colours: Array
+    note: str = ""
+
+    @property
+    def is_change(self) -> bool:
+        """Whether 0 is in the middle of the colours, and what may be chance is pale."""
+        return self.key.startswith("change")
+
+
+LAYERS: Final = (
+    Layer("vwc", "Soil moisture", "m³/m³", DRY_TO_WET),
+    Layer("vwc_sd", "Uncertainty of the moisture", "m³/m³", _CERTAIN_TO_NOT),
+    Layer("rate", "Neutron rate", "counts/s", DRY_TO_WET[::-1]),
+    Layer("rate_sd", "Uncertainty of the rate", "counts/s", _CERTAIN_TO_NOT),
+    Layer("change_vwc", "Change of moisture", "m³/m³", _DRIER_TO_WETTER, f"Brown: drier. {_PALE_NOTE}"),
+    Layer("change_rate", "Change of the rate", "counts/s", _DRIER_TO_WETTER[::-1], f"Brown: drier. {_PALE_NOTE}"),
+)
+
+
+class MapLayers:
+    """One map, cut to the field; never changed.
+
+    :param cells: fields x, y and the bands, shape (rows, columns), south first, NaN outside the field
+    :param version: number of the map
+    :param change: fields of a change since an earlier survey in the same cells, if there is one
+    """
+
+    def __init__(self, cells: NDArray[Any], version: int, change: NDArray[Any] | None = None) -> None:
+        if change is not None and change.shape == cells.shape:
+            cells = _joined(cells, change)
+        inside = np.isfinite(cells["x"]) & np.isfinite(cells["y"])
+        rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+        self.version = version
+        self._pictures: dict[str, bytes] = {}
+        if not len(rows):
+            self._cells, self._inside = cells[:0, :0], inside[:0, :0]
+            return
+        part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        self._cells, self._inside = cells[part], inside[part]
+        x, y = self._cells["x"][self._inside], self._cells["y"][self._inside]
+        west, east, south, north = (float(value) for value in (x.min(), x.max(), y.min(), y.max()))
+        steps = max(self._cells.shape) - 1
+        self._step_m = max(east - west, north - south) / steps if steps else 1.0
+        half = self._step_m / 2
+        self.extent = [round(edge, 3) for edge in (west - half, east + half, south - half, north + half)]
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """The layers that have values, for JSON; without a map, none."""
+        shown = [layer for layer in LAYERS if self._has(layer)]
+        return {
+            "version": self.version,
+            "extent": self.extent if shown else [],
+            "layers": [
+                {
+                    "key": layer.key,
+                    "title": layer.title,
+                    "unit": layer.unit,
+                    "limits": [float(f"{value:.3g}") for value in self._limits(layer)],
+                    "colours": [_hex(colour) for colour in layer.colours],
+                    "mean": float(f"{np.nanmean(self._cells[layer.key]):.3g}"),
+                    "note": layer.note,
+                }
+                for layer in shown
+            ],
+        }
+
+    def png(self, key: str) -> bytes:
+        """Picture of a layer, north up, transparent outside the field.
+
+        :raises KeyError: if there is no such layer
+        """
+        if key not in self._pictures:
+            layer = next((one for one in LAYERS if one.key == key and self._has(one)), None)
+            if layer is None:
+                raise KeyError(key)
+            low, high = self._limits(layer)
+            values = np.asarray(self._cells[key], float)
+            share = np.clip((values - low) / (high - low), 0, 1) if high > low else np.full(values.shape, 0.5)
+            palette = between(layer.colours, np.linspace(0, 1, _COLOURS))
+            index = np.rint(np.where(np.isfinite(values), share, 0.0) * (_COLOURS - 1))
+            if layer.is_change:  # the second half of the palette is pale
+                palette = np.concatenate([palette, np.rint(255 - _PALE * (255.0 - palette)).astype(np.uint8)])
+                index += _COLOURS * (self._cells["significant"] == 0)
+            index[~np.isfinite(values)] = len(palette)
+            self._pictures[key] = palette_png(index[::-1], palette)
+        return self._pictures[key]
+
+    def at(self, x_m: float, y_m: float) -> dict[str, float]:
+        """Finite values of all bands at a place; nothing outside the field."""
+        if not self._cells.size or not (math.isfinite(x_m) and math.isfinite(y_m)):
+            return {}
+        west, _, south, _ = self.extent
+        row, column = math.floor((y_m - south) / self._step_m), math.floor((x_m - west) / self._step_m)
+        rows, columns = self._cells.shape
+        if not (0 <= row < rows and 0 <= column < columns and self._inside[row, column]):
+            return {}
+        cell = self._cells[row, column]
+        bands = (name for name in cell.dtype.names or () if name not in "xyz")
+        return {name: float(f"{cell[name]:.5g}") for name in bands if math.isfinite(cell[name])}
+
+    def _has(self, layer: Layer) -> bool:
+        if layer.key == "change_rate" and self._has_values("change_vwc"):  # one change is enough
+            return False
+        return self._has_values(layer.key)
+
+    def _has_values(self, key: str) -> bool:
+        names = self._cells.dtype.names or ()
+        return key in names and bool(np.isfinite(self._cells[key]).any())
+
+    def _limits(self, layer: Layer) -> tuple[float, float]:
+        """Quantiles, so that a few outliers have no effect."""
+        values = np.asarray(self._cells[layer.key], float)
+        if layer.is_change:
+            most = float(np.nanquantile(np.abs(values), 0.98))
+            return -most, most
+        low, high = np.nanquantile(values, (0.02, 0.98))
+        return float(low), float(high)
+
+
+def _joined(cells: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
+    """Cells with the further fields of others."""
+    added = [name for name in more.dtype.names or () if name not in (cells.dtype.names or ())]
+    joined = np.empty(cells.shape, [*cells.dtype.descr, *((name, more.dtype[name].str) for name in added)])
+    for name in joined.dtype.names or ():
+        joined[name] = (more if name in added else cells)[name]
+    return joined
+
+
+def _hex(colour: Array) -> str:
+    red, green, blue = (int(part) for part in colour)
+    return f"#{red:02x}{green:02x}{blue:02x}"

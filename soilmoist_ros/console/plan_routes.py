@@ -1,0 +1,180 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What the page *Plan* asks for: forecasts, fields, walks, and the files that may be chosen."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+from soilmoist_ros.console.jobs import Jobs
+from soilmoist_ros.console.plan_work import Walk
+from soilmoist_ros.console.runs import run_of
+from soilmoist_ros.console.visitors import who_of
+from soilmoist_ros.exploration import OperatorRequest
+from soilmoist_ros.foundation import InputError
+
+WORK: Final = ("-m", "soilmoist_ros.console.plan_work")
+LIMIT_S: Final = 180.0
+"""Longest wait for a forecast [s]."""
+SHORT_LIMIT_S: Final = 30.0
+"""Longest wait for all else [s]."""
+START: Final = "(start)"
+"""Name of the field with which the nodes were started."""
+MAX_FIELDS: Final = 500
+_RASTERS: Final = (".tif", ".tiff")
+_SUFFIX: Final = ".yaml"
+
+
+class PlanRoutes:
+    """Handlers of requests of the page *Plan*.
+
+    :param web: the module ``aiohttp.web``
+    :param files: what may be chosen
+    :param jobs: does what takes long
+    :param walks: walks by the names of the robots
+    """
+
+    def __init__(self, web: Any, files: SurveyFiles, jobs: Jobs, walks: Mapping[str, Walk]) -> None:
+        self._web, self._files, self._jobs, self._walks = web, files, jobs, walks
+
+    def add(self, app: Any, operators: Callable[[Any], Any]) -> None:
+        """Add the routes.
+
+        :param app: the application
+        :param operators: makes a handler that answers operators only
+        """
+        app.router.add_get("/files", self._on_files)
+        for name, handler in (("plan", self._on_plan), ("field", self._on_field), ("walk", self._on_walk)):
+            app.router.add_post(f"/{name}", operators(handler))
+
+    async def _on_files(self, _request: Any) -> Any:
+        return self._web.json_response(await asyncio.to_thread(self._files.listed))
+
+    async def _on_plan(self, content: Any) -> Any:
+        """Do a task of :mod:`.work`, in another process."""
+        limit_s = LIMIT_S if content.get("task") == "forecast" else SHORT_LIMIT_S
+        try:
+            code, said = await self._jobs.answer(WORK, json.dumps(content).encode(), limit_s)
+        except TimeoutError:
+            raise InputError(
+                f"not done after {limit_s:g} s", "plan a shorter mission, or a simpler field"
+            ) from None
+        if code:
+            raise InputError("this cannot be made", "look at the log of the console")
+        return json.loads(said.splitlines()[-1])
+
+    async def _on_field(self, content: Any) -> Any:
+        """Check and save a field; the answer has the name of its file."""
+        answer = await self._on_plan({**content, "task": "field"})
+        if "error" in answer:
+            return answer
+        name = str(content.get("name") or "drawn field")[:60]
+        file = await asyncio.to_thread(self._files.save, name, answer["file"], who_of(content))
+        return {"file": file, "area_m2": answer["area_m2"]}
+
+    async def _on_walk(self, content: Any) -> dict[str, Any]:
+        """Begin or end the record of a walk; at its end the answer has its places."""
+        walk = self._walks.get(str(content.get("robot", "")))
+        if walk is None:
+            raise InputError("there is no such robot", "reload the page")
+        if content.get("do") == "begin":
+            walk.begin(who_of(content), "area" if content.get("kind") == "area" else "boundary")
+            return {}
+        return walk.end()
+
+
+# Files on this computer that a page may choose for the next mission, by their names: fields, runs, covariates ---
+
+
+@dataclass(frozen=True)
+class SurveyFiles:
+    """What may be chosen.
+
+    :param fields: folder of field files; drawn ones are saved there
+    :param covariates: folder of GeoTIFFs
+    :param runs: folder of the runs
+    :param start: field file of the nodes' start, if it is known
+    """
+
+    fields: Path
+    covariates: Path
+    runs: Path
+    start: Path | None = None
+
+    def listed(self) -> dict[str, Any]:
+        """Names of the fields, the latest first, and of the covariates; and their folders."""
+        fields = sorted(_files(self.fields, (_SUFFIX,)), key=lambda path: path.stat().st_mtime, reverse=True)
+        return {
+            "fields": [path.name for path in fields[:MAX_FIELDS]],
+            "fields_folder": str(self.fields),
+            "covariates": [path.name for path in _files(self.covariates, _RASTERS)],
+            "covariates_folder": str(self.covariates),
+        }
+
+    def save(self, name: str, text: str, who: str) -> str:
+        """Save a field; nothing is overwritten.
+
+        :param name: name of the field
+        :param text: content of its file
+        :param who: who drew it
+        :returns: name of the file
+        :raises InputError: if it cannot be written, or there are too many
+        """
+        stem = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "field"
+        now = datetime.now(UTC)
+        if len(_files(self.fields, (_SUFFIX,))) >= MAX_FIELDS:
+            raise InputError(f"there are {MAX_FIELDS} fields already", f"remove files from {self.fields}")
+        file = f"{stem}-{now:%Y%m%d-%H%M%S-%f}{_SUFFIX}"
+        try:
+            self.fields.mkdir(parents=True, exist_ok=True)
+            said = f"# Drawn on the operator's page by {who or 'the operator'}, {now:%Y-%m-%d %H:%M} UTC.\n"
+            (self.fields / file).write_text(said + text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"the field cannot be saved: {error.strerror}", "make space on the disk") from None
+        return file
+
+    def resolved(self, request: OperatorRequest) -> OperatorRequest:
+        """A request with the paths of the names in it; a page cannot name other files of this computer.
+
+        :raises InputError: if there is no such file
+        """
+        changes: dict[str, Any] = {}
+        if request.field:
+            changes["field"] = str(self._field(request.field))
+        if request.earlier is not None:
+            changes["earlier"] = tuple(str(self._run(name)) for name in request.earlier)
+        if request.covariates is not None:
+            known = {path.name: path for path in _files(self.covariates, _RASTERS)}
+            changes["covariates"] = tuple(str(_one(known, name, "covariate")) for name in request.covariates)
+        return replace(request, **changes) if changes else request
+
+    def _field(self, name: str) -> Path:
+        if name == START and self.start is not None:
+            return self.start.absolute()
+        return _one({path.name: path for path in _files(self.fields, (_SUFFIX,))}, name, "field")
+
+    def _run(self, name: str) -> Path:
+        path = run_of(self.runs, name)
+        if path is None:
+            raise InputError(f"there is no run {name!r:.60}", "reload the list")
+        return path
+
+
+def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    try:
+        return sorted(path.absolute() for path in folder.iterdir() if path.suffix.lower() in suffixes)
+    except OSError:
+        return []
+
+
+def _one(known: dict[str, Path], name: str, what: str) -> Path:
+    if name not in known:
+        raise InputError(f"there is no {what} {name!r:.60}", "reload the list")
+    return known[name]

@@ -1,0 +1,194 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Lines for people, JSON for programs, errors and exit codes (answer.py, progress.py)."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from soilmoist_ros.cli.answer import (
+    answering,
+    json_lines,
+    print_knowledge,
+    print_notes,
+    progress_bar,
+    put,
+    rate_error,
+    reporting_errors,
+    say,
+    warn,
+    wrote,
+)
+from soilmoist_ros.foundation.errors import InputError, Mistake, SoilmoistError
+from soilmoist_ros.reporting.live_view import LiveMission
+from soilmoist_ros.reporting.outputs import mission_run
+from soilmoist_ros.simulation import MissionSettings, simulate_mission
+
+
+def run(body, *options):
+    @click.command("try")
+    @answering
+    def command():
+        body()
+
+    return CliRunner().invoke(command, list(options))
+
+
+def work():
+    with progress_bar() as progress:
+        progress("working", 0.5)
+    say("rate       3.2")
+    put(rate=3.2, missing=float("nan"))
+    warn("warning    dry")
+    wrote([Path("map.tif")])
+
+
+def test_people_read_lines_and_progress_goes_to_standard_error():
+    result = run(work)
+    assert result.stdout == "rate       3.2\nwarning    dry\nwrote map.tif\n"
+    assert result.stderr == "... working\n"
+
+
+def test_programs_read_one_json_object_and_nothing_else_on_standard_output():
+    result = run(work, "--json")
+    assert json.loads(result.stdout) == {
+        "command": "",
+        "exit_code": 0,
+        "errors": [],
+        "rate": 3.2,
+        "missing": None,
+        "warnings": ["warning    dry"],
+        "written": ["map.tif"],
+    }
+    assert result.stderr == "... working\nrate       3.2\nwarning    dry\nwrote map.tif\n"
+
+
+def test_quiet_leaves_warnings_and_errors():
+    result = run(work, "--quiet")
+    assert (result.stdout, result.stderr) == ("", "warning    dry\n")
+
+
+def test_the_summary_of_the_output_folder_is_part_of_the_answer(tmp_path):
+    (tmp_path / "summary.json").write_text('{"n_records": 7}')
+    result = run(lambda: wrote([], tmp_path), "--json")
+    assert json.loads(result.stdout)["summary"] == {"n_records": 7}
+    assert json.loads(result.stdout)["out"] == str(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "printed"),
+    [
+        (InputError([Mistake("one", "mend it"), Mistake("two")]), 2, "error: one -> mend it\nerror: two\n"),
+        (SoilmoistError("broken"), 1, "error: broken\n"),
+        (KeyboardInterrupt(), 130, "interrupted: nothing was written\n"),
+        (SystemExit(1), 1, ""),
+    ],
+)
+def test_errors_become_messages_and_exit_codes(error, code, printed, capsys):
+    def fail():
+        raise error
+
+    result = run(fail)
+    assert (result.exit_code, result.stderr) == (code, printed)
+    assert json.loads(run(fail, "--json").stdout)["exit_code"] == code
+    with pytest.raises(SystemExit) as ended:
+        reporting_errors(fail)()
+    assert ended.value.code == code
+    assert capsys.readouterr().err == printed
+
+
+def test_a_terminal_obeys_no_characters_of_a_file():
+    name = "north\x1b]0;title\x07 5 m³"
+
+    def body():
+        with progress_bar() as progress:
+            progress(name, 0.5)
+        say(f"field      {name}")
+        warn(f"{name}\n\tdry")
+        raise InputError(f"{name} is wrong")
+
+    shown = r"north\x1b]0;title\x07 5 m³"
+    result = run(body)
+    assert result.stdout == f"field      {shown}\n{shown}\n\tdry\n"
+    assert result.stderr == f"... {shown}\nerror: {shown} is wrong\n"
+
+
+def test_mistakes_have_their_places_in_json():
+    def fail():
+        raise InputError([Mistake("is wrong", "mend it", Path("site.yaml"), 3, "soil")])
+
+    (mistake,) = json.loads(run(fail, "--json").stdout)["errors"]
+    assert mistake == {"message": "is wrong", "remedy": "mend it", "path": "site.yaml", "line": 3, "key": "soil"}
+
+
+def test_wrong_use_found_by_the_command_is_an_error_in_json():
+    def fail():
+        raise click.UsageError("give one")
+
+    result = run(fail, "--json")
+    assert result.exit_code == 2
+    assert json.loads(result.stdout)["errors"][0]["message"] == "give one"
+
+
+# Live -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_line_of_json_for_each_change_once_a_second_at_most(capsys, monkeypatch):
+    live = LiveMission(" patches ")
+    with json_lines() as show:
+        for now_s, rain in ((100.0, ""), (100.9, "likely"), (101.0, "likely"), (105.0, "likely")):
+            monkeypatch.setattr(time, "monotonic", lambda now_s=now_s: now_s)
+            live.rain = rain
+            show(live)
+    first, second = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (first["field"], first["rain"], second["rain"]) == ("patches", None, "likely")
+    assert first["robots"][0]["x_m"] is None
+    assert "time_utc" in second
+
+
+# Lines on a map: what informed it, its notes --------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def informed():
+    settings = MissionSettings(
+        "synthetic-low", hours=0.2, seed=1, strategy="lattice", dwell="fmi:20", earlier_surveys=2, cell_m=3.0,
+        covariate_correlation=0.8,
+    )  # fmt: skip
+    return mission_run(simulate_mission(settings))
+
+
+@pytest.mark.slow
+def test_what_informed_a_map_is_printed(informed, capsys):
+    print_knowledge(informed)
+    lines = capsys.readouterr().out.splitlines()
+    names = [one.survey.name for one in informed.earlier]
+    assert [
+        line.split(":")[0].removeprefix("earlier    ") for line in lines if line.startswith("earlier")
+    ] == names
+    assert all("correlation of the patterns 0." in line for line in lines if line.startswith("earlier"))
+    (change,) = (line for line in lines if line.startswith("change"))
+    assert change.startswith(f"change     since the survey {names[-1]}: mean ")
+    (covariate,) = (line for line in lines if line.startswith("covariate"))
+    assert "counts/s per standard deviation (" in covariate
+
+
+def test_nothing_is_printed_of_a_map_without_them(informed, capsys):
+    print_knowledge(replace(informed, earlier=(), change=None, covariates=None))
+    assert capsys.readouterr().out == ""
+
+
+def test_notes_are_printed_as_warnings(informed, capsys):
+    print_notes(informed)
+    assert all(line.startswith("warning    ") for line in capsys.readouterr().out.splitlines())
+
+
+def test_the_error_of_a_rate_map_in_words():
+    assert rate_error(0.01234, 0.951) == ("MSE 0.0123 (counts/s)2, 95 % of the cells within their 95 % interval")

@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of the map (map_layers.py)."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from soilmoist_ros.console.map_layers import LAYERS, MapLayers
+
+BANDS = ("x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95")
+CHANGE_BANDS = ("change_rate", "change_rate_sd", "change_vwc", "change_vwc_sd", "significant")
+
+
+def cells(moisture=True):
+    """Two columns and three rows of 2 m, empty ones around, and a cell outside the field in the north-east."""
+    made = np.full((5, 4), np.nan, [(name, "<f4") for name in BANDS])
+    part = made[1:4, 1:3]
+    part["x"], part["y"] = np.meshgrid([11.0, 13.0], [1.0, 3.0, 5.0])
+    part["rate"], part["rate_sd"] = np.arange(6).reshape(3, 2), 0.5
+    if moisture:
+        part["vwc"], part["vwc_sd"] = part["rate"] / 10, 0.05
+    made[3, 2] = (np.nan,) * len(BANDS)
+    return made
+
+
+def test_a_picture_has_a_pixel_a_cell_with_north_up():
+    layers = MapLayers(cells(), 3)
+    assert layers.extent == [10.0, 14.0, 0.0, 6.0]
+    picture = imread(io.BytesIO(layers.png("rate")), format="png")
+    assert picture.shape == (3, 2, 4)
+    assert (picture[..., 3] == [[1, 0], [1, 1], [1, 1]]).all()
+    dry_to_wet = LAYERS[0].colours / 255
+    assert picture[2, 0, :3] == pytest.approx(dry_to_wet[-1], abs=0.01), "the lowest rate is the wettest place"
+    assert imread(io.BytesIO(layers.png("vwc")), format="png")[2, 0, :3] == pytest.approx(dry_to_wet[0], abs=0.01)
+
+
+def test_it_says_which_layers_there_are():
+    about = MapLayers(cells(moisture=False), 7).about
+    assert [layer["key"] for layer in about["layers"]] == ["rate", "rate_sd"]
+    assert about["version"] == 7
+    with pytest.raises(KeyError):
+        MapLayers(cells(moisture=False), 1).png("vwc")
+    with pytest.raises(KeyError):
+        MapLayers(cells(), 1).png("x")
+
+
+def test_values_at_a_place_are_those_of_its_cell():
+    layers = MapLayers(cells(), 1)
+    assert layers.at(13.9, 2.1) == pytest.approx({"rate": 3.0, "rate_sd": 0.5, "vwc": 0.3, "vwc_sd": 0.05})
+    for outside in ((13.0, 5.0), (9.9, 1.0), (11.0, 6.1), (float("nan"), 1.0)):
+        assert layers.at(*outside) == {}
+
+
+def test_without_a_map_there_is_no_layer():
+    empty = np.full((2, 2), np.nan, [(name, "<f4") for name in BANDS])
+    assert MapLayers(empty, 1).about == {"version": 1, "extent": [], "layers": []}
+    assert MapLayers(empty, 1).at(0.0, 0.0) == {}
+
+
+def test_a_change_is_pale_where_it_may_be_chance():
+    change = np.full((5, 4), np.nan, [(name, "<f4") for name in ("x", "y", "z", *CHANGE_BANDS)])
+    part = change[1:4, 1:3]
+    part["change_rate"], part["change_rate_sd"] = [[-0.5, 0.5], [-0.5, 0.5], [0.0, 0.0]], 0.2
+    part["significant"] = [[-1, 1], [0, 0], [0, 0]]
+    layers = MapLayers(cells(), 1, change)
+    about = layers.about["layers"][-1]
+    assert (about["key"], about["limits"]) == ("change_rate", [-0.5, 0.5])
+    picture = imread(io.BytesIO(layers.png("change_rate")), format="png")[::-1, :, :3]
+    rate_fell, rate_rose = LAYERS[-1].colours[[0, -1]] / 255
+    assert picture[0] == pytest.approx(np.array([rate_fell, rate_rose]), abs=0.01)
+    assert (picture[1] > 0.69 + 0.3 * picture[0]).all(), "pale"
+    assert layers.at(13.0, 1.0)["significant"] == 1
+    part["change_vwc"] = 0.01
+    assert [one["key"] for one in MapLayers(cells(), 1, change).about["layers"]][-1] == "change_vwc"
+
+
+def test_a_change_in_other_cells_is_left_out():
+    change = np.zeros((2, 2), [(name, "<f4") for name in ("x", "y", "z", *CHANGE_BANDS)])
+    assert [one["key"] for one in MapLayers(cells(), 1, change).about["layers"]] == [
+        "vwc", "vwc_sd", "rate", "rate_sd",
+    ]  # fmt: skip

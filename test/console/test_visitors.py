@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Who may see the page and who may steer (access.py)."""
+
+from __future__ import annotations
+
+import ipaddress
+import sys
+
+import pytest
+
+from soilmoist_ros.console.visitors import ABSENT_S, Access, Controls, Visitor, invitation, reachable
+from soilmoist_ros.foundation.errors import InputError
+
+HERE = {"Host": "127.0.0.1:8050"}
+AWAY = {"Host": "192.168.1.5:8050"}
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1:8050", "localhost:8050", "[::1]:8050", "192.168.1.5:8050", "Robot.local"]
+)
+def test_addresses_and_known_names_are_served(host):
+    assert Access(("robot.local",)).refusal(Visitor("127.0.0.1", {"Host": host})) == ""
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "evil.example:8050"},  # DNS rebinding
+        {"Host": ""},
+        {"Host": "localhost.evil.example"},
+        {"Host": "[broken"},
+        {**HERE, "Origin": "http://evil.example"},
+        {**HERE, "Origin": "http://127.0.0.1:9999"},
+        {**HERE, "Origin": "null"},
+        {**HERE, "Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"},
+        {**HERE, "Sec-Fetch-Site": "same-site"},
+    ],
+)
+def test_other_sites_are_refused(headers):
+    assert Access().refusal(Visitor("127.0.0.1", headers))
+
+
+def test_the_page_itself_and_links_to_it_are_served():
+    for more in (
+        {"Origin": "http://127.0.0.1:8050", "Sec-Fetch-Site": "same-origin"},
+        {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"},
+    ):
+        assert Access().refusal(Visitor("127.0.0.1", {**HERE, **more})) == ""
+
+
+@pytest.mark.parametrize(
+    ("address", "headers", "may"),
+    [
+        ("127.0.0.1", HERE, True),
+        ("::1", {"Host": "[::1]:80"}, True),
+        ("::ffff:127.0.0.1", {"Host": "localhost"}, True),
+        ("192.168.1.9", AWAY, False),
+        ("192.168.1.9", HERE, False),
+        ("127.0.0.1", AWAY, False),
+        ("127.0.0.1", {**HERE, "X-Forwarded-For": "10.0.0.1"}, False),  # a proxy on this machine
+    ],
+)
+def test_only_this_machine_steers_without_a_token(address, headers, may):
+    assert Access().may_steer(Visitor(address, headers)) is may
+
+
+def test_a_token_is_good_for_one_visitor():
+    renewed = []
+    access = Access(renewed=renewed.append)
+    first = access.token
+    assert access.session("wrong") is None
+    assert access.session("wröng") is None
+    cookie = access.session(first)
+    assert access.may_steer(Visitor("192.168.1.9", AWAY, cookie))
+    assert not access.may_steer(Visitor("192.168.1.9", AWAY, "other"))
+    assert access.session(first) is None, "it is used up"
+    assert renewed == [access.token]
+    assert access.session(access.token) not in (None, cookie)
+
+
+def test_a_visitor_with_the_token_steers_though_the_next_one_cannot_be_printed():
+    def closed(token):
+        raise OSError(5, "Input/output error")
+
+    access = Access(renewed=closed)
+    cookie = access.session(access.token)
+    assert access.may_steer(Visitor("192.168.1.9", AWAY, cookie))
+
+
+PROXIED = Access(public="https://robot.example:8443/")
+
+
+def test_behind_a_proxy_nobody_steers_without_a_token():
+    """A proxy may hide where its visitors come from, and may give its own name of the host."""
+    for host in ("127.0.0.1:8050", "localhost:8050", "robot.example:8443"):
+        assert PROXIED.refusal(Visitor("127.0.0.1", {"Host": host})) == ""
+        assert not PROXIED.may_steer(Visitor("127.0.0.1", {"Host": host}))
+    cookie = PROXIED.session(PROXIED.token)
+    assert PROXIED.may_steer(Visitor("127.0.0.1", {"Host": "robot.example:8443"}, cookie))
+    assert (PROXIED.secure, Access().secure) == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("origin", "refused"),
+    [
+        ("https://robot.example:8443", False),
+        ("http://robot.example:8443", True),  # a page that somebody on the way has changed
+        ("https://robot.example", True),
+        ("https://evil.example:8443", True),
+    ],
+)
+def test_behind_a_proxy_with_tls_the_page_itself_has_tls(origin, refused):
+    visitor = Visitor("127.0.0.1", {"Host": "robot.example:8443", "Origin": origin})
+    assert bool(PROXIED.refusal(visitor)) is refused
+
+
+@pytest.mark.parametrize(
+    "public", ["robot.example", "ftp://robot.example", "https://", "https://[x", "http://a/?b=1"]
+)
+def test_an_address_that_is_none_is_refused(public):
+    with pytest.raises(InputError, match="no address of a page"):
+        Access(public=public)
+
+
+# Who has the controls (controls.py) -----------------------------------------------------------------------------
+
+
+def test_one_page_has_the_controls_and_another_may_take_over():
+    controls = Controls(lambda: 0.0)
+    assert controls.who == ""
+    assert controls.take("a", "Ada")
+    assert not controls.take("b", "Bo")
+    assert (controls.who, controls.holds("a"), controls.holds("b")) == ("Ada", True, False)
+    assert controls.take("b", "Bo", over=True)
+    assert (controls.who, controls.holds("a"), controls.holds("b")) == ("Bo", False, True)
+    assert not controls.take("", "nobody", over=True)
+
+
+def test_the_controls_of_a_page_that_is_gone_are_free_after_a_while():
+    now = [0.0]
+    controls = Controls(lambda: now[0])
+    controls.connect("a")
+    controls.take("a", "Ada")
+    now[0] = 1000.0
+    assert not controls.take("b", "Bo")
+    controls.disconnect("a")
+    now[0] += ABSENT_S - 1
+    assert not controls.take("b", "Bo"), "it may be reloading"
+    now[0] += 2
+    assert controls.who == ""
+    assert controls.take("b", "Bo")
+
+
+# How a phone gets to the page (invitation.py) -------------------------------------------------------------------
+
+
+def test_everywhere_is_an_address_to_open():
+    found = reachable("0.0.0.0")
+    assert found not in ("", "0.0.0.0")
+    if found[0].isdigit():
+        ipaddress.ip_address(found)
+
+
+def test_the_address_comes_with_a_code_for_phones(monkeypatch):
+    text, *code = invitation("http://192.168.1.5:8050/", "abc").splitlines()
+    assert "http://192.168.1.5:8050/?token=abc" in text
+    assert len([line for line in code if line.strip()]) > 10
+    monkeypatch.setitem(sys.modules, "segno", None)
+    assert invitation("http://192.168.1.5:8050", "abc").splitlines() == [text]
