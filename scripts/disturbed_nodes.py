@@ -18,11 +18,11 @@ from real_nodes import LIMIT_S, UNLIMITED, RealNodes
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
 from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.map_records import MapRecords
 from soilmoist_ros.recording.map_sources import OWN
 from soilmoist_ros.recording.record_log import DRIVER, RecordTail
 from soilmoist_ros.recording.stored_counts import stored_counts
-from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.faults import OF_MOTION, Fault, Span
 from soilmoist_ros.simulation.rehearsal.ground import Ground

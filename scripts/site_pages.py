@@ -41,8 +41,8 @@ FOLDERS = (
     "exploration",
     "simulation",
     "recording",
-    "reporting",
     "pipeline",
+    "reporting",
     "console",
     "foundation",
 )

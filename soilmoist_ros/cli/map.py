@@ -23,7 +23,7 @@ from soilmoist_ros.cli.options.times import Moment
 from soilmoist_ros.simulation import PRESETS
 
 if TYPE_CHECKING:
-    from soilmoist_ros.reporting import MapRun
+    from soilmoist_ros.pipeline import MapRun
 
 
 @click.command("map")

@@ -32,9 +32,14 @@ if TYPE_CHECKING:
     from soilmoist_ros.foundation.lazy import load_when_used as load_when_used
     from soilmoist_ros.foundation.lazy import not_installed as not_installed
     from soilmoist_ros.foundation.lazy import optional_module as optional_module
+    from soilmoist_ros.foundation.places import HECTARE_M2 as HECTARE_M2
+    from soilmoist_ros.foundation.places import area as area
+    from soilmoist_ros.foundation.places import area_unit as area_unit
     from soilmoist_ros.foundation.places import coordinates_text as coordinates_text
     from soilmoist_ros.foundation.places import direction as direction
     from soilmoist_ros.foundation.places import distance_text as distance_text
+    from soilmoist_ros.foundation.places import duration as duration
+    from soilmoist_ros.foundation.places import number as number
     from soilmoist_ros.foundation.places import other_datum as other_datum
     from soilmoist_ros.foundation.places import place_text as place_text
     from soilmoist_ros.foundation.places import town_distance_m as town_distance_m
@@ -74,7 +79,7 @@ __getattr__, __dir__, __all__ = open_door(
         "geodesy": "LatLon LocalFrame distance_and_bearing floats squared_distances",
         "health": "Health Level",
         "lazy": "install is_installed load_when_used not_installed optional_module",
-        "places": "coordinates_text direction distance_text other_datum place_text town_distance_m town_text",
+        "places": "HECTARE_M2 area area_unit coordinates_text direction distance_text duration number other_datum place_text town_distance_m town_text",
         "plain_values": "DAY_S csv_text finite_number foreign_text nan_as_text printable read_json shown_path shown_text text_of_csv",
         "plane_move": "PlaneMove fit_move move_between",
         "registry": "Registry",

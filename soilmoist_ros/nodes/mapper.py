@@ -43,8 +43,9 @@ from soilmoist_ros.nodes.runtime.run import run
 from soilmoist_ros.nodes.runtime.topic_types import interface_class
 from soilmoist_ros.nodes.wiring.mapper_change import ChangeOutput
 from soilmoist_ros.nodes.wiring.mapper_exchange import MapperExchange
+from soilmoist_ros.pipeline import open_survey
 from soilmoist_ros.recording import START, TEAM_S, MapRecords, MapSources, quarantined_topic, read_earlier
-from soilmoist_ros.reporting import open_survey
+from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt
 
 __all__ = ["PARAMETERS", "Mapper", "main"]
@@ -275,7 +276,7 @@ class Mapper(Node):
         with self._guard:
             snapshot = self._online.snapshot()
         try:
-            self._survey.save(self._save_dir, snapshot)
+            write_outputs(self._save_dir, self._survey.run(snapshot))
         except Exception as error:  # the caller gets an answer even if the disk is full
             self.get_logger().error(f"saving failed: {error}")
             response.success, response.message = False, f"nothing is saved: {error}"

@@ -4,32 +4,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import dataclasses
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
+from typing import Any, Literal, get_args
 
-from soilmoist_ros.foundation import IllConditionedError, InputError
-from soilmoist_ros.pipeline.bag_lines import logger_topic
-from soilmoist_ros.pipeline.comparison import Comparison, read_published_map
+from soilmoist_ros.foundation import IllConditionedError, InputError, LocalFrame, Mistake, SoilmoistError, duration
+from soilmoist_ros.mapping import VARIOGRAM_MODELS, DriftModel, FitMethod, LocalModel, NoiseModel
+from soilmoist_ros.pipeline.bag_lines import (
+    CLOUD,
+    FIX,
+    TEXT,
+    RunTopics,
+    fix_topic,
+    logger_topic,
+    read_fixes,
+    text_lines,
+    unread_positions,
+)
+from soilmoist_ros.pipeline.field_survey import FieldSurvey, input_file, loss_rows_of, open_survey, require_crs
 from soilmoist_ros.pipeline.file_facts import position_notes
-from soilmoist_ros.pipeline.log_map import loss_rows, read_reference, reference_error, with_reference
-from soilmoist_ros.pipeline.mission import RobotMission, replay_mission
-from soilmoist_ros.pipeline.no_map import no_map
+from soilmoist_ros.pipeline.log_map import (
+    log_times,
+    loss_rows,
+    read_reference,
+    reference_error,
+    shifted_track,
+    with_reference,
+)
+from soilmoist_ros.pipeline.mission import (
+    RobotMission,
+    last_mission,
+    mission_visits,
+    read_statuses,
+    read_visits,
+    replay_mission,
+)
 from soilmoist_ros.pipeline.properties import (
+    Comparison,
     PropertyTopic,
     ReplayedProperty,
     chosen_properties,
     named_truths,
     read_planner,
+    read_published_map,
+    recorded_places,
     team_properties,
+    why_nothing,
 )
-from soilmoist_ros.pipeline.raw import RawSurvey, read_raw, says_simulated
-from soilmoist_ros.pipeline.recorded_place import recorded_places
-from soilmoist_ros.pipeline.replay_settings import ReplaySettings, property_survey, robot_survey
-from soilmoist_ros.pipeline.statuses import last_mission, read_statuses
-from soilmoist_ros.pipeline.topics import CLOUD, TEXT, RunTopics
-from soilmoist_ros.pipeline.visits import mission_visits, read_visits
+from soilmoist_ros.pipeline.run import FailedRun, LossRow, MapRun, NoMapError, Note, NoteCode, Trouble
 from soilmoist_ros.recording import (
     MISSED,
     RECEIVED,
@@ -45,11 +72,234 @@ from soilmoist_ros.recording import (
     record_key,
     recorder_notes,
 )
-from soilmoist_ros.reporting import FieldSurvey, LossRow, MapRun, Note, NoteCode, input_file, require_crs
-from soilmoist_ros.sensing import CountRecord, LeverArms, Reference, placed_of_any
-from soilmoist_ros.simulation import surrogate_field
+from soilmoist_ros.sensing import (
+    FORMAT_NAME,
+    NO_ARMS,
+    CountRecord,
+    Kind,
+    LeverArms,
+    Problem,
+    Reference,
+    Site,
+    load_logger_format,
+    load_site,
+    matching_formats,
+    parse_log,
+    placed_of_any,
+    process_logs,
+    reason_text,
+)
+from soilmoist_ros.simulation import MissionResult, surrogate_field
 
+Source = Literal["counts", "raw"]
+
+_OPTIONS = ("cell_m", "model", "fit", "noise", "local", "drift_model", "keep_nugget", "merge_radius_m")
 Progress = Callable[[str, float], None]
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+MAX_TROUBLES = 12
+_ERROR = 2
+_REPLAY = (
+    "Map the recording again when the cause is found: soilmoist replay, with --field or --site if they were wrong."
+)
+
+
+@dataclass(frozen=True)
+class ReplaySettings:
+    """Choices of a replay; ``None`` keeps the mapper's setting.
+
+    :param field: field file, or name of a shipped one
+    :param site: site file, or name of a shipped one; other corrections need the source ``raw``
+    :param properties: names of the properties to map; empty for all in the bag
+    :param truths: surrogate fields to compare with, by name of the property or its index in the list of
+        properties, from 0; built-in names, or field files with a truth
+    :param model: variogram model
+    :param fit: how the variogram is fitted
+    :param noise: rate in the Poisson noise
+    :param local: whether the variance may differ from place to place
+    :param drift_model: whether the mean rate may change during the survey
+    :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
+    :param merge_radius_m: records closer together than this become one sample [m]
+    :param cell_m: cell size of the map [m]
+    :param counts_topic: topic with the records
+    :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw`` corrects and
+        places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
+    :param logger_topic: topic with the raw lines of the logger, which are the source then; ``raw/logger`` if empty
+    :param fix_topic: topic with the positions of the raw lines: fixes or NMEA; ``raw/gnss``, or ``fix``, if empty
+    :param gnss_shift_s: time added to those of the positions of the raw lines [s]
+    :param logger: format of the raw lines of the logger; detected from their header if ``None``
+    :param earlier: earlier runs of the field, see :func:`read_earlier_runs`; ``None`` for those of the robot
+    :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
+    :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field; ``None`` for
+        those of the robot
+    :param reference: log of a stationary sensor that counted during the run
+    """
+
+    field: str | None = None
+    site: str | None = None
+    properties: Sequence[str] = ()
+    truths: Mapping[str | int, str] = dataclasses.field(default_factory=dict)
+    model: str | None = None
+    fit: str | None = None
+    noise: str | None = None
+    local: str | None = None
+    drift_model: str | None = None
+    keep_nugget: bool | None = None
+    merge_radius_m: float | None = None
+    cell_m: float | None = None
+    counts_topic: str = "counts"
+    source: Source = "counts"
+    logger: str | None = None
+    logger_topic: str = ""
+    fix_topic: str = ""
+    gnss_shift_s: float = 0.0
+    crs: str | None = None
+    earlier: Sequence[Path | str] | None = None
+    covariates: Sequence[str] | None = None
+    reference: Path | None = None
+
+    @property
+    def from_lines(self) -> bool:
+        """Whether the raw lines are the source."""
+        return self.source == "raw" or bool(self.logger_topic)
+
+
+def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
+    """The map of the robot's own records, still without records, and remarks for the user."""
+    had = read_parameters(configuration, "mapper")
+    survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
+    if chosen.from_lines or not chosen.site or not had.get("site"):
+        return survey, []
+    recorded = load_site(had["site"]).corrections
+    if recorded == survey.site.corrections:
+        return survey, []
+    corrected = survey.site.model_copy(update={"corrections": recorded})
+    message = "The counts are corrected as on the robot, not as this site file says: that needs the raw lines."
+    return replace(survey, site=corrected), [Note(NoteCode.OTHER_CORRECTIONS, message)]
+
+
+def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str, name: str = "") -> FieldSurvey:
+    """A map without records: the mapper's settings, overridden by the user's choices.
+
+    :param had: parameters of the mapper
+    :param name: name of the property; empty for the robot's own
+    """
+    field_file = chosen.field or had.get("field")
+    if not field_file:
+        raise InputError("does not say which field it is of", "give the field file with --field", bag)
+    options: dict[str, Any] = {name: had[name] for name in (*_OPTIONS, "simulated") if name in had}
+    if had:
+        options.setdefault("noise", "mean")  # mappers of earlier versions had no choice
+        options.setdefault("local", "off")
+        options.setdefault("drift_model", "off")
+    options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
+    for option, known in (
+        ("model", VARIOGRAM_MODELS.names()),
+        ("fit", get_args(FitMethod)),
+        ("noise", get_args(NoiseModel)),
+        ("local", get_args(LocalModel)),
+        ("drift_model", get_args(DriftModel)),
+    ):
+        if options.get(option, known[0]) not in known:
+            raise InputError(f"there is no {option} {options[option]!r}", f"choose one of: {', '.join(known)}")
+    earlier = had.get("earlier", ()) if chosen.earlier is None else chosen.earlier
+    covariates = had.get("covariates", ()) if chosen.covariates is None else chosen.covariates
+    try:
+        return open_survey(field_file, site, **options, earlier=earlier, property_name=name, covariates=covariates)
+    except ValueError as error:
+        raise InputError(str(error), "change this setting") from None
+
+
+def property_survey(
+    one: PropertyTopic, bag: Path, configuration: Path | None, chosen: ReplaySettings
+) -> FieldSurvey:
+    """The map of a property with its mapper's settings, without records.
+
+    If the bag lacks the mapper's parameters, the settings of the robot's own map apply, but without the site: a
+    calibration belongs to one sensor.
+    """
+    had = read_parameters(configuration, one.mapper)
+    had = had or {**read_parameters(configuration, "mapper"), "site": ""}
+    return _open(bag, had, chosen, had.get("site", ""), one.name)
+
+
+@dataclass(frozen=True)
+class RawSurvey:
+    """Raw lines, processed.
+
+    :param records: corrected records at their places, in order of time, quarantined ones included
+    :param problems: problems of the lines
+    :param format_title: title of the logger's format
+    :param position_problems: those of them that concern the positions
+    """
+
+    records: Sequence[CountRecord]
+    problems: Sequence[Problem]
+    format_title: str
+    position_problems: Sequence[Problem] = ()
+
+
+def read_raw(
+    topics: RunTopics,
+    site: Site,
+    frame: LocalFrame,
+    logger: str | None = None,
+    arms: LeverArms = NO_ARMS,
+    logger_name: str = "",
+    fix_name: str = "",
+    gnss_shift_s: float = 0.0,
+) -> RawSurvey:
+    """Process the raw lines of a robot.
+
+    :param topics: its topics
+    :param site: corrections and tubes
+    :param frame: plane of the field
+    :param logger: logger format, a shipped name or a file; detected from the header if ``None``
+    :param arms: where antenna and sensor sat on the robot
+    :param logger_name: topic with the lines of the logger; ``raw/logger`` if empty
+    :param fix_name: topic with positions; ``raw/gnss``, or ``fix``, if empty
+    :param gnss_shift_s: time added to those of the positions [s]
+    :raises InputError: if the lines contain no usable record
+    """
+    reader = topics.reader
+    name = logger_topic(reader, logger_name) if logger_name else topics.find("raw/logger", TEXT)
+    if name is None:
+        raise InputError("has no topic raw/logger", "map its counts instead", reader.path)
+    lines = text_lines(reader, name)
+    form = load_logger_format(logger or next(iter(matching_formats(lines)), FORMAT_NAME))
+    form = form.on_clock(site.logger_clock)
+    log = parse_log(lines, form, site.longitude, _place(name))
+    gnss = topics.find("raw/gnss", TEXT) or topics.find("fix", FIX)
+    if logger_name or fix_name or (gnss is None and topics.alone):
+        gnss = fix_topic(reader, fix_name)
+    track = None
+    problems: list[Problem] = []
+    if gnss is None:
+        problems = unread_positions(reader)
+    else:
+        fixes, problems = read_fixes(reader, gnss, log_times([log]), gnss_shift_s)
+        track, noted = shifted_track(fixes, gnss_shift_s, _place(gnss))
+        problems += noted
+        if (why := track.heard.why_none()) is not None:
+            raise InputError(f"{gnss} {why.message}", f"{why.remedy}; or map its counts instead", reader.path)
+    try:
+        survey = process_logs([log], site, frame, track, arms)
+    except InputError as fault:
+        doubts = (one.mistake for one in problems if one.kind in (Kind.DOUBTFUL_POSITIONS, Kind.ASSUMED_TIME))
+        raise InputError([*fault.mistakes, *doubts]) from None
+    return RawSurvey(survey.all_records, [*survey.problems, *problems], log.format_title, problems)
+
+
+def says_simulated(reader: BagReader, logger: str) -> bool:
+    """Whether the logger's lines declare simulated counts.
+
+    :param logger: full name of the topic with the lines
+    """
+    return any(line.startswith(b"#simulated=yes") for line in text_lines(reader, logger))
+
+
+def _place(topic: str) -> Path:
+    """Source of a line in messages, in place of a file name."""
+    return Path(topic.lstrip("/"))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -299,3 +549,104 @@ def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -
 def _files(bag: Path) -> list[Path]:
     """The files with the messages of a bag, or of the bags in a folder."""
     return [path for one in (bags_of(bag) if bag.is_dir() else [bag]) for path in message_files(one)]
+
+
+def no_map(
+    bag: Path,
+    files: Sequence[Path],
+    first: ReplayedProperty,
+    missions: Sequence[RobotMission],
+    configuration: Path | None,
+    *,
+    losses: Sequence[LossRow] = (),
+    simulated: bool = False,
+    error: SoilmoistError | None = None,
+) -> NoMapError:
+    """The error for a run without a map, with all that its report shows.
+
+    :param bag: the recording
+    :param files: its files
+    :param first: the property without a map
+    :param missions: missions of the robots
+    :param configuration: folder with the parameters of the nodes, if any
+    :param losses: records that were lost before they reached the map
+    :param simulated: whether the counts come from a simulation
+    :param error: why the map could not be computed, if there were samples
+    """
+    survey = first.survey
+    snapshot = survey.map.snapshot()
+    mission = replay_mission([first], missions, configuration, lambda step, share: None) if missions else None
+    troubles = read_troubles(bag)
+    mistake = _mistake(first, troubles, bag, error)
+    return NoMapError(
+        FailedRun(
+            why=" ".join(filter(None, [_sentence(mistake.message), _end(mission)])),
+            todo=[*filter(None, [_sentence(mistake.remedy)]), _REPLAY],
+            created_utc=datetime.now(UTC),
+            track=sorted(first.records, key=lambda record: record.stamp_s),
+            site=survey.site.name,
+            field_name=survey.field.name,
+            inputs=[
+                *(input_file(path, "bag") for path in files),
+                *(input_file(path, role) for role, path in survey.files),
+            ],
+            losses=[*losses, *loss_rows_of(snapshot)],
+            troubles=troubles,
+            mission=mission,
+            simulated=simulated or survey.simulated,
+        )
+    )
+
+
+def _mistake(
+    first: ReplayedProperty, troubles: Sequence[Trouble], bag: Path, error: SoilmoistError | None
+) -> Mistake:
+    """The cause, the first that applies: no records, none in the field, too few, or a failure of the map."""
+    if not first.records:
+        said = next((f"; {trouble.name}: {trouble.message}" for trouble in troubles if trouble.error), "")
+        return Mistake(
+            f"The sensor sent no record that could be used, the counts have no messages{said}",
+            "check that the driver ran, the link to the neutron logger and its format: soilmoist check --logger",
+        )
+    if all(record.quarantine for record in first.records):
+        kinds = Counter(reason_text(record.quarantine) for record in first.records)
+        causes = ", ".join(f"{text} ({count})" for text, count in kinds.most_common())
+        return Mistake(
+            f"All {len(first.records)} records are quarantined: {causes}",
+            "check the tubes of the detector, its high voltage and its weather sensors",
+        )
+    if not first.states:
+        return why_nothing(first.survey, first.records, bag).mistakes[0]
+    records, samples = len(first.states), len(first.survey.map.samples)
+    count = f"{records} record{'s' * (records != 1)} at {samples} place{'s' * (samples != 1)}"
+    if isinstance(error, InputError):
+        return Mistake(f"{count}: {error.mistakes[0].message}", "give the mission more time, or shorter stops")
+    return Mistake(f"{count}: {error}", "try another variogram model or fit")
+
+
+def _end(mission: MissionResult | None) -> str:
+    """How the mission ended, in a sentence; empty without a mission."""
+    if mission is None or not mission.series:
+        return ""
+    end = mission.series[-1]
+    stops = f"{end.samples or 'no'} finished stop{'s' * (end.samples != 1)}"
+    return f"The mission ended after {duration(end.time_s)} with {stops}: {mission.ended}."
+
+
+def read_troubles(bag: Path) -> list[Trouble]:
+    """Warnings and errors that the nodes of a recording reported, errors first, then the most frequent."""
+    found: Counter[tuple[str, str, bool]] = Counter()
+    with BagReader(bag) as reader:
+        topics = [name for name, kind in reader.topics.items() if kind == DIAGNOSTICS]
+        for message in reader.messages(topics) if topics else ():
+            for status in reader.decode(message).status:
+                level = status.level if isinstance(status.level, int) else ord(status.level)
+                if level and status.message:
+                    found[status.name, status.message, level >= _ERROR] += 1
+    order = sorted(found.items(), key=lambda item: (not item[0][2], -item[1]))
+    return [Trouble(name, message, count, error) for (name, message, error), count in order[:MAX_TROUBLES]]
+
+
+def _sentence(text: str) -> str:
+    """A message with a capital letter and a full stop."""
+    return f"{text[0].upper()}{text[1:].rstrip('.')}." if text else ""

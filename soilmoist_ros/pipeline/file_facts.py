@@ -22,14 +22,16 @@ from soilmoist_ros.foundation import (
     LocalFrame,
     Mistake,
     SoilmoistError,
+    area,
     distance_text,
+    duration,
     listing,
     place_text,
     town_distance_m,
     town_text,
 )
 from soilmoist_ros.mapping import Field, PositionSource, coverage, read_covariates, require_near, unused_parts
-from soilmoist_ros.reporting import EARLIEST_STAMP_S, area, duration
+from soilmoist_ros.pipeline.run import EARLIEST_STAMP_S
 from soilmoist_ros.sensing import (
     CorrectionSettings,
     Kind,

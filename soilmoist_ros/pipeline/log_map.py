@@ -37,9 +37,10 @@ from soilmoist_ros.mapping import (
     require_covariates,
     require_near,
 )
+from soilmoist_ros.pipeline.earlier_runs import Target, find_runs, read_earlier_runs, require_other, same_survey
+from soilmoist_ros.pipeline.field_survey import input_file, loss_rows_of, make_run, require_crs
 from soilmoist_ros.pipeline.file_facts import far_from_site, looks_swapped, position_notes
-from soilmoist_ros.recording import is_bag, message_files
-from soilmoist_ros.reporting import (
+from soilmoist_ros.pipeline.run import (
     REFERENCE,
     CorrectionRow,
     EarlierRun,
@@ -48,16 +49,8 @@ from soilmoist_ros.reporting import (
     MapRun,
     Note,
     NoteCode,
-    Target,
-    find_runs,
-    input_file,
-    loss_rows_of,
-    make_run,
-    read_earlier_runs,
-    require_crs,
-    require_other,
-    same_survey,
 )
+from soilmoist_ros.recording import is_bag, message_files
 from soilmoist_ros.sensing import (
     CheckedTrack,
     Consequence,

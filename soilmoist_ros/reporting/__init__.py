@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Runs and their outputs: report, GeoTIFF, GeoJSON, tables and summary."""
+"""Outputs of runs: report, GeoTIFF, GeoJSON, tables and summary."""
 
 from typing import TYPE_CHECKING
 
@@ -12,15 +12,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.campaign.report import write_campaign_report as write_campaign_report
     from soilmoist_ros.reporting.colours import between as between
     from soilmoist_ros.reporting.colours import palette_png as palette_png
-    from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun as EarlierRun
-    from soilmoist_ros.reporting.earlier.earlier_runs import Target as Target
-    from soilmoist_ros.reporting.earlier.earlier_runs import read_earlier_runs as read_earlier_runs
-    from soilmoist_ros.reporting.earlier.earlier_runs import require_other as require_other
-    from soilmoist_ros.reporting.earlier.earlier_runs import same_survey as same_survey
-    from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier as mission_earlier
-    from soilmoist_ros.reporting.earlier.results import read_summary as read_summary
-    from soilmoist_ros.reporting.earlier.run_change import run_change as run_change
-    from soilmoist_ros.reporting.earlier.run_records import find_runs as find_runs
     from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS
     from soilmoist_ros.reporting.exports.registry import Export as Export
     from soilmoist_ros.reporting.exports.registry import export_kind as export_kind
@@ -28,11 +19,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings
     from soilmoist_ros.reporting.exports.source import RunSource as RunSource
     from soilmoist_ros.reporting.failed_outputs import write_failed as write_failed
-    from soilmoist_ros.reporting.failed_run import FailedRun as FailedRun
-    from soilmoist_ros.reporting.failed_run import NoMapError as NoMapError
-    from soilmoist_ros.reporting.failed_run import Trouble as Trouble
-    from soilmoist_ros.reporting.field_survey import FieldSurvey as FieldSurvey
-    from soilmoist_ros.reporting.field_survey import open_survey as open_survey
     from soilmoist_ros.reporting.figures.run_figures import run_figures as run_figures
     from soilmoist_ros.reporting.figures.season_figures import season_figures as season_figures
     from soilmoist_ros.reporting.figures.style import write_figures as write_figures
@@ -47,19 +33,18 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.live.live_mission import LiveRobot as LiveRobot
     from soilmoist_ros.reporting.live.terminal import DRY_TO_WET as DRY_TO_WET
     from soilmoist_ros.reporting.live.terminal import render as render
-    from soilmoist_ros.reporting.map_run import input_file as input_file
-    from soilmoist_ros.reporting.map_run import loss_rows_of as loss_rows_of
-    from soilmoist_ros.reporting.map_run import make_run as make_run
     from soilmoist_ros.reporting.mission_report import mission_run as mission_run
     from soilmoist_ros.reporting.mission_report import write_mission as write_mission
     from soilmoist_ros.reporting.moisture_steps import at_one_place as at_one_place
     from soilmoist_ros.reporting.moisture_steps import moisture_of_all as moisture_of_all
     from soilmoist_ros.reporting.moisture_steps import moisture_series as moisture_series
+    from soilmoist_ros.reporting.old_names import FieldSurvey as FieldSurvey
+    from soilmoist_ros.reporting.old_names import MapRun as MapRun
+    from soilmoist_ros.reporting.old_names import open_survey as open_survey
     from soilmoist_ros.reporting.opened_run import OpenedRun as OpenedRun
     from soilmoist_ros.reporting.opened_run import open_run as open_run
     from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs
     from soilmoist_ros.reporting.output_folder import remove_earlier as remove_earlier
-    from soilmoist_ros.reporting.output_folder import require_crs as require_crs
     from soilmoist_ros.reporting.output_folder import require_free as require_free
     from soilmoist_ros.reporting.output_folder import require_writable as require_writable
     from soilmoist_ros.reporting.output_folder import results_in as results_in
@@ -71,23 +56,13 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.earlier_section import dated as dated
     from soilmoist_ros.reporting.page.earlier_section import relations as relations
     from soilmoist_ros.reporting.page.notes import notes as notes
-    from soilmoist_ros.reporting.page.numbers import area as area
-    from soilmoist_ros.reporting.page.numbers import duration as duration
     from soilmoist_ros.reporting.page.report import write_report as write_report
     from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture
     from soilmoist_ros.reporting.page.statistics import truth_score as truth_score
-    from soilmoist_ros.reporting.run import REFERENCE as REFERENCE
-    from soilmoist_ros.reporting.run import CorrectionRow as CorrectionRow
-    from soilmoist_ros.reporting.run import InputFile as InputFile
-    from soilmoist_ros.reporting.run import LossRow as LossRow
-    from soilmoist_ros.reporting.run import MapRun as MapRun
-    from soilmoist_ros.reporting.run import Note as Note
-    from soilmoist_ros.reporting.run import NoteCode as NoteCode
     from soilmoist_ros.reporting.season.season import SeasonSettings as SeasonSettings
     from soilmoist_ros.reporting.season.season import make_season as make_season
     from soilmoist_ros.reporting.season.season_files import estimate_text as estimate_text
     from soilmoist_ros.reporting.season.season_files import write_season as write_season
-    from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S as EARLIEST_STAMP_S
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,
@@ -96,16 +71,9 @@ __getattr__, __dir__, __all__ = open_door(
         "campaign.figures": "campaign_figures",
         "campaign.report": "write_campaign_report",
         "colours": "between palette_png",
-        "earlier.earlier_runs": "EarlierRun Target read_earlier_runs require_other same_survey",
-        "earlier.mission_earlier": "mission_earlier",
-        "earlier.results": "read_summary",
-        "earlier.run_change": "run_change",
-        "earlier.run_records": "find_runs",
         "exports.registry": "EXPORTS Export export_kind export_run",
         "exports.source": "ExportSettings RunSource",
         "failed_outputs": "write_failed",
-        "failed_run": "FailedRun NoMapError Trouble",
-        "field_survey": "FieldSurvey open_survey",
         "figures.run_figures": "run_figures",
         "figures.season_figures": "season_figures",
         "figures.style": "write_figures",
@@ -116,21 +84,18 @@ __getattr__, __dir__, __all__ = open_door(
         "live.layouts": "write_layouts",
         "live.live_mission": "LiveMap LiveMission LiveRobot",
         "live.terminal": "DRY_TO_WET render",
-        "map_run": "input_file loss_rows_of make_run",
         "mission_report": "mission_run write_mission",
         "moisture_steps": "at_one_place moisture_of_all moisture_series",
+        "old_names": "FieldSurvey MapRun open_survey",
         "opened_run": "OpenedRun open_run",
-        "output_folder": "earlier_outputs remove_earlier require_crs require_free require_writable results_in",
+        "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",
         "outputs": "write_outputs",
         "page.covariates": "covariate_importance",
         "page.earlier_section": "change_amount change_since change_summary dated relations",
         "page.notes": "notes",
-        "page.numbers": "area duration",
         "page.report": "write_report",
         "page.statistics": "mean_moisture truth_score",
-        "run": "CorrectionRow InputFile LossRow MapRun Note NoteCode REFERENCE",
         "season.season": "SeasonSettings make_season",
         "season.season_files": "estimate_text write_season",
-        "survey_times": "EARLIEST_STAMP_S",
     },
 )

@@ -10,15 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from soilmoist_ros.foundation import __version__
+from soilmoist_ros.pipeline import FailedRun, NoteCode, track_xy
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
-from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
 from soilmoist_ros.reporting.files.summary import SCHEMA, mission_summary, utc_text
-from soilmoist_ros.reporting.geometry import track_xy
 from soilmoist_ros.reporting.output_folder import MISSION_NAMES, replaced_together, writable
 from soilmoist_ros.reporting.page.failed import render_failed
-from soilmoist_ros.reporting.run import NoteCode
 
 
 def write_failed(folder: Path, failed: FailedRun) -> list[Path]:

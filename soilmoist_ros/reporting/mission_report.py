@@ -16,14 +16,19 @@ import numpy as np
 from soilmoist_ros.exploration import property_name
 from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import FieldMap, FieldMapSettings
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
-from soilmoist_ros.reporting.earlier.mission_earlier import EARLIER, simulated_runs
-from soilmoist_ros.reporting.earlier.run_change import RunChange, run_change
+from soilmoist_ros.pipeline import (
+    EARLIER,
+    EarlierRun,
+    FailedRun,
+    LossRow,
+    MapRun,
+    RunChange,
+    run_change,
+    simulated_runs,
+)
 from soilmoist_ros.reporting.failed_outputs import write_failed
-from soilmoist_ros.reporting.failed_run import FailedRun
 from soilmoist_ros.reporting.files.summary import settings_summary
 from soilmoist_ros.reporting.outputs import write_outputs
-from soilmoist_ros.reporting.run import LossRow, MapRun
 from soilmoist_ros.simulation import MissionResult
 
 if TYPE_CHECKING:

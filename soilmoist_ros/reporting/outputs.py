@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.mapping import FALSE_SHARE, FieldChange
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.recording import SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import PropertyMap
 from soilmoist_ros.reporting.files.cell_raster import CellBand, write_cell_raster
 from soilmoist_ros.reporting.files.geojson import write_samples
-from soilmoist_ros.reporting.files.geotiff import export_crs, write_geotiff
+from soilmoist_ros.reporting.files.geotiff import write_geotiff
 from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
 from soilmoist_ros.reporting.files.summary import write_summary
 from soilmoist_ros.reporting.moisture_steps import at_one_place, write_moisture
@@ -29,7 +30,6 @@ from soilmoist_ros.reporting.output_folder import (
 )
 from soilmoist_ros.reporting.page.report import write_report
 from soilmoist_ros.reporting.page.statistics import resolution_m
-from soilmoist_ros.reporting.run import MapRun
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -64,7 +64,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     names += tuple(name for other in run.others for name in property_names(other.name))
     names += tuple(_change_name(run, one) for one in run.properties if one.change is not None)
     names = writable(names)
-    target = export_crs(run.frame, crs) if "map.tif" in names else None
+    target = run.frame.export_crs(crs) if "map.tif" in names else None
     with replaced_together(folder, names) as workshop:
         for number, one in enumerate(run.properties):
             of_map, of_samples, of_records = property_names(one.name if number else "")

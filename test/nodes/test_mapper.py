@@ -33,8 +33,8 @@ from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.cells import map_cells
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.nodes.runtime import qos
-from soilmoist_ros.reporting.earlier.run_change import run_change
-from soilmoist_ros.reporting.field_survey import open_survey
+from soilmoist_ros.pipeline.earlier_runs import run_change
+from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 BEGIN_S = 1.78e9

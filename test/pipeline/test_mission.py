@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-from soilmoist_ros.pipeline.mission import RobotMission, mission_log
-from soilmoist_ros.pipeline.statuses import Status
+from soilmoist_ros.pipeline.mission import RobotMission, Status, mission_log
 
 
 def status(used_s, state, reason, command="", command_s=float("nan")):

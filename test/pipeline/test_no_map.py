@@ -14,11 +14,12 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.pipeline import ReplaySettings, no_map, replay_bag
+from soilmoist_ros.pipeline import ReplaySettings, replay_bag
+from soilmoist_ros.pipeline import bag_map as no_map
+from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.pipeline.properties import ReplayedProperty
+from soilmoist_ros.pipeline.run import NoMapError
 from soilmoist_ros.reporting.failed_outputs import write_failed
-from soilmoist_ros.reporting.failed_run import NoMapError
-from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.records import CountRecord
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"

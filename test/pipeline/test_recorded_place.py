@@ -15,7 +15,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
-from soilmoist_ros.pipeline.recorded_place import RecordedPlaces, recorded_places
+from soilmoist_ros.pipeline.properties import RecordedPlaces, recorded_places
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "one_stop"
 FIELD = load_field(GOLDEN / "configuration" / "field.yaml")

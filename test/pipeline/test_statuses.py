@@ -8,8 +8,8 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from soilmoist_ros.pipeline.statuses import Status, last_mission, read_statuses
-from soilmoist_ros.pipeline.topics import STATUS, RunTopics
+from soilmoist_ros.pipeline.bag_lines import STATUS, RunTopics
+from soilmoist_ros.pipeline.mission import Status, last_mission, read_statuses
 from soilmoist_ros.recording.bag.reader import BagReader
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

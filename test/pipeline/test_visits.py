@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.pipeline.statuses import Status
-from soilmoist_ros.pipeline.visits import estimate_visits, mission_visits
+from soilmoist_ros.pipeline.mission import Status, estimate_visits, mission_visits
 from soilmoist_ros.sensing.records import CountRecord
 
 

@@ -8,7 +8,7 @@ import pytest
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.pipeline.replay_settings import ReplaySettings, robot_survey
+from soilmoist_ros.pipeline.bag_map import ReplaySettings, robot_survey
 from soilmoist_ros.recording.run_configuration import RunConfiguration
 from soilmoist_ros.recording.run_folder import (
     configuration_of,

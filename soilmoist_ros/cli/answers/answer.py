@@ -88,8 +88,8 @@ def wrote(paths: Iterable[Path], out: Path | None = None) -> None:
             say(f"open       {(out / 'report.html').absolute().as_uri()}")
         answer.values["out"] = str(out)
         if answer.as_json:
+            from soilmoist_ros.pipeline import read_summary
             from soilmoist_ros.recording import SUMMARY
-            from soilmoist_ros.reporting import read_summary
 
             if (out / SUMMARY).is_file():
                 answer.values["summary"] = read_summary(out)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.cli.answers.answer import say, warn
 
 if TYPE_CHECKING:
-    from soilmoist_ros.reporting import MapRun
+    from soilmoist_ros.pipeline import MapRun
 
 MAX_REASONS = 3
 """Number of reasons for lost records that are printed."""
@@ -22,14 +22,8 @@ def rate_error(mse: float, coverage95: float) -> str:
 
 def print_knowledge(run: MapRun) -> None:
     """Print what a reference sensor, earlier surveys and covariates contributed to a map, and what has changed."""
-    from soilmoist_ros.reporting import (
-        REFERENCE,
-        change_amount,
-        change_since,
-        covariate_importance,
-        dated,
-        relations,
-    )
+    from soilmoist_ros.pipeline import REFERENCE
+    from soilmoist_ros.reporting import change_amount, change_since, covariate_importance, dated, relations
 
     for row in run.corrections:
         if row.name == REFERENCE:

@@ -25,7 +25,7 @@ class _Runs(InputFile):
         """
         super().require(value)
         if str(value) not in self.words:
-            from soilmoist_ros.reporting import find_runs
+            from soilmoist_ros.pipeline import find_runs
 
             find_runs(value.expanduser())
 

@@ -89,7 +89,7 @@ def reported_failure(out: Path) -> Iterator[None]:
     :param out: output folder
     :raises NoMapError: why there is no map
     """
-    from soilmoist_ros.reporting import NoMapError
+    from soilmoist_ros.pipeline import NoMapError
 
     try:
         yield

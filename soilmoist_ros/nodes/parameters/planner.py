@@ -37,7 +37,7 @@ from soilmoist_ros.nodes.parameters.declaration import Parameters
 from soilmoist_ros.nodes.parameters.guard import WATCH_PARAMETERS
 from soilmoist_ros.nodes.parameters.lever_arms import ANTENNA
 from soilmoist_ros.nodes.parameters.parameter import COVARIATES, EARLIER, Parameter, Value, of_setting
-from soilmoist_ros.reporting import Target, read_earlier_runs
+from soilmoist_ros.pipeline import Target, read_earlier_runs
 from soilmoist_ros.sensing import MoistureCurve, load_site
 
 

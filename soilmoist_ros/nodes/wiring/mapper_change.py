@@ -15,7 +15,8 @@ from msg_adapters import change_to_message
 from soilmoist_ros.foundation import Batches, Health, Level
 from soilmoist_ros.mapping import SoilMap
 from soilmoist_ros.nodes.runtime.qos import LATCHED
-from soilmoist_ros.reporting import FieldSurvey, change_summary, run_change
+from soilmoist_ros.pipeline import FieldSurvey, run_change
+from soilmoist_ros.reporting import change_summary
 
 PAUSE_S: Final = 5.0
 """Shortest time from one change to the next [s]."""

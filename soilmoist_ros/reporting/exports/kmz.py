@@ -14,12 +14,12 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.pipeline import EARLIEST_STAMP_S
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import colour_ramp
 from soilmoist_ros.reporting.exports.classes import shown_range
 from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.vectors import to_crs
-from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

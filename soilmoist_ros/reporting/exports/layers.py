@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import Visit
+from soilmoist_ros.pipeline import EARLIEST_STAMP_S
 from soilmoist_ros.reporting.exports.contours import contour_lines
 from soilmoist_ros.reporting.exports.source import MOISTURE, ROOT_DEPTH_MM, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.vectors import Layer, texts, times
 from soilmoist_ros.reporting.exports.zones import Zone, management_zones
-from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
 KEPT_SHARE = 0.9
 """Share of a zone of the advice that the file of zones has, below which there is a note."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.colours import RATE, UNCERTAIN, WATER
 from soilmoist_ros.reporting.figures.style import (
@@ -25,7 +26,6 @@ from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.moisture_steps import at_one_place, interrupted, moisture_series
 from soilmoist_ros.reporting.page.charts.sample_variogram import mean_spread, model_curve, sample_variogram
 from soilmoist_ros.reporting.page.style import BLUE, FAINT, INK, ORANGE, SOFT, colour_map, robust_range
-from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation import MissionResult
 
 if TYPE_CHECKING:

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import LocalFrame
 from soilmoist_ros.mapping import make_bands
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import calibration_of
 from soilmoist_ros.reporting.files.sample_times import sample_times
 from soilmoist_ros.reporting.files.strict_json import dumps, jsonable
 from soilmoist_ros.reporting.geometry import field_polygon, right_handed, rings
-from soilmoist_ros.reporting.run import MapRun
 
 DIGITS = 7
 """Decimal places of degrees; the last is about 1 cm."""

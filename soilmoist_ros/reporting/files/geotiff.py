@@ -58,7 +58,7 @@ def write_geotiff(
     """
     import rasterio
 
-    target = export_crs(frame, crs)
+    target = frame.export_crs(crs)
     x, y, step = export_axes(soil_map, frame, target)
     transform = rasterio.Affine(step[0], 0, x[0] - step[0] / 2, 0, -step[1], y[0] + step[1] / 2)
     names = [name for name in BANDS if soil_map.curve is not None or name.startswith("rate")]
@@ -86,23 +86,6 @@ def _support(tags: Mapping[str, str] | None) -> dict[str, str]:
     """The area that each value of a band is of, if the tags of the file say it."""
     known = (tags or {}).get("SOILMOIST_SUPPORT")
     return {"support": known} if known else {}
-
-
-def export_crs(frame: LocalFrame, crs: CRS | str | int | None = None) -> CRS:
-    """The requested coordinate reference system, by default the UTM zone of the datum.
-
-    :raises InputError: if pyproj does not know it
-    """
-    import pyproj
-
-    if crs is None:
-        return frame.export_crs()
-    try:
-        return pyproj.CRS.from_user_input(crs)
-    except pyproj.exceptions.CRSError:
-        raise InputError(
-            f"'{crs}' is not a coordinate reference system", "give one as an EPSG code, e.g. EPSG:25832"
-        ) from None
 
 
 def model_parameters(soil_map: SoilMap) -> dict[str, str | float]:

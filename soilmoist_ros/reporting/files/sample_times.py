@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.pipeline import MapRun
 
 
 def sample_times(run: MapRun) -> NDArray[np.float64]:

@@ -17,10 +17,10 @@ import numpy as np
 from soilmoist_ros.exploration import LearnedMotion, polyline_length_m
 from soilmoist_ros.foundation import shown_path
 from soilmoist_ros.mapping import FALSE_SHARE, Drift, Estimate
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
+from soilmoist_ros.pipeline import EarlierRun, MapRun, track_xy
 from soilmoist_ros.reporting.files.geotiff import model_parameters
 from soilmoist_ros.reporting.files.strict_json import jsonable, write_json
-from soilmoist_ros.reporting.geometry import field_polygon, track_xy
+from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.page.covariates import Importance, covariate_importance
 from soilmoist_ros.reporting.page.earlier_section import relations
 from soilmoist_ros.reporting.page.irrigation import absolute_limits, has_level, irrigation
@@ -40,7 +40,6 @@ from soilmoist_ros.reporting.page.statistics import (
     uncertain_share,
     undefined_share,
 )
-from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation import PropertySettings, achieved, mission_efficiency, reported
 
 if TYPE_CHECKING:

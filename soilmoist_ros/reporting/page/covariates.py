@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from soilmoist_ros.mapping import Effect, coverage
-from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.pipeline import MapRun
 
 
 class Interval(NamedTuple):

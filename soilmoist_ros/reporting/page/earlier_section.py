@@ -9,10 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from soilmoist_ros.mapping import FALSE_SHARE, Estimate, possible_moisture
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
-from soilmoist_ros.reporting.earlier.run_change import RunChange
+from soilmoist_ros.pipeline import EarlierRun, MapRun, RunChange
 from soilmoist_ros.reporting.page import numbers
-from soilmoist_ros.reporting.run import MapRun
 
 
 @dataclass(frozen=True)

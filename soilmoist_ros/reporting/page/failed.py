@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 from soilmoist_ros.foundation import __version__
-from soilmoist_ros.reporting.failed_run import FailedRun
-from soilmoist_ros.reporting.geometry import track_xy
+from soilmoist_ros.pipeline import FailedRun, track_xy
 from soilmoist_ros.reporting.page import wording
 from soilmoist_ros.reporting.page.charts.chart import Chart
 from soilmoist_ros.reporting.page.charts.survey_charts import rate_chart

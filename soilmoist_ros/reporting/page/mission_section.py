@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from soilmoist_ros.exploration import Visit, polyline_length_m
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.page.charts.chart import Chart, Dots, Line, limits_of
 from soilmoist_ros.reporting.page.charts.forecast_chart import forecast_chart
 from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
 from soilmoist_ros.reporting.page.numbers import duration, length, number, percent
-from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation import MissionResult, SeriesRow, forecast_text, mission_efficiency, series_columns
 
 MAX_VISITS = 100

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page import numbers, wording
@@ -24,7 +25,6 @@ from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import TruthScore, leave_one_out, truth_score
 from soilmoist_ros.reporting.page.viewer.layers import viewer_data
 from soilmoist_ros.reporting.page.viewer.picture import pictures
-from soilmoist_ros.reporting.run import MapRun
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
 

@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import FALSE_SHARE, Estimate
+from soilmoist_ros.pipeline import EarlierRun, local_time
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.page import numbers
 from soilmoist_ros.reporting.page.charts.chart import Area, Chart, Dots, Line, limits_of, round_ticks
 from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.viewer.layers import PERCENT, STOPS, colour_limits
 from soilmoist_ros.reporting.page.viewer.packing import pack, pack_bits, rounded, thinning
 from soilmoist_ros.reporting.season.season import Season, SeasonSurvey
-from soilmoist_ros.reporting.survey_times import local_time
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.system.monitor import Monitor
-from soilmoist_ros.reporting.field_survey import open_survey
+from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.reporting.live.live_mission import LiveMap, LiveMission
 from soilmoist_ros.sensing.records import CountRecord
 

@@ -19,7 +19,7 @@ from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.soil_map import make_soil_map
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.nodes.wiring.mapper_change import ChangeOutput
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
+from soilmoist_ros.pipeline.run import EarlierRun
 
 SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])
 EARLIER = EarlierRun(EarlierSurvey("may", 0.0, SAMPLES), Path("may"), 0.0, [])

@@ -14,11 +14,11 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge.covariates import Covariates
 from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
 from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.pipeline.run import NoteCode
 from soilmoist_ros.reporting.files.summary import summary
 from soilmoist_ros.reporting.page.covariates import covariate_importance
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
-from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 GRID = FieldGrid.from_polygon([(0, 0), (100, 0), (100, 80), (0, 80)], cell_m=4.0)

@@ -13,8 +13,8 @@ from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, Timed
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.mapping.soil_map import make_soil_map
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
-from soilmoist_ros.reporting.earlier.run_change import MAX_SAMPLES, RunChange, run_change
+from soilmoist_ros.pipeline.earlier_runs import MAX_SAMPLES, run_change
+from soilmoist_ros.pipeline.run import EarlierRun, NoteCode, RunChange
 from soilmoist_ros.reporting.files.summary import summary
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.page.earlier_section import change_text, earlier_part
@@ -22,7 +22,6 @@ from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.viewer.layers import viewer_data
-from soilmoist_ros.reporting.run import NoteCode
 
 NOW_S = 1.77e9
 

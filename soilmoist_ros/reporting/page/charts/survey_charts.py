@@ -11,12 +11,11 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soilmoist_ros.pipeline import EARLIEST_STAMP_S, MapRun
 from soilmoist_ros.reporting.moisture_steps import MoistureSeries, interrupted
 from soilmoist_ros.reporting.page.charts.chart import Area, Chart, Dots, Limits, Line, limits_of
 from soilmoist_ros.reporting.page.numbers import duration, number, percent
 from soilmoist_ros.reporting.page.statistics import LeaveOneOut
-from soilmoist_ros.reporting.run import MapRun
-from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 from soilmoist_ros.sensing import CountRecord
 
 Array = NDArray[np.float64]

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.page.charts.chart import Area, Chart, Dots, Line, Mark
 from soilmoist_ros.reporting.page.charts.sample_variogram import (
     Classes,
@@ -17,7 +18,6 @@ from soilmoist_ros.reporting.page.charts.sample_variogram import (
     sample_variogram,
 )
 from soilmoist_ros.reporting.page.numbers import number, percent
-from soilmoist_ros.reporting.run import MapRun
 
 UNIT = "Semivariance of the rate [(counts/s)²]"
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping import FieldChange
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, hex_ramp
 from soilmoist_ros.reporting.geometry import map_extent, rings
@@ -20,7 +21,6 @@ from soilmoist_ros.reporting.page.irrigation import Irrigation, has_level
 from soilmoist_ros.reporting.page.numbers import percent, plain
 from soilmoist_ros.reporting.page.style import robust_range
 from soilmoist_ros.reporting.page.viewer.packing import pack, pack_bits, rounded, thinning
-from soilmoist_ros.reporting.run import MapRun
 
 Array = NDArray[np.float64]
 

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.colours import RATE, UNCERTAIN, WATER, colour_ramp, coloured_png, hex_ramp
 from soilmoist_ros.reporting.geometry import rings
@@ -19,7 +20,6 @@ from soilmoist_ros.reporting.page.charts.chart import round_step, round_ticks
 from soilmoist_ros.reporting.page.style import FAINT, INK, SOFT, Picture, data_uri
 from soilmoist_ros.reporting.page.viewer.layers import colour_limits, interval_width, moisture_limits, view
 from soilmoist_ros.reporting.page.viewer.packing import thinning
-from soilmoist_ros.reporting.run import MapRun
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import pytest
 
 from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
 from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.reporting.earlier.doubts import doubts, mean_rate
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
+from soilmoist_ros.pipeline.earlier_runs import earlier_doubts, mean_rate
+from soilmoist_ros.pipeline.run import EarlierRun
 
 NOW = datetime(2026, 6, 1, tzinfo=UTC)
 
@@ -34,14 +34,14 @@ def run(stamp_s: float, rate_cps: float = 4.0) -> EarlierRun:
     ],
 )
 def test_dates_and_rates_that_can_hardly_be_right(date, rate_cps, said):
-    found = list(doubts(run(date.timestamp(), rate_cps), 4.0, NOW, NOW))
+    found = list(earlier_doubts(run(date.timestamp(), rate_cps), 4.0, NOW, NOW))
     assert len(found) == len(said)
     assert all(one.startswith(start) for one, start in zip(found, said, strict=True))
 
 
 def test_of_a_season_no_survey_is_too_old():
-    assert not list(doubts(run(datetime(2001, 5, 1, tzinfo=UTC).timestamp()), 4.0, NOW))
-    (doubt,) = doubts(run(datetime(2026, 5, 1, tzinfo=UTC).timestamp(), 40.0), 4.0, NOW)
+    assert not list(earlier_doubts(run(datetime(2001, 5, 1, tzinfo=UTC).timestamp()), 4.0, NOW))
+    (doubt,) = earlier_doubts(run(datetime(2026, 5, 1, tzinfo=UTC).timestamp(), 40.0), 4.0, NOW)
     assert doubt.startswith("has 10 times the count rate of the others")
 
 

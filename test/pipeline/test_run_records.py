@@ -9,8 +9,8 @@ import pytest
 from earlier_folders import FRAME, MAY_S, records, run_folder
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.pipeline.earlier_runs import find_runs, read_run
 from soilmoist_ros.recording.record_table import write_records
-from soilmoist_ros.reporting.earlier.run_records import find_runs, read_run
 
 
 def test_a_run_has_its_records_its_plane_and_how_they_were_corrected(tmp_path):

@@ -13,9 +13,8 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field_map import FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.pipeline.earlier_runs import Target, find_runs, read_earlier_runs, require_other, same_survey
 from soilmoist_ros.recording.record_table import read_records
-from soilmoist_ros.reporting.earlier.earlier_runs import Target, read_earlier_runs, require_other, same_survey
-from soilmoist_ros.reporting.earlier.run_records import find_runs
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 

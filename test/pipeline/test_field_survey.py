@@ -10,8 +10,9 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.record_check import Skip
+from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.earlier_records import read_earlier
-from soilmoist_ros.reporting.field_survey import open_survey
+from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 
@@ -35,7 +36,7 @@ def saved(tmp_path_factory):
     folder = tmp_path_factory.mktemp("saved")
     survey = filled([*records(), CountRecord(1.78e9, NAN, NAN, NAN, 400, 100.0, 95.0)], simulated=True)
     survey.map.skip(Skip.UNREADABLE, "too short")
-    return survey, folder, survey.save(folder, survey.map.snapshot())
+    return survey, folder, write_outputs(folder, survey.run(survey.map.snapshot()))
 
 
 @pytest.mark.slow

@@ -1,28 +1,97 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A mapping run: the data that its outputs show."""
+"""A run, with or without a map: the data that its outputs show."""
 
 from __future__ import annotations
 
+import math
+import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import LocalFrame, shown_text
-from soilmoist_ros.reporting.geometry import distance_m, inside_boundary, track_xy
-from soilmoist_ros.reporting.survey_times import SurveyTimes
+from soilmoist_ros.foundation import InputError, LocalFrame, shown_text
 from soilmoist_ros.sensing import Consequence, CountRecord, SensedSoil
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping import Covariates, SoilMap
-    from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
-    from soilmoist_ros.reporting.earlier.run_change import RunChange
+    from soilmoist_ros.mapping import Covariates, EarlierSurvey, Estimate, FieldChange, Persistence, SoilMap
     from soilmoist_ros.simulation import MissionResult
+
+
+EARLIEST_STAMP_S = 946684800.0
+"""Stamps before 2000-01-01 UTC come from a clock without a date, such as that of a simulated mission [s]."""
+
+
+def local_time(when: datetime, zone: str) -> datetime:
+    """A time in a zone by its name; as it is where this computer does not know the zone."""
+    from zoneinfo import ZoneInfo
+
+    try:
+        return when.astimezone(ZoneInfo(zone))
+    except (KeyError, ValueError, OSError):
+        return when
+
+
+class SurveyTimes:
+    """Begin, end and duration of the records of a run."""
+
+    track: Sequence[CountRecord]
+    created_utc: datetime
+
+    @property
+    def created(self) -> str:
+        """Time of creation as ISO 8601 in UTC, to the second."""
+        return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.created_utc.timestamp()))
+
+    @property
+    def survey_start_utc(self) -> datetime | None:
+        """Begin of the first counting interval; ``None`` without records, or if their clock has no date."""
+        begin = min((r.stamp_s - r.exposure_s for r in self.track), default=-math.inf)
+        return datetime.fromtimestamp(begin, UTC) if begin >= EARLIEST_STAMP_S else None
+
+    @property
+    def survey_end_utc(self) -> datetime | None:
+        """End of the last counting interval; ``None`` as for the start."""
+        if self.survey_start_utc is None:
+            return None
+        return datetime.fromtimestamp(max(record.stamp_s for record in self.track), UTC)
+
+    @property
+    def survey_duration_s(self) -> float | None:
+        """Time from the begin of the first to the end of the last counting interval [s]; ``None`` without records.
+
+        With a clock that has no date, too.
+        """
+        if not self.track:
+            return None
+        return max(r.stamp_s for r in self.track) - min(r.stamp_s - r.exposure_s for r in self.track)
+
+
+def inside_boundary(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each point (n, 2) lies within the boundary of the field, its holes and its edge included."""
+    from shapely import Polygon, intersects_xy, union_all
+
+    area = union_all([Polygon(ring) for ring in soil_map.grid.polygons])
+    return np.asarray(intersects_xy(area, xy_m[:, 0], xy_m[:, 1]), bool)
+
+
+def track_xy(track: Sequence[CountRecord]) -> NDArray[np.float64]:
+    """Places of the records in order, without records that have none, shape (n, 2) [m]."""
+    xy = np.array([(r.x_m, r.y_m) for r in track], float).reshape(-1, 2)
+    return np.asarray(xy[np.isfinite(xy).all(axis=1)])
+
+
+def distance_m(track: Sequence[CountRecord]) -> float:
+    """Length of the line through the records' places [m]."""
+    steps = np.diff(track_xy(track), axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
 @dataclass(frozen=True)
@@ -189,6 +258,63 @@ class Note:
         return self.message
 
 
+@dataclass(frozen=True, eq=False)
+class EarlierRun:
+    """An earlier survey, and where it comes from.
+
+    :param survey: its samples in the present field
+    :param path: the run
+    :param begin_s: begin of its first record [s since 1970-01-01 UTC]
+    :param records: records in the present field
+    :param outside: records that lie outside and are left out
+    :param scale: rate of its sensor relative to that of the present one over equal soil, by their calibrations;
+        divided out
+    :param remarks: what the user should know, in sentences
+    :param corrections: parameters of each applied correction by its name, ``None`` if unknown
+    """
+
+    survey: EarlierSurvey
+    path: Path
+    begin_s: float
+    records: Sequence[CountRecord]
+    outside: int = 0
+    scale: float = 1.0
+    remarks: tuple[str, ...] = ()
+    corrections: Mapping[str, Mapping[str, Any]] | None = None
+
+    @property
+    def date(self) -> str:
+        """Day of its end; empty if its clock has no date."""
+        return date_text(self.survey.stamp_s)
+
+
+def date_text(stamp_s: float) -> str:
+    """Day of a time stamp as YYYY-MM-DD; empty for a clock without a date."""
+    return f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d}" if stamp_s >= EARLIEST_STAMP_S else ""
+
+
+@dataclass(frozen=True, eq=False)
+class RunChange:
+    """The change of a field since an earlier survey.
+
+    :param since: the earlier survey
+    :param change: from that one to the present one
+    :param persistence: how alike the patterns of the surveys are
+    :param means: change of the field's mean rate since each earlier survey [counts/s], by its name
+    :param sd: standard deviation of the smooth rate of a cell, typical of the map [counts/s]
+    :param sd_alone: what it would be without the earlier surveys [counts/s]
+    :param backwards: whether ``since`` is later than the present survey, because none is earlier
+    """
+
+    since: EarlierRun
+    change: FieldChange
+    persistence: Persistence
+    means: dict[str, Estimate]
+    sd: float
+    sd_alone: float
+    backwards: bool = False
+
+
 @dataclass(frozen=True, repr=False)
 class MapRun(SurveyTimes):
     """A finished mapping run: the map of a property with the data needed to judge it.
@@ -314,3 +440,81 @@ class MapRun(SurveyTimes):
     def calibrated(self) -> bool:
         """Whether the map has soil moisture in addition to the count rate."""
         return self.soil_map.curve is not None
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """A fault that a node reported.
+
+    :param name: what reported it
+    :param message: the fault in words
+    :param count: how often
+    :param error: an error; otherwise a warning
+    """
+
+    name: str
+    message: str
+    count: int
+    error: bool
+
+
+@dataclass(frozen=True, repr=False)
+class FailedRun(SurveyTimes):
+    """A run that made no map.
+
+    :param why: what happened, in sentences
+    :param todo: what the user can do, the most useful first
+    :param created_utc: creation time of the outputs, time-zone aware
+    :param track: all records in order of time, those without a place and quarantined ones included
+    :param title: title of the report
+    :param site: name of the site
+    :param field_name: name of the field
+    :param inputs: input files
+    :param losses: why records are not in a map
+    :param troubles: faults that nodes reported
+    :param mission: the mission, if any
+    :param simulated: the counts come from a simulation; every output says so
+    :param settings: settings of the run, name (with its unit) -> value
+    """
+
+    why: str
+    todo: Sequence[str]
+    created_utc: datetime
+    track: Sequence[CountRecord] = ()
+    title: str = "Soil moisture survey without a map"
+    site: str = ""
+    field_name: str = ""
+    inputs: Sequence[InputFile] = ()
+    losses: Sequence[LossRow] = ()
+    troubles: Sequence[Trouble] = ()
+    mission: MissionResult | None = None
+    simulated: bool = False
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def good(self) -> list[CountRecord]:
+        """Records that no check has quarantined."""
+        return [record for record in self.track if not record.quarantine]
+
+    @property
+    def quarantined(self) -> Counter[str]:
+        """Number of quarantined records by reason."""
+        return Counter(record.quarantine for record in self.track if record.quarantine)
+
+    @property
+    def travelled_m(self) -> float:
+        """Distance driven [m]: the mission's distance, else the length of the line through the records' places."""
+        if self.mission is not None and self.mission.series:
+            return self.mission.series[-1].distance_m
+        return distance_m(self.track)
+
+
+class NoMapError(InputError):
+    """A run made no map; the message says why.
+
+    :param failed: what is known of the run
+    """
+
+    def __init__(self, failed: FailedRun) -> None:
+        self.failed = failed
+        super().__init__(f"no map: {failed.why.rstrip('.')}", failed.todo[0].rstrip(".") if failed.todo else "")

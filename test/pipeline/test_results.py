@@ -7,7 +7,7 @@ import json
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.reporting.earlier.results import curve_of, read_features, read_summary, shape_of
+from soilmoist_ros.pipeline.results import curve_of, read_features, read_summary, shape_of
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 

@@ -6,13 +6,29 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
+from soilmoist_ros.pipeline.field_survey import make_run
 from soilmoist_ros.reporting.files.summary import summary
-from soilmoist_ros.reporting.map_run import make_run
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.footprint import Footprint
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.records import CountRecord
 
+OUTLINE = [(-20.0, -15.0), (20.0, -15.0), (20.0, 15.0), (-20.0, 15.0)]
 SOIL = {"bulk_density_gcm3": 1.4, "lattice_water": 0.02}
+
+
+def soil_map(curve):
+    rng = np.random.default_rng(5)
+    xy, exposure = rng.uniform(-14, 14, (12, 2)), rng.uniform(200, 400, 12)
+    samples = Samples(xy, rng.poisson(4.5 * exposure), exposure)
+    grid = FieldGrid.from_polygon(OUTLINE, cell_m=2.0)
+    return make_soil_map(samples, grid, Variogram("matern32", 0.01, 12.0, 0.2), curve)
+
+
+@pytest.fixture(scope="module")
+def the_map():
+    return soil_map(CalibrationCurve(7.0, 1.4, lattice_water=0.02))
 
 
 def run_of(soil_map, site, **factors):
@@ -33,7 +49,7 @@ def test_the_report_has_the_depth_and_radius_of_the_counts_in_the_air_of_the_sur
 
 
 def test_without_a_moisture_no_depth_is_known(uncalibrated):
-    assert run_of(uncalibrated, Site()).sensed is None
+    assert run_of(soil_map(None), Site()).sensed is None
 
 
 def test_corrections_of_the_site_are_listed_with_their_parameters(the_map):
