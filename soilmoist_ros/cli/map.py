@@ -15,7 +15,7 @@ from soilmoist_ros.cli.answers.answer import answering, say, wrote
 from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_losses, print_notes
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
-from soilmoist_ros.cli.options.map_options import crs_option, map_options
+from soilmoist_ros.cli.options.map_options import chosen_settings, crs_option, map_options
 from soilmoist_ros.cli.options.names import InputFile, Name
 from soilmoist_ros.cli.options.output_options import figures_option, output_options, prepare_output
 from soilmoist_ros.cli.options.position_options import position_options
@@ -76,12 +76,6 @@ def command(
     site: str | None,
     field: str | None,
     preset: str,
-    model: str | None,
-    fit: str | None,
-    noise: str | None,
-    local: str | None,
-    drift_model: str | None,
-    nugget: str | None,
     workers: int | None,
     scheduler: str | None,
     crs: str | None,
@@ -113,15 +107,10 @@ def command(
     settings = MapSettings(
         site=site,
         field=field,
-        keep_nugget=nugget != "filter",
-        model=model or PRESETS[preset]["model"],
         crs=crs,
-        fit="soft_l1" if (fit or PRESETS[preset]["fit"]) == "soft_l1" else "reml",
-        noise="mean" if (noise or PRESETS[preset]["noise"]) == "mean" else "local",
-        drift_model="off" if (drift_model or PRESETS[preset]["drift_model"]) == "off" else "auto",
-        local="off" if (local or PRESETS[preset]["local"]) == "off" else "auto",
         covariates=tuple(map(CovariateSource.parse, covariates)),
         times_s=(start_s, end_s),
+        **chosen_settings(choices, PRESETS[preset]),
         **choices,
     )
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:

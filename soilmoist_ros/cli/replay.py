@@ -14,7 +14,7 @@ from soilmoist_ros.cli.answers.answer import answering, say, wrote
 from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_losses, print_notes, rate_error
 from soilmoist_ros.cli.answers.progress import progress_bar
 from soilmoist_ros.cli.options.knowledge_options import covariate_option, earlier_option, reference_option
-from soilmoist_ros.cli.options.map_options import crs_option, map_options
+from soilmoist_ros.cli.options.map_options import chosen_settings, crs_option, map_options
 from soilmoist_ros.cli.options.names import FILE, Name
 from soilmoist_ros.cli.options.output_options import (
     figures_option,
@@ -64,7 +64,6 @@ def command(
     overwrite: bool,
     figures: tuple[str, ...],
     crs: str | None,
-    nugget: str | None,
     truths: tuple[str, ...],
     earlier: tuple[Path, ...],
     covariates: tuple[str, ...],
@@ -78,15 +77,14 @@ def command(
     from soilmoist_ros.pipeline import ReplaySettings, replay_bag
     from soilmoist_ros.reporting import run_figures, write_figures, write_outputs
 
-    keep_nugget = None if nugget is None else nugget == "keep"
     named: dict[str | int, str] = dict(_truth(text) for text in truths)
     with progress_bar() as progress:
         settings = ReplaySettings(
-            keep_nugget=keep_nugget,
             truths=named,
             crs=crs,
             earlier=_earlier(earlier),
             covariates=() if covariates == ("none",) else covariates or None,
+            **chosen_settings(choices),
             **choices,
         )
         with reported_failure(out):

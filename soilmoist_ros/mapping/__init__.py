@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.kriging.targets import sample_correlation as sample_correlation
     from soilmoist_ros.mapping.kriging.tiled_kriging import Compute as Compute
     from soilmoist_ros.mapping.map_worker import MapWorker as MapWorker
+    from soilmoist_ros.mapping.mapping_settings import MappingSettings as MappingSettings
     from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD as QUANTILE_SD
     from soilmoist_ros.mapping.moisture_bands import Bands as Bands
     from soilmoist_ros.mapping.moisture_bands import common_rate_sd as common_rate_sd
@@ -136,6 +137,7 @@ __getattr__, __dir__, __all__ = open_door(
         "kriging.targets": "Points coincident sample_correlation",
         "kriging.tiled_kriging": "Compute",
         "map_worker": "MapWorker",
+        "mapping_settings": "MappingSettings",
         "moisture_bands": "Bands QUANTILE_SD common_rate_sd make_bands moisture_terms possible_moisture",
         "placement": "PositionSource require_near",
         "record_check": "Skip StampLimits",

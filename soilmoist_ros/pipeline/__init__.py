@@ -33,14 +33,14 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline.file_facts import site_findings as site_findings
     from soilmoist_ros.pipeline.file_facts import truth_findings as truth_findings
     from soilmoist_ros.pipeline.log_map import MapSettings as MapSettings
-    from soilmoist_ros.pipeline.log_map import log_positions as log_positions
-    from soilmoist_ros.pipeline.log_map import log_times as log_times
     from soilmoist_ros.pipeline.log_map import map_logs as map_logs
-    from soilmoist_ros.pipeline.log_map import position_source as position_source
-    from soilmoist_ros.pipeline.log_map import read_logs as read_logs
-    from soilmoist_ros.pipeline.log_map import read_track as read_track
-    from soilmoist_ros.pipeline.log_map import reading_of as reading_of
-    from soilmoist_ros.pipeline.log_map import skipped_text as skipped_text
+    from soilmoist_ros.pipeline.logs import log_positions as log_positions
+    from soilmoist_ros.pipeline.logs import log_times as log_times
+    from soilmoist_ros.pipeline.logs import position_source as position_source
+    from soilmoist_ros.pipeline.logs import read_logs as read_logs
+    from soilmoist_ros.pipeline.logs import read_track as read_track
+    from soilmoist_ros.pipeline.logs import reading_of as reading_of
+    from soilmoist_ros.pipeline.logs import skipped_text as skipped_text
     from soilmoist_ros.pipeline.properties import Comparison as Comparison
     from soilmoist_ros.pipeline.results import REMEDY as REMEDY
     from soilmoist_ros.pipeline.results import curve_of as curve_of
@@ -72,7 +72,8 @@ __getattr__, __dir__, __all__ = open_door(
         "earlier_runs": "EARLIER MAX_AHEAD_S Target earlier_doubts find_runs mean_rate mission_earlier read_earlier_runs read_run run_change simulated_runs",
         "field_survey": "FieldSurvey open_survey",
         "file_facts": "Finding contradictions field_findings graph_findings log_findings logger_findings position_findings site_findings truth_findings",
-        "log_map": "MapSettings log_positions log_times map_logs position_source read_logs read_track reading_of skipped_text",
+        "log_map": "MapSettings map_logs",
+        "logs": "log_positions log_times position_source read_logs read_track reading_of skipped_text",
         "properties": "Comparison",
         "results": "REMEDY curve_of is_illustrative read_features read_summary shape_of",
         "run": "EARLIEST_STAMP_S EarlierRun FailedRun IrrigationLimits LossRow MapRun NoMapError Note NoteCode REFERENCE RunChange date_text distance_m inside_boundary local_time track_xy",

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from soilmoist_ros.foundation import IllConditionedError, InputError, LocalFrame, Mistake, SoilmoistError, duration
-from soilmoist_ros.mapping import VARIOGRAM_MODELS, DriftModel, FitMethod, LocalModel, NoiseModel
+from soilmoist_ros.mapping import MappingSettings
 from soilmoist_ros.pipeline.bag_lines import (
     CLOUD,
     FIX,
@@ -28,14 +28,8 @@ from soilmoist_ros.pipeline.bag_lines import (
 )
 from soilmoist_ros.pipeline.field_survey import FieldSurvey, input_file, loss_rows_of, open_survey, require_crs
 from soilmoist_ros.pipeline.file_facts import position_notes
-from soilmoist_ros.pipeline.log_map import (
-    log_times,
-    loss_rows,
-    read_reference,
-    reference_error,
-    shifted_track,
-    with_reference,
-)
+from soilmoist_ros.pipeline.log_map import loss_rows, reference_error, with_reference
+from soilmoist_ros.pipeline.logs import log_times, read_reference, shifted_track, with_position_doubts
 from soilmoist_ros.pipeline.mission import (
     RobotMission,
     last_mission,
@@ -76,7 +70,6 @@ from soilmoist_ros.sensing import (
     FORMAT_NAME,
     NO_ARMS,
     CountRecord,
-    Kind,
     LeverArms,
     Problem,
     Reference,
@@ -93,7 +86,6 @@ from soilmoist_ros.simulation import MissionResult, surrogate_field
 
 Source = Literal["counts", "raw"]
 
-_OPTIONS = ("cell_m", "model", "fit", "noise", "local", "drift_model", "keep_nugget", "merge_radius_m")
 Progress = Callable[[str, float], None]
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 MAX_TROUBLES = 12
@@ -103,23 +95,15 @@ _REPLAY = (
 )
 
 
-@dataclass(frozen=True)
-class ReplaySettings:
-    """Choices of a replay; ``None`` keeps the mapper's setting.
+@dataclass(frozen=True, kw_only=True)
+class ReplaySettings(MappingSettings):
+    """Choices of a replay; those of :class:`MappingSettings` are the mapper's if they are ``None``.
 
     :param field: field file, or name of a shipped one
     :param site: site file, or name of a shipped one; other corrections need the source ``raw``
     :param properties: names of the properties to map; empty for all in the bag
     :param truths: surrogate fields to compare with, by name of the property or its index in the list of
         properties, from 0; built-in names, or field files with a truth
-    :param model: variogram model
-    :param fit: how the variogram is fitted
-    :param noise: rate in the Poisson noise
-    :param local: whether the variance may differ from place to place
-    :param drift_model: whether the mean rate may change during the survey
-    :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
-    :param merge_radius_m: records closer together than this become one sample [m]
-    :param cell_m: cell size of the map [m]
     :param counts_topic: topic with the records
     :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw`` corrects and
         places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
@@ -138,14 +122,6 @@ class ReplaySettings:
     site: str | None = None
     properties: Sequence[str] = ()
     truths: Mapping[str | int, str] = dataclasses.field(default_factory=dict)
-    model: str | None = None
-    fit: str | None = None
-    noise: str | None = None
-    local: str | None = None
-    drift_model: str | None = None
-    keep_nugget: bool | None = None
-    merge_radius_m: float | None = None
-    cell_m: float | None = None
     counts_topic: str = "counts"
     source: Source = "counts"
     logger: str | None = None
@@ -186,25 +162,20 @@ def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str, 
     field_file = chosen.field or had.get("field")
     if not field_file:
         raise InputError("does not say which field it is of", "give the field file with --field", bag)
-    options: dict[str, Any] = {name: had[name] for name in (*_OPTIONS, "simulated") if name in had}
-    if had:
-        options.setdefault("noise", "mean")  # mappers of earlier versions had no choice
-        options.setdefault("local", "off")
-        options.setdefault("drift_model", "off")
-    options |= {name: value for name in _OPTIONS if (value := getattr(chosen, name)) is not None}
-    for option, known in (
-        ("model", VARIOGRAM_MODELS.names()),
-        ("fit", get_args(FitMethod)),
-        ("noise", get_args(NoiseModel)),
-        ("local", get_args(LocalModel)),
-        ("drift_model", get_args(DriftModel)),
-    ):
-        if options.get(option, known[0]) not in known:
-            raise InputError(f"there is no {option} {options[option]!r}", f"choose one of: {', '.join(known)}")
+    own = {one.name: getattr(chosen, one.name) for one in dataclasses.fields(MappingSettings)}
     earlier = had.get("earlier", ()) if chosen.earlier is None else chosen.earlier
     covariates = had.get("covariates", ()) if chosen.covariates is None else chosen.covariates
     try:
-        return open_survey(field_file, site, **options, earlier=earlier, property_name=name, covariates=covariates)
+        return open_survey(
+            field_file,
+            site,
+            simulated=had.get("simulated", False),
+            earlier=earlier,
+            property_name=name,
+            covariates=covariates,
+            recorded=had or None,
+            **own,
+        )
     except ValueError as error:
         raise InputError(str(error), "change this setting") from None
 
@@ -284,8 +255,7 @@ def read_raw(
     try:
         survey = process_logs([log], site, frame, track, arms)
     except InputError as fault:
-        doubts = (one.mistake for one in problems if one.kind in (Kind.DOUBTFUL_POSITIONS, Kind.ASSUMED_TIME))
-        raise InputError([*fault.mistakes, *doubts]) from None
+        raise with_position_doubts(fault, problems) from None
     return RawSurvey(survey.all_records, [*survey.problems, *problems], log.format_title, problems)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,15 +21,11 @@ from soilmoist_ros.mapping import (
     Covariates,
     CovariateSource,
     Drift,
-    DriftModel,
     Field,
     FieldMap,
     FieldMapSettings,
-    FitMethod,
     Knowledge,
-    LocalModel,
-    ModelName,
-    NoiseModel,
+    MappingSettings,
     Skip,
     Snapshot,
     SoilMap,
@@ -73,6 +69,10 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline.run import MapRun
 
 
+MAX_BEYOND_AREA_DEG = 6.0
+"""Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
+
+
 @dataclass(frozen=True)
 class FieldSurvey:
     """A field, the site of a sensor, and the map that grows with its records.
@@ -107,22 +107,13 @@ class FieldSurvey:
         soil_map = self.map.compute(snapshot.state)
         if soil_map is None:
             raise InputError("there are too few samples for a map", "wait for more records")
-        settings = self.map.settings
         return make_run(
             soil_map,
             snapshot.track,
             self.site,
             self.field.frame,
             field_name=self.field.name,
-            settings={
-                "variogram_model": settings.model,
-                "variogram_fit": settings.fit,
-                "poisson_noise": settings.noise,
-                "nugget": "kept" if settings.keep_nugget else "filtered",
-                "merge_radius_m": self.map.merge_radius_m,
-                "cell_m": self.map.grid.cell_m,
-                "deconvolved_footprint_m": soil_map.deconvolved_m,
-            },
+            settings=settings_of(self.map, soil_map, self.map.merge_radius_m),
             inputs=[input_file(path, role) for role, path in self.files],
             losses=loss_rows_of(snapshot),
             simulated=self.simulated,
@@ -131,39 +122,46 @@ class FieldSurvey:
         )
 
 
+def settings_of(field_map: FieldMap, soil_map: SoilMap, merge_radius_m: float) -> dict[str, object]:
+    """Settings of a map for the reader of its run."""
+    settings = field_map.settings
+    return {
+        "variogram_model": settings.model,
+        "variogram_fit": settings.fit,
+        "poisson_noise": settings.noise,
+        "local_variance": settings.local,
+        "drift_model": settings.drift_model,
+        "nugget": "kept" if settings.keep_nugget else "filtered",
+        "merge_radius_m": merge_radius_m,
+        "cell_m": field_map.grid.cell_m,
+        "deconvolved_footprint_m": soil_map.deconvolved_m,
+    }
+
+
 def open_survey(
     field: str,
     site: str = "",
     *,
-    cell_m: float = 0.0,
-    model: ModelName = "matern32",
-    fit: FitMethod = "reml",
-    noise: NoiseModel = "local",
-    local: LocalModel = "auto",
-    drift_model: DriftModel = "auto",
-    keep_nugget: bool = True,
-    merge_radius_m: float = 0.0,
     simulated: bool = False,
     earlier: Sequence[Path | str] = (),
     property_name: str = "",
     covariates: Sequence[str] = (),
+    recorded: Mapping[str, Any] | None = None,
+    **chosen: Any,
 ) -> FieldSurvey:
     """A field survey without records.
 
     :param field: field file, or the name of a shipped one
     :param site: site file, or the name of a shipped one; empty for a rate map without a site
-    :param cell_m: cell size of the map [m]; 0 for the field's own, or one chosen from its extent
-    :param merge_radius_m: records closer together than this become one sample [m]; 0 for a radius chosen from
-        the footprint and the extent of the field
     :param simulated: the counts come from a simulation
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
     :param property_name: name of the property in them; empty for the robot's own
     :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field
-
-    The other parameters are those of :class:`FieldMapSettings`.
-
+    :param recorded: parameters of the mapper whose map is opened again
+    :param chosen: settings of :class:`MappingSettings`
     :raises InputError: if a file cannot be used or the field cannot be gridded
     """
+    values = MappingSettings(**chosen).values(recorded)
     field_path = resource("fields", field)
     the_field = load_field(field_path)
     files = [("field", field_path)]
@@ -172,33 +170,52 @@ def open_survey(
         site_path = resource("sites", site)
         the_site = load_site(site_path)
         files.append(("site", site_path))
-    grid = the_field.grid(cell_m or None, the_site.footprint_radius_m)
-    settings = FieldMapSettings(
-        model,
-        fit,
-        keep_nugget,
-        merge_radius_m or None,
-        the_site.footprint_radius_m,
-        the_site.curve,
-        the_site.known_footprint_m,
-        noise=noise,
-        local=local,
-        drift_model=drift_model,
-        deconvolve=the_site.deconvolve_footprint,
+    radius_m = the_site.footprint_radius_m
+    grid = the_field.grid(values["cell_m"] or None, radius_m)
+    settings = field_map_settings(
+        {**values, "merge_radius_m": values["merge_radius_m"] or None}, the_site, margin_m=radius_m
     )
-    runs: tuple[EarlierRun, ...] = ()
-    if earlier:
-        target = Target(the_field.frame, grid, settings, property_name, not property_name, simulated)
-        runs = read_earlier_runs(earlier, target)
+    target = Target(the_field.frame, grid, settings, property_name, not property_name, simulated)
     sources = (*the_field.covariates, *map(CovariateSource.parse, covariates))
     files += [("covariate", path) for path in dict.fromkeys(one.path for one in sources)]
-    knowledge = Knowledge(tuple(run.survey for run in runs), read_covariates(sources, the_field.frame, grid))
-    the_map = FieldMap(grid, settings, knowledge)
+    the_map, runs = open_map(target, earlier, sources)
     return FieldSurvey(the_field, the_site, the_map, tuple(files), simulated, runs)
 
 
-MAX_BEYOND_AREA_DEG = 6.0
-"""Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
+def field_map_settings(values: Mapping[str, Any], site: Site, **more: Any) -> FieldMapSettings:
+    """Settings of the map of a sensor.
+
+    :param values: :meth:`MappingSettings.values`
+    :param site: site of the sensor
+    :param more: further fields of :class:`FieldMapSettings`
+    """
+    return FieldMapSettings(
+        **{name: value for name, value in values.items() if name != "cell_m"},
+        curve=site.curve,
+        footprint_radius_m=site.known_footprint_m,
+        deconvolve=site.deconvolve_footprint,
+        **more,
+    )
+
+
+def open_map(
+    target: Target,
+    earlier: Sequence[Path | str],
+    covariates: Sequence[CovariateSource],
+    error: Drift | None = None,
+) -> tuple[FieldMap, tuple[EarlierRun, ...]]:
+    """A map without records, and the earlier surveys that inform it.
+
+    :param target: field, grid and settings of the map
+    :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
+    :param covariates: covariates of the field
+    :param error: error of the reference sensor that corrects the records, if any
+    :raises InputError: if a file cannot be used
+    """
+    runs = read_earlier_runs(earlier, target) if earlier else ()
+    explained = read_covariates(covariates, target.frame, target.grid)
+    known = Knowledge(tuple(run.survey for run in runs), explained, error)
+    return FieldMap(target.grid, target.settings, known), runs
 
 
 def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:

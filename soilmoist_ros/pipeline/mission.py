@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import Visit, forecast_from_text
+from soilmoist_ros.mapping import MappingSettings
 from soilmoist_ros.pipeline.bag_lines import STATUS, RunTopics
 from soilmoist_ros.pipeline.properties import ReplayedProperty
 from soilmoist_ros.recording import VISIT, read_parameters
@@ -351,7 +352,7 @@ def _settings(
     configuration: Path | None, had: Mapping[str, Any], last: Status, others: Sequence[ReplayedProperty]
 ) -> MissionSettings:
     """The settings of the mission that the planner's parameters contain."""
-    mapper = read_parameters(configuration, "mapper")
+    made = MappingSettings().values(read_parameters(configuration, "mapper"))
     usual = MissionSettings()
     return replace(
         usual,
@@ -362,11 +363,7 @@ def _settings(
         seed=int(had.get("seed", 0)),
         target=had.get("target", usual.target),
         preset=had.get("preset", usual.preset),
-        model=mapper.get("model", "matern32"),
-        fit=mapper.get("fit", "reml"),
-        noise=mapper.get("noise", "mean"),
-        local=mapper.get("local", "off"),
-        drift_model=mapper.get("drift_model", "off"),
+        **{name: made[name] for name in ("model", "fit", "noise", "local", "drift_model")},
         travel="free" if had.get("graph") == "free" else "graph",
         until_sd=float(had.get("until_sd", 0.0)),
         until_gain=float(had.get("until_gain", 0.0)),

@@ -48,7 +48,7 @@ def test_the_report_has_the_depth_and_radius_of_the_counts_in_the_air_of_the_sur
     assert sensed["radius_r86_m"]["max"] > 100
 
 
-def test_without_a_moisture_no_depth_is_known(uncalibrated):
+def test_without_a_moisture_no_depth_is_known():
     assert run_of(soil_map(None), Site()).sensed is None
 
 

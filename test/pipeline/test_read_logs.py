@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.foundation.errors import InputError, Mistake
-from soilmoist_ros.pipeline.log_map import read_logs, skipped_text
+from soilmoist_ros.pipeline.logs import read_logs, skipped_text
 from soilmoist_ros.sensing.moisture.site import Site
 
 CRS1000 = "//RecordNum,Date Time(UTC),P4_mb,T1_C,RH1,N1Cts,N2Cts,N1ET_sec,N2ET_sec\n"

@@ -4,46 +4,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any
 
 import click
 
 from soilmoist_ros.cli.options.names import VariogramModel
+from soilmoist_ros.mapping import MappingSettings
 
 Command = Callable[..., None]
-MODEL = "Variogram model: gaussian, exponential, spherical, matern32, matern52, or that of a plug-in."
-FIT = "Variogram fit: restricted maximum likelihood, or the published robust least squares."
-NOISE = "Rate in the Poisson noise of a sample: local to its place or the mean rate."
-LOCAL = "Whether the variance may differ from place to place."
-DRIFT = "Whether the mean rate may change during the survey."
-NUGGET = "Map the rate with its micro-scale variation (keep), or its smooth part only (filter)."
-MERGE = "Records within this radius become one sample [m]. Default: a quarter of the footprint."
+_NAMES = {"keep_nugget": "--nugget", "cell_m": "--cell", "merge_radius_m": "--merge"}
+"""Options with other names than their settings."""
+_TYPES: Mapping[str, click.ParamType[Any]] = {
+    "model": VariogramModel(),
+    "keep_nugget": click.Choice(["keep", "filter"]),
+    "cell_m": click.FloatRange(min=0, min_open=True),
+    "merge_radius_m": click.FloatRange(min=0),
+}
 
 
 def map_options(default: str) -> Callable[[Command], Command]:
-    """Add the options of variogram, drift, cells and samples.
+    """Add an option for each field of :class:`MappingSettings`; see :func:`chosen_settings`.
 
     :param default: help on the defaults of the variogram, such as ``by --preset``
     """
     by_default = f" Default: {default}."
-    nugget = by_default if default.startswith("as ") else " Default: keep."
-    options = (
-        click.option("--model", type=VariogramModel(), help=MODEL + by_default),
-        click.option("--fit", type=click.Choice(["reml", "soft_l1"]), help=FIT + by_default),
-        click.option("--noise", type=click.Choice(["local", "mean"]), help=NOISE + by_default),
-        click.option("--local", type=click.Choice(["auto", "off"]), help=LOCAL + by_default),
-        click.option("--drift-model", type=click.Choice(["auto", "off"]), help=DRIFT + by_default),
-        click.option("--nugget", type=click.Choice(["keep", "filter"]), help=NUGGET + nugget),
-        click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m]."),
-        click.option("--merge", "merge_radius_m", type=click.FloatRange(min=0), help=MERGE),
-    )
 
     def decorate(command: Command) -> Command:
-        for option in reversed(options):
-            command = option(command)
+        for one in reversed(fields(MappingSettings)):
+            kind = _TYPES.get(one.name) or click.Choice(one.metadata["choices"])
+            defaults = {"cell_m": "", "merge_radius_m": ""}
+            if not default.startswith("as "):
+                defaults["keep_nugget"] = " Default: keep."
+            text = one.metadata["help"] + defaults.get(one.name, by_default)
+            name = _NAMES.get(one.name, f"--{one.name.replace('_', '-')}")
+            command = click.option(name, one.name, type=kind, help=text)(command)
         return command
 
     return decorate
+
+
+def chosen_settings(choices: dict[str, Any], presets: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Take the values of :func:`map_options` from the values of all options.
+
+    :param choices: values by name; those of the map are removed
+    :param presets: values where none are chosen
+    """
+    found = {one.name: choices.pop(one.name) for one in fields(MappingSettings)}
+    if found["keep_nugget"] is not None:
+        found["keep_nugget"] = found["keep_nugget"] == "keep"
+    return {name: (presets or {}).get(name) if value is None else value for name, value in found.items()}
 
 
 def crs_option(command: Command) -> Command:
