@@ -9,11 +9,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal
 
-from soilmoist_ros.foundation import IllConditionedError, InputError, LocalFrame, Mistake, SoilmoistError, duration
+from soilmoist_ros.foundation import IllConditionedError, InputError, Mistake, SoilmoistError, duration
 from soilmoist_ros.mapping import MappingSettings
 from soilmoist_ros.pipeline.bag_lines import (
     CLOUD,
@@ -68,12 +69,10 @@ from soilmoist_ros.recording import (
 )
 from soilmoist_ros.sensing import (
     FORMAT_NAME,
-    NO_ARMS,
     CountRecord,
     LeverArms,
     Problem,
     Reference,
-    Site,
     load_logger_format,
     load_site,
     matching_formats,
@@ -210,66 +209,41 @@ class RawSurvey:
 
 
 def read_raw(
-    topics: RunTopics,
-    site: Site,
-    frame: LocalFrame,
-    logger: str | None = None,
-    arms: LeverArms = NO_ARMS,
-    logger_name: str = "",
-    fix_name: str = "",
-    gnss_shift_s: float = 0.0,
+    topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: LeverArms = NO_ARMS
 ) -> RawSurvey:
     """Process the raw lines of a robot.
 
     :param topics: its topics
-    :param site: corrections and tubes
-    :param frame: plane of the field
-    :param logger: logger format, a shipped name or a file; detected from the header if ``None``
+    :param survey: its field, and the site with corrections and tubes
+    :param chosen: topics and format of the lines, where they are not the usual ones
     :param arms: where antenna and sensor sat on the robot
-    :param logger_name: topic with the lines of the logger; ``raw/logger`` if empty
-    :param fix_name: topic with positions; ``raw/gnss``, or ``fix``, if empty
-    :param gnss_shift_s: time added to those of the positions [s]
     :raises InputError: if the lines contain no usable record
     """
-    reader = topics.reader
-    name = logger_topic(reader, logger_name) if logger_name else topics.find("raw/logger", TEXT)
+    reader, site, shift_s = topics.reader, survey.site, chosen.gnss_shift_s
+    name = logger_topic(reader, chosen.logger_topic) if chosen.logger_topic else topics.find("raw/logger", TEXT)
     if name is None:
         raise InputError("has no topic raw/logger", "map its counts instead", reader.path)
     lines = text_lines(reader, name)
-    form = load_logger_format(logger or next(iter(matching_formats(lines)), FORMAT_NAME))
-    form = form.on_clock(site.logger_clock)
-    log = parse_log(lines, form, site.longitude, _place(name))
+    form = load_logger_format(chosen.logger or next(iter(matching_formats(lines)), FORMAT_NAME))
+    # In messages, a topic stands in place of a file name.
+    log = parse_log(lines, form.on_clock(site.logger_clock), site.longitude, Path(name.lstrip("/")))
     gnss = topics.find("raw/gnss", TEXT) or topics.find("fix", FIX)
-    if logger_name or fix_name or (gnss is None and topics.alone):
-        gnss = fix_topic(reader, fix_name)
+    if chosen.logger_topic or chosen.fix_topic or (gnss is None and topics.alone):
+        gnss = fix_topic(reader, chosen.fix_topic)
     track = None
-    problems: list[Problem] = []
     if gnss is None:
         problems = unread_positions(reader)
     else:
-        fixes, problems = read_fixes(reader, gnss, log_times([log]), gnss_shift_s)
-        track, noted = shifted_track(fixes, gnss_shift_s, _place(gnss))
+        fixes, problems = read_fixes(reader, gnss, log_times([log]), shift_s)
+        track, noted = shifted_track(fixes, shift_s, Path(gnss.lstrip("/")))
         problems += noted
         if (why := track.heard.why_none()) is not None:
             raise InputError(f"{gnss} {why.message}", f"{why.remedy}; or map its counts instead", reader.path)
     try:
-        survey = process_logs([log], site, frame, track, arms)
+        records = process_logs([log], site, survey.field.frame, track, arms)
     except InputError as fault:
         raise with_position_doubts(fault, problems) from None
-    return RawSurvey(survey.all_records, [*survey.problems, *problems], log.format_title, problems)
-
-
-def says_simulated(reader: BagReader, logger: str) -> bool:
-    """Whether the logger's lines declare simulated counts.
-
-    :param logger: full name of the topic with the lines
-    """
-    return any(line.startswith(b"#simulated=yes") for line in text_lines(reader, logger))
-
-
-def _place(topic: str) -> Path:
-    """Source of a line in messages, in place of a file name."""
-    return Path(topic.lstrip("/"))
+    return RawSurvey(records.all_records, [*records.problems, *problems], log.format_title, problems)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -288,20 +262,150 @@ class Replay:
         return f"Replay({names}: {len(self.run.track)} records, {self.comparisons[0].message})"
 
 
-@dataclass(frozen=True, eq=False)
-class _Content:
-    """The data that the replay reads from the bag.
+class _Recording:
+    """What a bag holds of a run, read step by step.
 
-    The survey is that of the robot's own records.
+    :param reader: the bag
+    :param survey: the map of the robot's own records, without records
+    :param chosen: choices of the replay
+    :param configuration: folder with the parameters of the nodes, if any
+    :param remarks: gets remarks for the user
     """
 
-    survey: FieldSurvey
-    raw: RawSurvey | None
-    several: bool
-    missions: Sequence[RobotMission]
-    simulated: bool
-    properties: Sequence[ReplayedProperty]
-    reference: Reference | None = None
+    def __init__(
+        self,
+        reader: BagReader,
+        survey: FieldSurvey,
+        chosen: ReplaySettings,
+        configuration: Path | None,
+        remarks: list[Note],
+    ) -> None:
+        self._reader, self._chosen, self._configuration, self._remarks = reader, chosen, configuration, remarks
+        self._mapper = read_parameters(configuration, "mapper")
+        self._frame = str(self._mapper.get("frame", ""))  # the mapper skips counts of others
+        self._places = recorded_places(configuration, survey.field)
+        self.survey = survey
+        self.raw: RawSurvey | None = None
+        self.reference: Reference | None = None
+        self.robots: list[RunTopics] = []
+        self.several = False
+        counted = self._from_lines() if chosen.from_lines else self._from_counts()
+        records = [record for _, record in counted]
+        good = [record for record in records if not record.quarantine]
+        if chosen.reference is not None and good:
+            self.reference = read_reference(chosen.reference, survey.site, good, survey.field.frame)
+            records = self.reference.corrected(records)
+            self.survey = survey.with_reference_error(reference_error(self.reference))
+        self.counted = [(name, record) for (name, _), record in zip(counted, records, strict=True)]
+
+    def _from_lines(self) -> list[tuple[str, CountRecord]]:
+        """Records made of the raw lines, each with its topic."""
+        chosen = self._chosen
+        robot = (
+            RunTopics.of_counts(
+                self._reader, f"{logger_topic(self._reader, chosen.logger_topic).rpartition('/')[0]}/counts"
+            )
+            if chosen.logger_topic
+            else RunTopics.of_raw_lines(self._reader, chosen.counts_topic)
+        )
+        arms = LeverArms.of(read_parameters(self._configuration, "sensor_driver"))
+        self.robots, self.raw = [robot], read_raw(robot, self.survey, chosen, arms)
+        doubts = position_notes(self.raw.position_problems, None)
+        self._remarks += [Note(NoteCode.POSITIONS, f"{one}.") for one in doubts]
+        trusted = self._places.doubts(self._reader, robot.counts)
+        return [(robot.counts, trusted.placed(record)) for record in self.raw.records]
+
+    def _from_counts(self) -> list[tuple[str, CountRecord]]:
+        """Records as the drivers sent them, each with its topic, in the order in which the mapper added them."""
+        reader, topic = self._reader, self._chosen.counts_topic
+        if "/" not in topic:
+            self.robots = RunTopics.of_team(reader, topic, self._mapper.get("others", ()))
+        self.robots = self.robots or [RunTopics.of_counts(reader, reader.find_topic(topic, CLOUD))]
+        others, missed = self._of_others()
+        self.several = len(self.robots) > 1 or bool(others)
+        found = reader.read_counts_of([*missed, *(robot.counts for robot in self.robots), *others], self._frame)
+        placed = self._places.records([record for _, record in found])
+        counted = [(name, record) for (name, _), record in zip(found, placed, strict=True)]
+        if missed:
+            counted = _in_order(counted, missed, self.survey)
+        doubts = {name: self._places.doubts(reader, name) for name in {name for name, _ in counted}}
+        return [
+            (name, placed_of_any(record, doubts.values()) if name in missed else doubts[name].placed(record))
+            for name, record in counted
+        ]
+
+    def _of_others(self) -> tuple[list[str], list[str]]:
+        """Topics of other robots that the mapper of the only robot has mapped: counts, and counts sent again."""
+        space, _, last = self.robots[0].counts.rpartition("/")
+        topics = self._reader.topics
+        if len(self.robots) > 1 or not space or topics.get(f"{space}/soil_map") != CLOUD:
+            return [], []
+        names = [f"/{name.strip('/')}" for name in self._mapper.get("others", ())]
+        counts, missed = (
+            [f"{name}/{topic}" for name in names if name != space and topics.get(f"{name}/{topic}") == CLOUD]
+            for topic in (last, MISSED)
+        )
+        return counts, missed
+
+    def properties(self) -> list[ReplayedProperty]:
+        """The chosen properties with their maps.
+
+        :raises InputError: if there is none, or a planned or chosen one cannot be read
+        """
+        reader, chosen = self._reader, self._chosen
+        found = team_properties(self.robots, self._configuration)
+        truths = named_truths(found, chosen.truths, reader.path)
+        properties: list[ReplayedProperty] = []
+        for one in chosen_properties(found, chosen.properties, reader.path):
+            own = one.counts == tuple(robot.counts for robot in self.robots)
+            try:
+                records = (
+                    [record for _, record in self.counted]
+                    if own
+                    else self._places.trusted_records(reader, one.counts, self._frame)
+                )
+            except InputError as error:
+                if one.weight or one.name in chosen.properties:
+                    raise
+                note = f"{', '.join(one.counts)} is not mapped: {error}."
+                self._remarks.append(Note(NoteCode.NOT_MAPPED, note))
+                continue
+            if not records and not own:
+                continue
+            survey = self.survey if own else property_survey(one, reader.path, self._configuration, chosen)
+            states = [survey.map.state for record in records if survey.map.add(record) is None]
+            published = read_published_map(_mapper_topics(one, self.robots, own))
+            truth = surrogate_field(truths[one.name]) if one.name in truths else None
+            properties.append(ReplayedProperty(one.name, one.weight, survey, records, states, published, truth))
+        if not properties:
+            raise InputError("has no records of these properties", "choose others, or none for all", reader.path)
+        return properties
+
+    def missions(self) -> list[RobotMission]:
+        """The last started mission of each robot that has one."""
+        found = []
+        for number, robot in enumerate(self.robots, 1):
+            its = [record for name, record in self.counted if name == robot.counts and not record.quarantine]
+            if statuses := last_mission(read_statuses(robot)):
+                visits = self._places.visits(mission_visits(statuses, read_visits(robot, number), its))
+                planner = read_planner(self._configuration, robot)
+                found.append(RobotMission(number, planner, statuses, visits, its))
+        return found
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the lines of a logger declare simulated counts."""
+        loggers = filter(None, (robot.find("raw/logger", TEXT) for robot in self.robots))
+        return any(
+            line.startswith(b"#simulated=yes") for name in loggers for line in text_lines(self._reader, name)
+        )
+
+    def compared(self, one: ReplayedProperty) -> Comparison:
+        """Comparison of a property with the map that its mapper published."""
+        if one.survey is self.survey and (self.reference is not None or self.raw is not None):
+            why = "made again from the raw lines" if self.reference is None else "corrected by a reference sensor"
+            return Comparison(None, f"not compared: {why}")
+        return one.compared(self.several)
 
 
 def replay_bag(
@@ -322,167 +426,58 @@ def replay_bag(
         configuration = next(filter(None, map(configuration_of, [bag, *bags_of(bag)])), None)
         survey, remarks = robot_survey(bag, configuration, chosen)
         require_crs(chosen.crs, survey.field.frame)
-        content = _read(reader, survey, chosen, configuration, remarks)
+        recording = _Recording(reader, survey, chosen, configuration, remarks)
+        properties, missions = recording.properties(), recording.missions()
+        simulated = recording.simulated
     for one_bag in bags_of(bag):
         lost_messages = "; ".join(f"{name}: {value}" for name, value in recorder_notes(one_bag).items())
         if lost_messages:
             remarks.append(Note(NoteCode.LOST_MESSAGES, f"The recorder noted of {one_bag.name}: {lost_messages}."))
-    survey = content.survey
-    first, raw, reference = content.properties[0], content.raw, content.reference
+    first, raw, reference = properties[0], recording.raw, recording.reference
     lost = loss_rows(raw.problems if raw else ())
-    about = (bag, _files(bag), first, content.missions, configuration)
+    files = _files(bag)
+    without_map = partial(no_map, bag, files, first, missions, configuration, losses=lost, simulated=simulated)
     if not first.states:
-        raise no_map(*about, losses=lost, simulated=content.simulated)
+        raise without_map()
     progress("mapping", 0.0)
-    mapped = []
-    for one in content.properties:
+    mapped: list[tuple[ReplayedProperty, MapRun]] = []
+    for one in properties:
         try:
             run = one.survey.run(one.survey.map.snapshot())
-            run = run if reference is None or one.survey is not survey else with_reference(run, reference)
         except (InputError, IllConditionedError) as error:
             if one is first:
-                raise no_map(*about, losses=lost, simulated=content.simulated, error=error) from error
+                raise without_map(error=error) from error
             remarks.append(Note(NoteCode.NOT_MAPPED, f"{one.name} is not mapped: {error}."))
             continue
+        if reference is not None and one.survey is recording.survey:
+            run = with_reference(run, reference)
         label = one.name if one.truth is None else one.truth.title
         mapped.append((one, replace(run, name=one.name, label=label, truth_rate=one.truth_rate)))
     properties = [one for one, _ in mapped]
     run, *others = (run for _, run in mapped)
     run = replace(
         run,
-        inputs=[*(input_file(path, "bag") for path in _files(bag)), *run.inputs],
+        inputs=[*(input_file(path, "bag") for path in files), *run.inputs],
         notes=[*run.notes, *remarks],
         losses=_losses(lost, run.losses),
         logger_format=raw.format_title if raw else "",
-        simulated=run.simulated or content.simulated or any(one.truth is not None for one in properties),
+        simulated=run.simulated or simulated or any(one.truth is not None for one in properties),
         others=others,
     )
-    if content.missions:
-        mission = replay_mission(properties, content.missions, configuration, progress)
+    if missions:
+        mission = replay_mission(properties, missions, configuration, progress)
         maps = [
             replace(one, soil_map=its.soil_map)
             for one, its in zip(mission.properties, run.properties, strict=True)
         ]
         run = replace(run, mission=replace(mission, properties=maps))
-    return Replay(
-        run,
-        [_compared(one, content, one.survey is survey) for one in properties],
-    )
+    return Replay(run, [recording.compared(one) for one in properties])
 
 
 def _losses(of_lines: Sequence[LossRow], of_map: Sequence[LossRow]) -> list[LossRow]:
     """What was left out: of the raw lines, and by the map, which has the quarantined records of the lines, too."""
     known = {row.kind for row in of_lines if row.consequence == "quarantined"}
     return [*of_lines, *(row for row in of_map if not (row.consequence == "quarantined" and row.kind in known))]
-
-
-def _compared(one: ReplayedProperty, content: _Content, own: bool) -> Comparison:
-    if own and content.reference is not None:
-        return Comparison(None, "not compared: corrected by a reference sensor")
-    if own and content.raw is not None:
-        return Comparison(None, "not compared: made again from the raw lines")
-    return one.compared(content.several)
-
-
-def _read(
-    reader: BagReader,
-    survey: FieldSurvey,
-    chosen: ReplaySettings,
-    configuration: Path | None,
-    remarks: list[Note],
-) -> _Content:
-    """Read all data that the replay needs.
-
-    :param survey: the map of the robot's own records, without records
-    :param remarks: called with each remark for the user
-    """
-    raw = None
-    frame = str(read_parameters(configuration, "mapper").get("frame", ""))  # the mapper skips counts of others
-    places = recorded_places(configuration, survey.field)
-    robots: list[RunTopics] = []
-    others, missed = list[str](), list[str]()
-    if chosen.from_lines:
-        robots = [
-            RunTopics.of_counts(reader, f"{logger_topic(reader, chosen.logger_topic).rpartition('/')[0]}/counts")
-            if chosen.logger_topic
-            else RunTopics.of_raw_lines(reader, chosen.counts_topic)
-        ]
-        arms = LeverArms.of(read_parameters(configuration, "sensor_driver"))
-        raw = read_raw(
-            robots[0], survey.site, survey.field.frame, chosen.logger, arms, chosen.logger_topic, chosen.fix_topic,
-            chosen.gnss_shift_s,
-        )  # fmt: skip
-        counted = [(robots[0].counts, record) for record in raw.records]
-        remarks += [Note(NoteCode.POSITIONS, f"{one}.") for one in position_notes(raw.position_problems, None)]
-    else:
-        if "/" not in chosen.counts_topic:
-            together = read_parameters(configuration, "mapper").get("others", ())
-            robots = RunTopics.of_team(reader, chosen.counts_topic, together)
-        robots = robots or [RunTopics.of_counts(reader, reader.find_topic(chosen.counts_topic, CLOUD))]
-        others, missed = _of_others(robots, configuration)
-        counted = reader.read_counts_of([*missed, *(robot.counts for robot in robots), *others], frame)
-        placed = places.records([record for _, record in counted])
-        counted = [(name, record) for (name, _), record in zip(counted, placed, strict=True)]
-        if missed:
-            counted = _in_order(counted, missed, survey)
-    doubts = {name: places.doubts(reader, name) for name in {name for name, _ in counted}}
-    counted = [
-        (name, placed_of_any(record, doubts.values()) if name in missed else doubts[name].placed(record))
-        for name, record in counted
-    ]
-    records = [record for _, record in counted]
-    reference = None
-    if chosen.reference is not None and (good := [record for record in records if not record.quarantine]):
-        reference = read_reference(chosen.reference, survey.site, good, survey.field.frame)
-        records = reference.corrected(records)
-        survey = survey.with_reference_error(reference_error(reference))
-        counted = [(name, record) for (name, _), record in zip(counted, records, strict=True)]
-    found = team_properties(robots, configuration)
-    wanted = chosen_properties(found, chosen.properties, reader.path)
-    truths = named_truths(found, chosen.truths, reader.path)
-    properties: list[ReplayedProperty] = []
-    for one in wanted:
-        own = one.counts == tuple(robot.counts for robot in robots)
-        try:
-            its = records if own else places.trusted_records(reader, one.counts, frame)
-        except InputError as error:
-            if one.weight or one.name in chosen.properties:
-                raise
-            remarks.append(Note(NoteCode.NOT_MAPPED, f"{', '.join(one.counts)} is not mapped: {error}."))
-            continue
-        if not its and not own:
-            continue
-        mapped = survey if own else property_survey(one, reader.path, configuration, chosen)
-        truth = truths.get(one.name)
-        states = [mapped.map.state for record in its if mapped.map.add(record) is None]
-        published = read_published_map(_mapper_topics(one, robots, own))
-        known = None if truth is None else surrogate_field(truth)
-        properties.append(ReplayedProperty(one.name, one.weight, mapped, its, states, published, known))
-    if not properties:
-        raise InputError("has no records of these properties", "choose others, or none for all", reader.path)
-    loggers = [logger for robot in robots if (logger := robot.find("raw/logger", TEXT)) is not None]
-    simulated = any(says_simulated(reader, logger) for logger in loggers)
-    missions = []
-    for number, robot in enumerate(robots, 1):
-        its = [record for name, record in counted if name == robot.counts and not record.quarantine]
-        if statuses := last_mission(read_statuses(robot)):
-            visits = places.visits(mission_visits(statuses, read_visits(robot, number), its))
-            missions.append(RobotMission(number, read_planner(configuration, robot), statuses, visits, its))
-    return _Content(survey, raw, len(robots) > 1 or bool(others), missions, simulated, properties, reference)
-
-
-def _of_others(robots: Sequence[RunTopics], configuration: Path | None) -> tuple[list[str], list[str]]:
-    """Topics of other robots that the mapper of the only robot has mapped: counts, and counts sent again."""
-    space, _, last = robots[0].counts.rpartition("/")
-    topics = robots[0].reader.topics
-    if len(robots) > 1 or not space or topics.get(f"{space}/soil_map") != CLOUD:
-        return [], []
-    names = [f"/{name.strip('/')}" for name in read_parameters(configuration, "mapper").get("others", ())]
-    found = [
-        [f"{name}/{topic}" for name in names if name != space and topics.get(f"{name}/{topic}") == CLOUD]
-        for topic in (last, MISSED)
-    ]
-    return found[0], found[1]
 
 
 def _in_order(
