@@ -209,7 +209,7 @@ class RawSurvey:
 
 
 def read_raw(
-    topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: LeverArms = NO_ARMS
+    topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: LeverArms
 ) -> RawSurvey:
     """Process the raw lines of a robot.
 
