@@ -31,12 +31,11 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
+from soilmoist_ros.recording.bag.metadata import Definition, Topic
 from soilmoist_ros.recording.bag.recorder import BagRecorder
-from soilmoist_ros.recording.bag.recovery import recover_bag
+from soilmoist_ros.recording.bag.scan import McapScan
+from soilmoist_ros.recording.bag.verify import recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.mcap.definitions import Definition
-from soilmoist_ros.recording.mcap.metadata import Topic
-from soilmoist_ros.recording.mcap.scan import McapScan
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START_NS = 1_780_000_000_000_000_000

@@ -20,9 +20,8 @@ from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
 from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.map_records import MapRecords
-from soilmoist_ros.recording.map_sources import OWN
-from soilmoist_ros.recording.record_log import DRIVER, RecordTail
-from soilmoist_ros.recording.stored_counts import stored_counts
+from soilmoist_ros.recording.map_sources import DRIVER, OWN, RecordTail
+from soilmoist_ros.recording.stored_records import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.rehearsal.faults import OF_MOTION, Fault, Span
 from soilmoist_ros.simulation.rehearsal.ground import Ground

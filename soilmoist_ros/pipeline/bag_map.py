@@ -208,9 +208,7 @@ class RawSurvey:
     position_problems: Sequence[Problem] = ()
 
 
-def read_raw(
-    topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: LeverArms
-) -> RawSurvey:
+def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: LeverArms) -> RawSurvey:
     """Process the raw lines of a robot.
 
     :param topics: its topics

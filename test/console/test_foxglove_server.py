@@ -17,7 +17,7 @@ from aiohttp import ClientSession
 
 from soilmoist_ros.console.foxglove_server import BACKLOG, FoxgloveServer
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.mcap.definitions import Definition
+from soilmoist_ros.recording.bag.metadata import Definition
 
 PROTOCOL = "foxglove.sdk.v1"
 TEXT = Definition("std_msgs/msg/String", "string data")

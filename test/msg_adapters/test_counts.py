@@ -19,7 +19,7 @@ from msg_adapters.counts import (
 )
 from msg_adapters.point_cloud import OtherFrameError, require_frame
 from msg_adapters.stamps import to_seconds
-from soilmoist_ros.recording.bag.point_cloud import UNKNOWN_REASON
+from soilmoist_ros.recording.bag.messages import UNKNOWN_REASON
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord
 

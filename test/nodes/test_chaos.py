@@ -21,7 +21,7 @@ from soilmoist_ros.exploration.control.operator_request import Reply, ReplyCode
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED
-from soilmoist_ros.recording.record_log import RecordTail
+from soilmoist_ros.recording.map_sources import RecordTail
 from soilmoist_ros.simulation.rehearsal.faults import Fault, Faults, Span
 from soilmoist_ros.simulation.rehearsal.judge import Kind
 from soilmoist_ros.simulation.robot.scenario import Scenario

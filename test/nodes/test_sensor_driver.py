@@ -31,7 +31,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.nodes.runtime import qos
 from soilmoist_ros.nodes.wiring.driver_header import NAME
-from soilmoist_ros.recording.record_log import DRIVER, RecordTail
+from soilmoist_ros.recording.map_sources import DRIVER, RecordTail
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.recording.record_table import write_records
+from soilmoist_ros.recording.stored_records import write_records
 from soilmoist_ros.sensing.records import CountRecord
 
 FRAME = LocalFrame(53.268, -0.5245)

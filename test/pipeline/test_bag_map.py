@@ -24,9 +24,9 @@ from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.pipeline.properties import Comparison
 from soilmoist_ros.pipeline.run import NoteCode
 from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.writer import BagWriter
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
-from soilmoist_ros.recording.mcap.scan import McapScan
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
 from soilmoist_ros.simulation.robot.virtual_survey import write_survey

@@ -14,7 +14,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field_map import FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.pipeline.earlier_runs import Target, find_runs, read_earlier_runs, require_other, same_survey
-from soilmoist_ros.recording.record_table import read_records
+from soilmoist_ros.recording.stored_records import read_records
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 

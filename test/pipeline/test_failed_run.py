@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 import pytest
 
 from soilmoist_ros.pipeline.run import FailedRun, InputFile, LossRow, NoMapError, Trouble
-from soilmoist_ros.recording.record_table import read_records
+from soilmoist_ros.recording.stored_records import read_records
 from soilmoist_ros.reporting.failed_outputs import write_failed
 from soilmoist_ros.reporting.page.failed import failed_facts, render_failed
 from soilmoist_ros.sensing.records import NAN, CountRecord

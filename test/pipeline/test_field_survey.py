@@ -11,7 +11,7 @@ import pytest
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.pipeline.field_survey import open_survey
-from soilmoist_ros.recording.earlier_records import read_earlier
+from soilmoist_ros.recording.stored_records import read_earlier
 from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.sensing.records import NAN, CountRecord
 

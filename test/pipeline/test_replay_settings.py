@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.pipeline.bag_map import ReplaySettings, robot_survey
-from soilmoist_ros.recording.record_table import write_records
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
+from soilmoist_ros.recording.stored_records import write_records
 from soilmoist_ros.sensing.records import CountRecord
 
 

@@ -10,7 +10,7 @@ from earlier_folders import FRAME, MAY_S, records, run_folder
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.pipeline.earlier_runs import find_runs, read_run
-from soilmoist_ros.recording.record_table import write_records
+from soilmoist_ros.recording.stored_records import write_records
 
 
 def test_a_run_has_its_records_its_plane_and_how_they_were_corrected(tmp_path):

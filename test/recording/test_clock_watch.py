@@ -4,7 +4,7 @@
 
 import pytest
 
-from soilmoist_ros.recording.clock_watch import ClockWatch, is_synchronised
+from soilmoist_ros.recording.bag.retention import ClockWatch, is_synchronised
 
 NOW_S = 1_780_000_000.0
 

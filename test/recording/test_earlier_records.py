@@ -13,9 +13,8 @@ from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.earlier_records import read_earlier
 from soilmoist_ros.recording.journal import Journal
-from soilmoist_ros.recording.record_table import RECORDS, write_records
+from soilmoist_ros.recording.stored_records import RECORDS, read_earlier, write_records
 from soilmoist_ros.sensing.records import CountRecord
 
 CLOUD = "sensor_msgs/msg/PointCloud2"

@@ -34,9 +34,16 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.recording import map_sources
 from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
-from soilmoist_ros.recording.map_sources import OWN, SESSION, MapSources, open_session
-from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail
-from soilmoist_ros.recording.stored_counts import stored_counts
+from soilmoist_ros.recording.map_sources import (
+    DRIVER,
+    OWN,
+    SESSION,
+    MapSources,
+    RecordLog,
+    RecordTail,
+    open_session,
+)
+from soilmoist_ros.recording.stored_records import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=10.0)

@@ -7,7 +7,7 @@ import os
 import pytest
 
 from soilmoist_ros.recording.journal import ENTRIES
-from soilmoist_ros.recording.process_mark import MARK, MAX_CRASHES, WINDOW_S, ProcessMark
+from soilmoist_ros.recording.stored_mission import MARK, MAX_CRASHES, WINDOW_S, ProcessMark
 
 NOW_S, LIMIT_S = 1.78e9, 60.0
 

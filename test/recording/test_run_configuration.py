@@ -9,8 +9,8 @@ from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.pipeline.bag_map import ReplaySettings, robot_survey
-from soilmoist_ros.recording.run_configuration import RunConfiguration
 from soilmoist_ros.recording.run_folder import (
+    RunConfiguration,
     configuration_of,
     copy_configuration,
     read_parameters,
@@ -161,7 +161,7 @@ def test_a_recorder_stores_configurations_without_the_models_of_files(tmp_path):
     code = """
 import sys
 from pathlib import Path
-from soilmoist_ros.recording.run_configuration import RunConfiguration
+from soilmoist_ros.recording.run_folder import RunConfiguration
 configuration = RunConfiguration()
 configuration.take("sensor_driver", {"field": "example", "site": "example", "logger_format": "thorvald_crs"})
 print(configuration.write(Path(sys.argv[1])), "pydantic" in sys.modules)

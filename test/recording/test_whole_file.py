@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from soilmoist_ros.recording.whole_file import write_whole
+from soilmoist_ros.recording.run_folder import write_whole
 
 
 def test_a_file_is_replaced_wholly(tmp_path):

@@ -15,12 +15,11 @@ from typing import Any, Final, Protocol
 import zstandard
 
 from soilmoist_ros.foundation import InputError
+from soilmoist_ros.recording.bag.chunks import MAX_CHUNK_BYTES, Allowance, TooMuchError
+from soilmoist_ros.recording.bag.metadata import Definition, Extent, Topic, qos_from_yaml
 from soilmoist_ros.recording.bag.retention import CLOSED_S, NUMBER
-from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance, TooMuchError
-from soilmoist_ros.recording.mcap.definitions import Definition
-from soilmoist_ros.recording.mcap.metadata import Extent, Topic, qos_from_yaml
-from soilmoist_ros.recording.mcap.scan import McapScan
-from soilmoist_ros.recording.ros1.bag_file import ROS1, Connection, Message, Ros1File, converted
+from soilmoist_ros.recording.bag.ros1 import ROS1, Connection, Message, Ros1File, converted
+from soilmoist_ros.recording.bag.scan import McapScan
 
 TOO_MUCH: Final = "unpacks to far more than a recording of its size can: it is damaged, or was made to do harm"
 _PIECE: Final = 1 << 20

@@ -15,7 +15,7 @@ import rasterio
 
 pytest.importorskip("rclpy")
 from soilmoist_ros.console.invitations import free_port
-from soilmoist_ros.recording.bag.point_cloud import points
+from soilmoist_ros.recording.bag.messages import points
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.run_folder import read_parameters
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field

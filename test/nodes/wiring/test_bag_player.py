@@ -29,10 +29,9 @@ from soilmoist_ros.mapping.cells import map_cells
 from soilmoist_ros.nodes.runtime.key_press import on_space
 from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
 from soilmoist_ros.pipeline import replay_bag
+from soilmoist_ros.recording.bag.metadata import Qos, Topic, find_definition
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.mcap.definitions import find_definition
-from soilmoist_ros.recording.mcap.metadata import Qos, Topic
 from soilmoist_ros.recording.run_folder import read_parameters
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden"

@@ -20,9 +20,9 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.recovery import findings, recover_bag
+from soilmoist_ros.recording.bag.scan import McapScan
+from soilmoist_ros.recording.bag.verify import findings, recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.mcap.scan import McapScan
 
 SAME_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60)
 

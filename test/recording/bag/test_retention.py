@@ -9,8 +9,8 @@ import pytest
 from bags import NOTES, START_NS, text_message
 
 from soilmoist_ros.recording.bag.recorder import next_bag
-from soilmoist_ros.recording.bag.recovery import recover_bag
 from soilmoist_ros.recording.bag.retention import CLOSED_S, Excess, Limits, delete_bags, excess_text, find_excess
+from soilmoist_ros.recording.bag.verify import recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
 
 NOW_S = 1_780_000_000.0

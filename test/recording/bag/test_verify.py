@@ -20,8 +20,7 @@ from soilmoist_ros.cli.bag import command
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.recovery import recover_bag
-from soilmoist_ros.recording.bag.verify import verify_bag
+from soilmoist_ros.recording.bag.verify import recover_bag, verify_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

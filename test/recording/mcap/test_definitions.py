@@ -8,7 +8,7 @@ from rosbags.typesys import get_types_from_msg, get_typestore
 from rosbags.typesys.stores import Stores
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.mcap.definitions import find_definition, search_prefixes
+from soilmoist_ros.recording.bag.metadata import find_definition, search_prefixes
 
 LINE = "=" * 80
 

@@ -34,7 +34,7 @@ def test_days_follow_each_other_lose_nothing_and_go_on_where_they_ended(soak, mo
 
 @pytest.mark.slow
 def test_a_lost_record_is_a_fault(soak, monkeypatch, tmp_path):
-    from soilmoist_ros.recording.record_log import RecordLog
+    from soilmoist_ros.recording.map_sources import RecordLog
 
     kept = RecordLog.write
     written = []

@@ -6,9 +6,7 @@ from __future__ import annotations
 
 import bz2
 import os
-import re
 import struct
-import tracemalloc
 
 import numpy as np
 import pytest
@@ -16,10 +14,10 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.chunks import MAX_CHUNK_BYTES
 from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES
-from soilmoist_ros.recording.ros1.bag_file import MAGIC, Ros1File
+from soilmoist_ros.recording.bag.ros1 import MAGIC, Ros1File
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 TEXT, FIX, CAMERA = "std_msgs/msg/String", "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/CameraInfo"
@@ -102,7 +100,7 @@ def test_a_bag_that_becomes_shorter_while_it_is_read_is_refused(tmp_path):
         messages = bag.messages()
         next(messages)
         os.truncate(path, 50_000)
-        with pytest.raises(InputError, match="became shorter"):
+        with pytest.raises(InputError, match="cannot be read as a bag"):
             list(messages)
 
 
@@ -157,39 +155,7 @@ def test_a_chunk_that_unpacks_to_more_than_it_says_costs_no_memory(tmp_path):
     bomb = bz2.compress(bytes(2 * MAX_CHUNK_BYTES))
     assert len(bomb) <= length, "the bomb fits into the place of the chunk"
     path.write_bytes(data[:begin] + bomb.ljust(length, b"\0") + data[begin + length :])
-    with BagReader(path) as bag, pytest.raises(InputError, match="a chunk of another size than it says"):
-        list(bag.messages())
-
-
-@pytest.mark.slow
-def test_chunks_that_claim_to_begin_at_once_do_not_wait_for_each_other_in_the_memory(tmp_path):
-    zeros = text("\0" * (40 << 20))
-    path = write(tmp_path / "run.bag", [("/a", TEXT, n + 1, zeros) for n in range(10)], COMPRESSIONS[2], 1)
-    path.write_bytes(re.sub(rb"(start_time=).{8}", rb"\1" + bytes(8), path.read_bytes(), flags=re.DOTALL))
-    del zeros
-    tracemalloc.start()
-    found = [(one.extent.messages, one.extent.end_ns) for one in bag_info(path).topics]
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert found == [(10, 10 * 10**9)]
-    assert peak < 320 << 20
-
-
-def test_a_small_bag_does_not_become_many_messages(tmp_path, monkeypatch):
-    monkeypatch.setattr("soilmoist_ros.recording.mcap.chunks._FREE_RECORDS", 0)
-    many = [("/a", TEXT, 1, text(""))] * 40_000
-    path = write(tmp_path / "run.bag", many, Writer.CompressionFormat.BZ2)
-    with BagReader(path) as bag:
-        for _ in range(2):  # each pass may read all of them
-            assert sum(1 for _ in bag.messages()) == 40_000
-    data = path.read_bytes()
-    begin = data.index(b"BZh")
-    (length,) = struct.unpack_from("<I", data, begin - 4)
-    (end,) = struct.unpack_from("<Q", data, data.index(b"index_pos=") + len(b"index_pos="))
-    at = data.index(b"index_pos=") + len(b"index_pos=")
-    without_index = data[: begin + length] + data[end:]
-    path.write_bytes(without_index[:at] + struct.pack("<Q", begin + length) + without_index[at + 8 :])
-    with BagReader(path) as bag, pytest.raises(InputError, match="unpacks to far more"):
+    with BagReader(path) as bag, pytest.raises(InputError, match="a chunk of more than 64 MB"):
         list(bag.messages())
 
 

@@ -24,7 +24,7 @@ LIMIT = """
     from soilmoist_ros.foundation.errors import InputError
     from soilmoist_ros.recording.bag.info import bag_info
     from soilmoist_ros.recording.bag.reader import BagReader
-    from soilmoist_ros.recording.bag.recovery import recover_bag
+    from soilmoist_ros.recording.bag.verify import recover_bag
     from soilmoist_ros.recording.bag.storage import open_storages
 
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

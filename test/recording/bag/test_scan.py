@@ -13,8 +13,8 @@ from bombs import bombs, channel, chunk, file_of, message, schema
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.verify import verify_bag
-from soilmoist_ros.recording.mcap.scan import McapScan
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "one_stop" / "bag"
 NUMBERS = [0, 1, 64 << 20, 2**31, 2**32 - 1, 2**63, 2**64 - 1]

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.rosbag2.metadata import dump_qos_v8, parse_qos
 
-from soilmoist_ros.recording.mcap.metadata import (
+from soilmoist_ros.recording.bag.metadata import (
     INFINITE_NS,
     Extent,
     Qos,

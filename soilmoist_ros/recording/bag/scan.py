@@ -18,21 +18,20 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 
-from soilmoist_ros.recording.mcap.chunks import (
+from soilmoist_ros.recording.bag.chunks import (
     MAX_CHUNK_BYTES,
     RECORD,
     Allowance,
+    FileBytes,
     Record,
+    TimeOrder,
     TooMuchError,
     begun_chunk,
     chunk_at,
     split,
     whole_chunk,
 )
-from soilmoist_ros.recording.mcap.definitions import Definition
-from soilmoist_ros.recording.mcap.file_bytes import FileBytes
-from soilmoist_ros.recording.mcap.metadata import Qos, Topic, qos_from_yaml
-from soilmoist_ros.recording.mcap.time_order import TimeOrder
+from soilmoist_ros.recording.bag.metadata import Definition, Qos, Topic, qos_from_yaml
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _MESSAGE: Final = struct.Struct("<HIQQ")

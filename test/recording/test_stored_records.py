@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.record_table import COLUMNS, read_records, write_records
+from soilmoist_ros.recording.stored_records import COLUMNS, read_records, write_records
 from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, NAN, CountRecord
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
