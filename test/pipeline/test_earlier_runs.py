@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import math
 import shutil
 from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +16,20 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field_map import FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.pipeline.earlier_runs import Target, find_runs, read_earlier_runs, require_other, same_survey
-from soilmoist_ros.recording.stored_records import read_records
+from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.pipeline.earlier_runs import (
+    Target,
+    earlier_doubts,
+    find_runs,
+    mean_rate,
+    read_earlier_runs,
+    read_run,
+    require_other,
+    same_survey,
+)
+from soilmoist_ros.pipeline.run import EarlierRun
+from soilmoist_ros.recording.stored_records import read_records, write_records
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 
@@ -139,3 +154,91 @@ def test_equal_times_alone_make_no_equal_surveys():
     assert not same_survey(records(1, 290.0), records(2, 290.0))
     assert same_survey(records(1, 290.0), records(1, 290.0)[:10])
     assert not same_survey([], [])
+
+
+def test_a_run_has_its_records_its_plane_and_how_they_were_corrected(tmp_path):
+    rows = [{"name": "air pressure", "parameters": {"P0 [hPa]": 1013.25}}]
+    run = read_run(run_folder(tmp_path / "run", records(1, MAY_S)[::-1], corrections=rows, simulated=True))
+    assert run.records == records(1, MAY_S)
+    assert run.frame == FRAME
+    assert run.corrections == {"air pressure": {"P0 [hPa]": 1013.25}}
+    assert run.simulated
+
+
+def test_a_folder_without_runs_is_refused(tmp_path):
+    with pytest.raises(InputError, match="neither a run"):
+        find_runs(tmp_path)
+
+
+def test_a_run_without_a_usable_record_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no usable record"):
+        read_run(run_folder(tmp_path / "run", []))
+
+
+@pytest.mark.parametrize("change", [{"y_m": math.nan}, {"effective_exposure_s": math.nan}, {"x_m": math.nan}])
+def test_a_record_that_no_map_can_use_is_left_out(tmp_path, change):
+    good = records(1, MAY_S)
+    run = read_run(run_folder(tmp_path / "run", [*good, replace(good[0], **change)]))
+    assert run.records == good
+
+
+def test_a_run_without_its_table_is_refused(tmp_path):
+    path = run_folder(tmp_path / "run", records(1, MAY_S))
+    (path / "records.csv").unlink()
+    with pytest.raises(InputError, match=r"has no records\.csv"):
+        read_run(path)
+
+
+def test_another_property_of_a_run_is_read_by_its_name(tmp_path):
+    path = run_folder(
+        tmp_path / "run", records(1, MAY_S), properties=[{"name": "moisture"}, {"name": "compaction"}]
+    )
+    write_records(path / "records_compaction.csv", records(7, MAY_S))
+    assert read_run(path, "compaction", first=False).records == records(7, MAY_S)
+    assert read_run(path).records == records(1, MAY_S)
+    assert read_run(path, "salt", first=False) is None
+
+
+@pytest.mark.parametrize("content", ["{", '{"datum": null}', '{"datum": {"latitude_deg": 500}}'])
+def test_a_damaged_summary_is_refused(tmp_path, content):
+    path = run_folder(tmp_path / "run", records(1, MAY_S))
+    (path / "summary.json").write_text(content)
+    with pytest.raises(InputError, match=r"summary.json"):
+        read_run(path)
+
+
+NOW = datetime(2026, 6, 1, tzinfo=UTC)
+
+
+def run(stamp_s: float, rate_cps: float = 4.0) -> EarlierRun:
+    samples = Samples(np.array([[0.0, 0.0], [5.0, 5.0]]), np.full(2, 100 * rate_cps), np.full(2, 100.0))
+    return EarlierRun(EarlierSurvey("may", stamp_s, samples), Path("may"), stamp_s - 60, [])
+
+
+@pytest.mark.parametrize(
+    ("date", "rate_cps", "said"),
+    [
+        (datetime(2026, 5, 1, tzinfo=UTC), 4.0, []),
+        (datetime(2026, 5, 1, tzinfo=UTC), 2.1, []),
+        (datetime(2026, 5, 1, tzinfo=UTC), 1.9, ["has 0.47 times the count rate of this one"]),
+        (datetime(2026, 6, 2, tzinfo=UTC), 4.0, []),  # a local clock
+        (datetime(2027, 1, 1, tzinfo=UTC), 4.0, ["is dated 2027-01-01, in the future"]),
+        (datetime(2020, 5, 1, tzinfo=UTC), 9.0, ["of 2020-05-01 lies 6 years", "has 2.2 times"]),
+        (datetime(1970, 1, 1, tzinfo=UTC), 4.0, []),  # a clock without a date
+    ],
+)
+def test_dates_and_rates_that_can_hardly_be_right(date, rate_cps, said):
+    found = list(earlier_doubts(run(date.timestamp(), rate_cps), 4.0, NOW, NOW))
+    assert len(found) == len(said)
+    assert all(one.startswith(start) for one, start in zip(found, said, strict=True))
+
+
+def test_of_a_season_no_survey_is_too_old():
+    assert not list(earlier_doubts(run(datetime(2001, 5, 1, tzinfo=UTC).timestamp()), 4.0, NOW))
+    (doubt,) = earlier_doubts(run(datetime(2026, 5, 1, tzinfo=UTC).timestamp(), 40.0), 4.0, NOW)
+    assert doubt.startswith("has 10 times the count rate of the others")
+
+
+def test_the_mean_rate_is_that_of_all_counts():
+    samples = Samples(np.array([[0.0, 0.0], [9.0, 0.0]]), np.array([10.0, 90.0]), np.array([10.0, 20.0]))
+    assert mean_rate(samples) == pytest.approx(100 / 30)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The map after any sequence of kills equals the map of everything that was published.
 
-Tests map_sources.py, map_records.py and record_log.py with real files, without processes.
+Tests map_sources.py and map_records.py with real files, without processes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_earlier_records import write_bag
+from test_stored_records import write_bag
 
 from soilmoist_ros.exploration.mission.events import Command, Moved, RecordArrived
 from soilmoist_ros.exploration.mission.journal import MissionJournal
