@@ -97,9 +97,6 @@ class RunTopics:
     def of_team(cls, reader: BagReader, counts: str, namespaces: Sequence[str]) -> list[Self]:
         """The topics of several robots that share a mapper in the outermost namespace.
 
-        :param reader: the bag
-        :param counts: topic with the records of each robot, without its namespace
-        :param namespaces: namespaces of the robots
         :returns: a robot each; empty if the bag is not of such a team
         """
         names = [f"/{namespace.strip('/')}/{counts}" for namespace in namespaces]
@@ -113,11 +110,7 @@ class RunTopics:
         return f"{self.counts.rpartition('/')[0].strip('/')}/".lstrip("/")
 
     def find(self, name: str, kind: str) -> str | None:
-        """Full name of a topic of this robot, ``None`` if it is not in the bag.
-
-        :param name: name without its namespace
-        :param kind: its type
-        """
+        """Full name of a topic of this robot, ``None`` if it is not in the bag."""
         topics = self.reader.topics
         own = f"{self.counts.rpartition('/')[0]}/{name}"
         if topics.get(own) == kind:
@@ -176,7 +169,6 @@ def read_fixes(
 ) -> tuple[list[Fix], list[Problem]]:
     """Positions of a topic: fixes, or texts with NMEA sentences.
 
-    :param topic: its full name
     :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
     :param shift_s: time by which the stamps will be shifted [s]
     :raises InputError: if it has neither

@@ -155,7 +155,6 @@ def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) 
 def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str, name: str = "") -> FieldSurvey:
     """A map without records: the mapper's settings, overridden by the user's choices.
 
-    :param had: parameters of the mapper
     :param name: name of the property; empty for the robot's own
     """
     field_file = chosen.field or had.get("field")
@@ -211,10 +210,6 @@ class RawSurvey:
 def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: LeverArms) -> RawSurvey:
     """Process the raw lines of a robot.
 
-    :param topics: its topics
-    :param survey: its field, and the site with corrections and tubes
-    :param chosen: topics and format of the lines, where they are not the usual ones
-    :param arms: where antenna and sensor sat on the robot
     :raises InputError: if the lines contain no usable record
     """
     reader, site, shift_s = topics.reader, survey.site, chosen.gnss_shift_s
@@ -481,11 +476,7 @@ def _losses(of_lines: Sequence[LossRow], of_map: Sequence[LossRow]) -> list[Loss
 def _in_order(
     counted: Sequence[tuple[str, CountRecord]], missed: Sequence[str], survey: FieldSurvey
 ) -> list[tuple[str, CountRecord]]:
-    """Records in the order in which the mapper added them, each once.
-
-    :param counted: records in the order of recording, each with its topic
-    :param missed: topics with records that mappers have sent again
-    """
+    """Records in the order in which the mapper added them, each once."""
     records, topics = MapRecords(survey.map, TEAM_S), dict[bytes, str]()
     for again, some in groupby(counted, key=lambda each: each[0] in missed):
         part = list(some)
@@ -525,17 +516,7 @@ def no_map(
     simulated: bool = False,
     error: SoilmoistError | None = None,
 ) -> NoMapError:
-    """The error for a run without a map, with all that its report shows.
-
-    :param bag: the recording
-    :param files: its files
-    :param first: the property without a map
-    :param missions: missions of the robots
-    :param configuration: folder with the parameters of the nodes, if any
-    :param losses: records that were lost before they reached the map
-    :param simulated: whether the counts come from a simulation
-    :param error: why the map could not be computed, if there were samples
-    """
+    """The error for a run without a map, with all that its report shows."""
     survey = first.survey
     snapshot = survey.map.snapshot()
     mission = replay_mission([first], missions, configuration, lambda step, share: None) if missions else None

@@ -259,7 +259,6 @@ def read_earlier_runs(paths: Sequence[Path | str], target: Target) -> tuple[Earl
 def require_other(runs: Sequence[EarlierRun], records: Sequence[CountRecord]) -> None:
     """Check that no earlier survey is the present one: its counts would be used twice.
 
-    :param records: records of the present survey
     :raises InputError: if one is
     """
     for run in runs:
@@ -269,10 +268,7 @@ def require_other(runs: Sequence[EarlierRun], records: Sequence[CountRecord]) ->
 
 
 def with_corrections(run: EarlierRun, applied: Mapping[str, Mapping[str, Any]]) -> EarlierRun:
-    """A run with a remark if its counts were corrected otherwise than those of the present survey.
-
-    :param applied: parameters of each correction of the present survey by its name
-    """
+    """A run with a remark if its counts were corrected otherwise than those of the present survey."""
     if run.corrections is None:
         return run
     names = sorted({*applied, *run.corrections})

@@ -183,12 +183,7 @@ def open_survey(
 
 
 def field_map_settings(values: Mapping[str, Any], site: Site, **more: Any) -> FieldMapSettings:
-    """Settings of the map of a sensor.
-
-    :param values: :meth:`MappingSettings.values`
-    :param site: site of the sensor
-    :param more: further fields of :class:`FieldMapSettings`
-    """
+    """Settings of the map of a sensor."""
     return FieldMapSettings(
         **{name: value for name, value in values.items() if name != "cell_m"},
         curve=site.curve,
@@ -206,10 +201,7 @@ def open_map(
 ) -> tuple[FieldMap, tuple[EarlierRun, ...]]:
     """A map without records, and the earlier surveys that inform it.
 
-    :param target: field, grid and settings of the map
     :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
-    :param covariates: covariates of the field
-    :param error: error of the reference sensor that corrects the records, if any
     :raises InputError: if a file cannot be used
     """
     runs = read_earlier_runs(earlier, target) if earlier else ()
@@ -264,11 +256,9 @@ def make_run(
 ) -> MapRun:
     """The run behind a map, made now.
 
-    :param soil_map: the map
     :param records: records in order of time, at least one good one; includes records without a place, and
         quarantined ones
     :param site: site of the sensor; the records have its corrections
-    :param frame: plane of the field
     :param title: title of the report; ``None`` derives it from what is mapped
 
     The other parameters are those of :class:`MapRun`.

@@ -407,11 +407,7 @@ _NOTED = (Kind.ASSUMED_TIME, Kind.CHOSEN_POSITIONS, Kind.DOUBTFUL_POSITIONS, Kin
 
 
 def position_notes(problems: Sequence[Problem], track: Track | None) -> list[str]:
-    """What was chosen or assumed for positions, and which of them are not of satellites.
-
-    :param problems: problems in their files
-    :param track: the positions, if there are any
-    """
+    """What was chosen or assumed for positions, and which of them are not of satellites."""
     said = [str(one) for one in problems if not one.lost and one.kind in _NOTED]
     if track is not None and track.heard.odd:
         said.append(f"Of the positions, {track.heard.odd}")
@@ -543,7 +539,6 @@ def far_from_site(site: Site, places: NDArray[np.float64], source: PositionSourc
     """The contradiction between the place of a site and records that all lie elsewhere; empty if there is none.
 
     :param places: latitude and longitude of the records, shape (n, 2) [deg]
-    :param source: where the places come from
     """
     if site.location is None:
         return ()

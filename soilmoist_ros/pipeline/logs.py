@@ -295,7 +295,6 @@ def _require_one_place(fixes: Sequence[Fix], found: Sequence[Fix], used: Sequenc
 def shifted_track(fixes: Sequence[Fix], shift_s: float, path: Path) -> tuple[CheckedTrack, list[Problem]]:
     """A track whose times are later by ``shift_s``, and a note on that.
 
-    :param path: what the fixes were read from
     :raises InputError: if it has several positions of one time, far apart
     """
     known = sorted((fix for fix in fixes if fix.no_place is None), key=attrgetter("stamp_s"))
@@ -321,9 +320,6 @@ def read_reference(path: Path, site: Site, records: Sequence[CountRecord], frame
     """The change of the rate during a survey, from the log of a stationary sensor.
 
     :param path: the log; its format is detected from its header
-    :param site: its corrections, those of the survey
-    :param records: records of the survey, at least one
-    :param frame: their plane
     :raises InputError: if the log cannot be used, does not last for the survey, or is of a sensor that moved, that
         was elsewhere, or that is the one of the survey
     """

@@ -116,8 +116,6 @@ def _status(values: dict[str, str]) -> Status | None:
 def read_visits(topics: RunTopics, robot: int = 1) -> list[Visit] | None:
     """The visits that a robot's planner published; ``None`` if the bag lacks the topic.
 
-    :param topics: topics of the robot
-    :param robot: number of the robot, from 1
     :raises InputError: if the topic contains other messages
     """
     name = topics.find("visits", VISIT)
@@ -129,9 +127,7 @@ def mission_visits(
 ) -> list[Visit]:
     """The visits of one mission, in order.
 
-    :param statuses: statuses of the started mission, in order
     :param visits: visits of all missions in the bag, ``None`` if the bag lacks them
-    :param records: all records of the robot
     """
     if visits is None:
         return estimate_visits(statuses, records)
@@ -145,11 +141,7 @@ def mission_visits(
 
 
 def estimate_visits(statuses: Sequence[Status], records: Sequence[CountRecord]) -> list[Visit]:
-    """Estimate the visits of one mission from its statuses, in order.
-
-    :param statuses: statuses of a started mission, in order
-    :param records: all records of the robot
-    """
+    """Estimate the visits of one mission from its statuses, in order."""
     visits: list[Visit] = []
     stop: list[Status] = []
     chosen_because = ""
@@ -244,10 +236,7 @@ def replay_mission(
 ) -> MissionResult:
     """The mission with the map errors after each visit; without the maps.
 
-    :param properties: the mapped properties
     :param robots: the robots of the mission, one at least; the mission starts with the first of them
-    :param configuration: folder with the parameters of the nodes, if any
-    :param progress: called during the work
     """
     began_s = min(robot.began_s for robot in robots)
     later_s = [robot.began_s - began_s for robot in robots]
@@ -307,7 +296,6 @@ def _forecasts(course: Sequence[tuple[float, str]]) -> Iterator[TimedForecast]:
 def mission_log(robots: Sequence[RobotMission], later_s: Sequence[float]) -> list[str]:
     """Lines of the mission log: changes of the state, and who commanded what when.
 
-    :param robots: the robots of the mission
     :param later_s: start of each after the start of the first [s]
     """
     lines = []
@@ -335,10 +323,7 @@ def _mapped(one: ReplayedProperty, title: str) -> MappedProperty:
 def _row(
     time_s: float, stamp_s: float, latest: Sequence[Status], properties: Sequence[ReplayedProperty]
 ) -> SeriesRow:
-    """The mission at a time, with the errors of maps of all records up to this time.
-
-    :param latest: latest status of each robot
-    """
+    """The mission at a time, with the errors of maps of all records up to this time."""
     return SeriesRow(
         time_s,
         sum(status.distance_m for status in latest),

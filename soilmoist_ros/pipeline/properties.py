@@ -75,10 +75,7 @@ class RecordedPlaces:
         return [replace(record, x_m=x, y_m=y) for record, (x, y) in zip(records, xy, strict=True)]
 
     def doubts(self, reader: BagReader, counts: str) -> Doubts:
-        """Doubts of the planner of a robot about its place; empty if the bag has none.
-
-        :param counts: full name of a topic with records of the robot
-        """
+        """Doubts of the planner of a robot about its place; empty if the bag has none."""
         doubts, above = Doubts(), counts
         while above:
             above = above.rpartition("/")[0]
@@ -124,11 +121,7 @@ class RecordedPlaces:
 
 
 def recorded_places(configuration: Path | None, field: Field) -> RecordedPlaces:
-    """The plane of a recording, by the field file of its driver; that of the field if it is unknown.
-
-    :param configuration: folder with the parameters of the nodes, if any
-    :param field: the field that is mapped
-    """
+    """The plane of a recording, by the field file of its driver; that of the field if it is unknown."""
     for node in ("sensor_driver", "mapper"):
         named: Mapping[str, Any] = read_parameters(configuration, node)
         if named.get("field"):
@@ -156,12 +149,7 @@ def _why_unplaced(records: Sequence[CountRecord], path: Path) -> Mistake | None:
 
 
 def why_nothing(survey: FieldSurvey, records: Sequence[CountRecord], path: Path) -> InputError:
-    """Why none of the records is in the map: they lie elsewhere, or have other faults.
-
-    :param survey: field and map of the records
-    :param records: all records, in the plane of the field
-    :param path: the recording
-    """
+    """Why none of the records is in the map: they lie elsewhere, or have other faults."""
     places = [(record.x_m, record.y_m) for record in records if np.isfinite(record.x_m + record.y_m)]
     field = survey.field
     if not places and (why := _why_unplaced(records, path)) is not None:
@@ -248,9 +236,6 @@ def compare(
     Recorder and mapper begin and end at different times, so the replayed map uses the records up to the last
     record of the published map.
 
-    :param field_map: makes the maps
-    :param states: states after each record
-    :param last: the last published map
     :param several: whether several robots sent the records; mapper and recorder may receive them in different
         orders
     """
@@ -338,8 +323,6 @@ class PropertyTopic:
 def team_properties(robots: Sequence[RunTopics], configuration: Path | None) -> list[PropertyTopic]:
     """The properties that robots measured together, see :func:`property_topics`.
 
-    :param robots: topics of each robot, one at least
-    :param configuration: folder with the parameters of their nodes, if any
     :raises InputError: if the properties of a planner are damaged
     """
     merged: dict[str, PropertyTopic] = {}
@@ -355,8 +338,6 @@ def property_topics(topics: RunTopics, configuration: Path | None) -> list[Prope
 
     A topic ``counts`` in a namespace below the robot's is a property, unless the namespace is another robot.
 
-    :param topics: topics of the robot
-    :param configuration: folder with the parameters of its nodes, if any
     :raises InputError: if the planner's properties are damaged
     """
     space, _, last = topics.counts.rpartition("/")
@@ -384,7 +365,6 @@ def read_planner(configuration: Path | None, topics: RunTopics) -> dict[str, Any
     """Parameters of the planner of a robot, empty if there are none.
 
     :param configuration: folder of the configuration; the planner is named with or without its namespace
-    :param topics: topics of the robot
     :raises InputError: if a parameter that the replay shows is not a number or text as planners have it
     """
     for node in (f"{topics.namespace}planner", "planner"):
@@ -448,10 +428,7 @@ class ReplayedProperty:
         return None if self.truth is None else self.survey.map.grid.to_raster(self.true_rate)
 
     def compared(self, several: bool = False) -> Comparison:
-        """Comparison with the map that the mapper published.
-
-        :param several: whether several robots sent the records
-        """
+        """Comparison with the map that the mapper published."""
         return compare(self.survey.map, self.states, self.published, several)
 
     def errors_at(self, stamp_s: float) -> MapErrors:
@@ -475,7 +452,6 @@ class ReplayedProperty:
 def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag: Path) -> list[PropertyTopic]:
     """The properties of these names in the order of the bag; all properties without names.
 
-    :param bag: path for the message
     :raises InputError: if a name is not a property
     """
     for name in names:
@@ -486,8 +462,6 @@ def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag:
 def named_truths(found: Sequence[PropertyTopic], truths: Mapping[str | int, str], bag: Path) -> dict[str, str]:
     """The truths by the names of their properties.
 
-    :param truths: by name, or by the index of the property in the list, from 0
-    :param bag: path for the message
     :raises InputError: if there is no such property
     """
     named = {}

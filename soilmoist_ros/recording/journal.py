@@ -77,9 +77,6 @@ def decode(data: bytes, name: str = "journal") -> Lines:
     """Read lines back; a damaged line is skipped.
 
     An incomplete last line is dropped: it was never confirmed.
-
-    :param data: content of the file
-    :param name: name of the file in the problems
     """
     entries: list[Entry] = []
     problems: list[str] = []

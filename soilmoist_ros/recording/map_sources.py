@@ -183,10 +183,7 @@ def _log_record(payload: dict[str, Any]) -> CountRecord:
 def open_session(root: Path, journal: Path | None, fresh: bool, bags: Path | None = None) -> Path:
     """Folder of the session: the last one while its mission is interrupted, otherwise a new one.
 
-    :param root: folder of all sessions
     :param journal: folder of the planner's journal; ``None`` without one
-    :param fresh: whether the interrupted mission is forgotten
-    :param bags: folder of the recorder's bags: those that are in it now do not belong to a new session
     :raises InputError: if the journal cannot be read, or the folder cannot be made
     """
     from soilmoist_ros.exploration import is_under_way

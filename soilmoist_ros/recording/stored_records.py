@@ -102,7 +102,6 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountR
     What cannot be read is skipped.
 
     :param bag: folder of an MCAP bag; only read
-    :param topics: full names of topics with counts
     :param frame: frame of the records; messages of others are skipped; empty for any frame
     :raises InputError: if there is no MCAP file
     :raises OSError: if a file cannot be read

@@ -183,11 +183,7 @@ class Chunk(NamedTuple):
 
 
 def chunk_at(data: FileBytes, start: int) -> Chunk | None:
-    """The head of a chunk, ``None`` if there cannot be one.
-
-    :param data: the file
-    :param start: start of the content of its record
-    """
+    """The head of a chunk, ``None`` if there cannot be one."""
     if len(data) - start < _HEAD.size:
         return None
     start_ns, _, size, checksum, name_length = data.unpack(_HEAD, start)

@@ -243,13 +243,7 @@ def joined(extents: Sequence[Extent]) -> Extent:
 def bag_metadata(
     files: Sequence[BagFile], topics: Mapping[Topic, int], distribution: str, notes: Mapping[str, str]
 ) -> dict[str, Any]:
-    """Content of ``metadata.yaml`` of a bag of MCAP files.
-
-    :param files: its files in the order of recording
-    :param topics: topics, and number of messages of each
-    :param distribution: name of the ROS distribution of the recorder
-    :param notes: custom data
-    """
+    """Content of ``metadata.yaml`` of a bag of MCAP files."""
     extent = joined([file.extent for file in files])
     return {
         "version": _VERSION,

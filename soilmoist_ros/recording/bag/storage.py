@@ -71,7 +71,6 @@ class Storage(Protocol):
 def open_storages(path: Path) -> tuple[list[Storage], contextlib.ExitStack]:
     """The files of a bag in the order of recording, and what closes them.
 
-    :param path: folder of a bag, or one of its files
     :raises InputError: if there is no bag
     :raises ValueError: if it is damaged
     """

@@ -73,7 +73,6 @@ class Verified:
 def mcap_files(path: Path) -> list[Path]:
     """MCAP files of a bag in the order of recording.
 
-    :param path: folder of a bag, or one of its files
     :raises InputError: if there are none, or one is a link to a file outside of the folder
     """
     if path.is_file() and path.suffix == ".mcap":
@@ -141,11 +140,6 @@ def compared(
 
     The numbers of messages by topic decide. What recorders are known to write wrongly does not: numbers by file,
     and the duration of a split bag.
-
-    :param bag: folder of the bag
-    :param files: the files that are there
-    :param counts: number of messages of each topic in them
-    :param required: whether ``metadata.yaml`` must be there
     """
     right, problems = _checked_sums(bag)
     if not (bag / METADATA).is_file():
