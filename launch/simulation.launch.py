@@ -50,11 +50,10 @@ from soilmoist_ros.nodes.system.launching import (
 )
 from soilmoist_ros.recording.run_folder import CONFIGURATION
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
-from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
-from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField, write_field_file, write_site_file
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
-from soilmoist_ros.simulation.simulated_robot import robot_namespaces
+from soilmoist_ros.simulation.system import robot_namespaces
 
 SIMULATOR = {
     "field": (

@@ -31,10 +31,10 @@ import results
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.workers import connect
-from soilmoist_ros.simulation.campaign.campaign import CampaignProgress, load_campaign, missions, run_campaign
-from soilmoist_ros.simulation.campaign.campaign_file import Campaign
-from soilmoist_ros.simulation.campaign.computing import compute
-from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult
+from soilmoist_ros.lab.campaign import CampaignProgress, load_campaign, missions, run_campaign
+from soilmoist_ros.lab.campaign_file import Campaign
+from soilmoist_ros.lab.computing import compute
+from soilmoist_ros.simulation.mission.mission_result import MappedProperty, MissionResult
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 

@@ -32,11 +32,10 @@ import results
 
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.rate_formula import formula
+from soilmoist_ros.simulation.fields.formulas import formula
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.forecasts import achieved, reported
-from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.simulation.mission.mission_result import MissionResult, achieved, reported
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 

@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 
 import soilmoist_ros
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.simulation.campaign.hindsight import (
+from soilmoist_ros.lab.hindsight import (
     LATTICE_DWELLS,
     QUARTER,
     Against,
@@ -49,8 +49,7 @@ from soilmoist_ros.simulation.campaign.hindsight import (
     against_best_lattice,
 )
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field, surrogate_field_names
-from soilmoist_ros.simulation.mission.map_errors import map_errors
-from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.simulation.mission.mission_result import MissionResult, map_errors
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation, simulate_mission
 

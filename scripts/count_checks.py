@@ -10,9 +10,12 @@ Both tables depend on nothing but their seeds.
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from dataclasses import dataclass
+from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))  # virtual_survey
 import numpy as np
 import results
 
@@ -25,7 +28,7 @@ from soilmoist_ros.sensing.records import CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.survey import Survey
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
-from soilmoist_ros.simulation.robot.virtual_survey import VirtualLog, serpentine, simulate_log, stop_and_go
+from virtual_survey import VirtualLog, serpentine, simulate_log, stop_and_go
 
 DAY_S = 86400.0
 

@@ -15,6 +15,8 @@ from typing import Any
 
 from real_nodes import LIMIT_S, UNLIMITED, RealNodes
 
+from rehearsal.cases import OF_MOTION, Fault, Ground, Span
+from rehearsal.judge import Judge, Limits, Violation
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
 from soilmoist_ros.mapping.samples.samples import Samples
@@ -23,9 +25,6 @@ from soilmoist_ros.recording.map_records import MapRecords
 from soilmoist_ros.recording.map_sources import DRIVER, OWN, RecordTail
 from soilmoist_ros.recording.stored_records import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.rehearsal.faults import OF_MOTION, Fault, Span
-from soilmoist_ros.simulation.rehearsal.ground import Ground
-from soilmoist_ros.simulation.rehearsal.judge import Judge, Limits, Violation
 
 ANSWER_S = 40.0
 """Time after which people answer a mission that asks for them [s]."""

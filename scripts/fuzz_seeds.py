@@ -68,7 +68,7 @@ def logs() -> list[bytes]:
 def live_lines() -> list[bytes]:
     """What a simulated robot sends in two minutes."""
     from soilmoist_ros.simulation.mission.settings import MissionSettings
-    from soilmoist_ros.simulation.robot.faulty_link import Sent
+    from soilmoist_ros.simulation.robot.simulated_links import Sent
     from soilmoist_ros.simulation.system import VirtualSystem
 
     outputs = VirtualSystem(MissionSettings(field="rough"), 1_780_000_000.0).advance(120.0)[0]
@@ -173,9 +173,9 @@ def snapshot() -> list[bytes]:
 @cache
 def run_files() -> dict[str, bytes]:
     """Output of a short mission, and the file of the mission in a campaign."""
+    from soilmoist_ros.lab.mission_store import pack
     from soilmoist_ros.reporting import write_mission
     from soilmoist_ros.simulation import MissionSettings, simulate_mission
-    from soilmoist_ros.simulation.campaign.mission_store import pack
 
     settings = MissionSettings(hours=0.3, cell_m=8.0, dwell="fmi:60", preset="paper")
     result = simulate_mission(settings)

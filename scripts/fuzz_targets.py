@@ -65,6 +65,8 @@ from soilmoist_ros.exploration.travel.topological_map import parse_topological_m
 from soilmoist_ros.foundation.errors import SoilmoistError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.plain_values import read_json
+from soilmoist_ros.lab.campaign_file import load_campaign
+from soilmoist_ros.lab.mission_store import DamagedMissionError, unpack
 from soilmoist_ros.mapping.covariates.reading import read_covariates
 from soilmoist_ros.mapping.covariates.source import CovariateSource
 from soilmoist_ros.mapping.field import load_field
@@ -85,8 +87,6 @@ from soilmoist_ros.sensing.moisture.cores import read_soil_cores
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.survey.stream import SensorStream
-from soilmoist_ros.simulation.campaign.campaign_file import load_campaign
-from soilmoist_ros.simulation.campaign.mission_store import DamagedMissionError, unpack
 from soilmoist_ros.simulation.fields.truth_file import load_surrogate
 from soilmoist_ros.simulation.robot.scenario import load_scenario
 

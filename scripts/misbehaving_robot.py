@@ -46,8 +46,8 @@ from soilmoist_ros.nodes.system.process_group import ProcessGroup
 from soilmoist_ros.recording.run_folder import write_parameters
 from soilmoist_ros.sensing.formats.robot_logger import TUBES, format_header, format_record
 from soilmoist_ros.sensing.records import LoggerRecord, Position
-from soilmoist_ros.simulation.robot.line_server import LineServer
-from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences
+from soilmoist_ros.simulation.robot.simulated_links import LineServer
+from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences
 
 SPEED_MPS, SD_M, RECORD_S, TICK_S, READY_S = 1.0, 0.015, 2.0, 0.04, 120.0
 LIMIT_S, WRONG_M, STILL_M = 3.0, 3.0, 0.12

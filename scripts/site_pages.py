@@ -44,6 +44,7 @@ FOLDERS = (
     "pipeline",
     "reporting",
     "console",
+    "lab",
     "foundation",
 )
 WIDE = {"index.md": ["navigation"], "gallery.md": ["navigation", "toc"]}

@@ -19,10 +19,10 @@ from pathlib import Path
 from disturbed_nodes import Disturber, judged, scenario_of
 from real_nodes import ON_ROBOT, NodesSettings, RealNodes
 
+from rehearsal.cases import Fault, Span
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.runtime.loopback import free_domain
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.rehearsal.faults import Fault, Span
 
 NODES = (*ON_ROBOT, "field_simulator")
 MISSION_H = 2.0

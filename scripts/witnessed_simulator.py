@@ -15,7 +15,7 @@ from unittest.mock import patch
 
 from soilmoist_ros.nodes import field_simulator
 from soilmoist_ros.simulation import system
-from soilmoist_ros.simulation.simulated_robot import Output, SimulatedRobot
+from soilmoist_ros.simulation.system import Output, SimulatedRobot
 
 
 class WitnessedRobot(SimulatedRobot):

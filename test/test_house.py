@@ -13,11 +13,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = sorted(path.parent.name for path in (ROOT / "soilmoist_ros").glob("*/__init__.py"))
-ROOMS = (
-    "soilmoist_ros",
-    *(f"soilmoist_ros.{name}" for name in FOLDERS if name not in ("cli", "replay")),
-    "msg_adapters",
-)
+CLOSED = ("cli", "replay")
+ROOMS = ("soilmoist_ros", *(f"soilmoist_ros.{name}" for name in FOLDERS if name not in CLOSED), "msg_adapters")
 """Packages with a door; nobody imports the command, and ``replay`` is an old name."""
 LONG = 102
 """Number of lines from which a file must have tests; two of them are its licence."""

@@ -21,6 +21,7 @@ FLOORS = (
     "reporting",
     "replay",
     "console",
+    "lab",
     "nodes",
     "cli",
 )

@@ -20,8 +20,8 @@ from soilmoist_ros.cli.main import COMMANDS, main
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
+from soilmoist_ros.lab.campaign_file import load_campaign, missions
 from soilmoist_ros.reporting.exports.registry import EXPORTS
-from soilmoist_ros.simulation.campaign.campaign_file import load_campaign, missions
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -21,7 +21,7 @@ from soilmoist_ros.cli.options.output_options import confirmed, figures_option, 
 from soilmoist_ros.foundation import THREADS, InputError
 
 if TYPE_CHECKING:
-    from soilmoist_ros.simulation import Campaign, CampaignProgress, Progress
+    from soilmoist_ros.lab import Campaign, CampaignProgress, Progress
 
 LINE_S = 60.0
 """Time between two lines of progress where there is no terminal [s]."""
@@ -50,15 +50,18 @@ def command(
     Writes results.parquet, results.csv and report.html.
     """
     os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy is loaded: more threads round differently
-    from soilmoist_ros.reporting import CampaignData, campaign_figures, write_campaign_report, write_figures
-    from soilmoist_ros.simulation import (
+    from soilmoist_ros.lab import (
         RUNS,
+        CampaignData,
         CampaignInterrupted,
         MissionStore,
+        campaign_figures,
         load_campaign,
         run_campaign,
-        simulate_mission,
+        write_campaign_report,
     )
+    from soilmoist_ros.reporting import write_figures
+    from soilmoist_ros.simulation import simulate_mission
 
     plan = load_campaign(campaign)
     if runs is not None:
@@ -96,7 +99,7 @@ def _differences(out: Path) -> list[dict[str, object]]:
         return []
     import pandas as pd
 
-    from soilmoist_ros.simulation import PairedDifference
+    from soilmoist_ros.lab import PairedDifference
 
     names = ["field", *PairedDifference.__dataclass_fields__]
     rows = pd.read_parquet(path)[names].to_dict("records")
@@ -127,7 +130,7 @@ def _prepare(plan: Campaign, out: Path, overwrite: bool) -> None:
 
     :raises InputError: if it cannot be written, or has results that must not be replaced
     """
-    from soilmoist_ros.simulation import RUNS, missions
+    from soilmoist_ros.lab import RUNS, missions
 
     stored = {path.stem for path in (out / RUNS).glob("*.npz")}
     if not (out / RUNS).is_dir():

@@ -78,8 +78,6 @@ VIEWERS = "viewers"
 @click.option("--foxglove", type=click.IntRange(1, 65535), metavar="[PORT]",
               is_flag=False, flag_value=FOXGLOVE_PORT,
               help=f"Serve the viewer Foxglove, and write its layout. Default port: {FOXGLOVE_PORT}.")  # fmt: skip
-@click.option("--background", is_flag=True,
-              help="Draw an aerial picture of the field, and show it below the map of the page.")  # fmt: skip
 @click.option("--autostart/--no-autostart", default=True, show_default=True,
               help="Start the mission at once, or wait for a start on the operator's page.")  # fmt: skip
 @click.option("--exit", "leave", is_flag=True, help="End with the mission, also on a terminal.")
@@ -96,7 +94,6 @@ def command(
     scenario: str,
     console: bool,
     foxglove: int | None,
-    background: bool,
     autostart: bool,
     leave: bool,
     earlier: tuple[Path, ...],
@@ -138,12 +135,6 @@ def command(
         warn(f"console: not served, aiohttp is not installed -> {install('console')}")
     port = free_port(PORT) if console else 0
     viewer_port = free_port(foxglove) if port and foxglove is not None else 0
-    picture = None
-    if background and port:
-        from soilmoist_ros.simulation import write_aerial_picture
-
-        shown = surrogate_field(mission.field_name)
-        picture = write_aerial_picture(shown, out / "configuration" / "aerial.tif", mission.seed)
     settings = DemoSettings(
         out,
         mission,
@@ -155,7 +146,6 @@ def command(
         covariates=sources,
         console_port=port,
         foxglove_port=viewer_port,
-        background=picture,
     )
     address = f"console    http://127.0.0.1:{port}/"
     opened = "\n".join([address, *(_foxglove(viewer_port, mission, out) if viewer_port else ())])

@@ -121,7 +121,7 @@ def _exports() -> Iterator[Item]:
 
 
 def _campaigns() -> Iterator[Item]:
-    from soilmoist_ros.simulation import load_campaign, missions
+    from soilmoist_ros.lab import load_campaign, missions
 
     for name, path in _shipped("campaigns"):
         campaign = load_campaign(name)

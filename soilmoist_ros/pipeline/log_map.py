@@ -160,16 +160,6 @@ def map_logs(
     :param progress: called during the work
     :param compute: computes the tiles of a large map, see :func:`shared_work`; writing the outputs needs it again
     :raises InputError: if a file cannot be used; lists all mistakes
-
-    >>> import tempfile
-    >>> from soilmoist_ros.simulation.robot.virtual_survey import write_survey
-    >>> with tempfile.TemporaryDirectory() as name:
-    ...     folder = Path(name)
-    ...     _ = write_survey(folder, seed=2, spacing_m=30.0, dwell_s=60.0)
-    ...     files = {"site": folder / "site.yaml", "field": folder / "field.yaml"}
-    ...     run = map_logs([folder / "survey.log"], MapSettings(nmea=(folder / "survey.nmea",), **files))
-    >>> run.soil_map.vwc.shape == run.soil_map.rate.shape == run.soil_map.grid.shape
-    True
     """
     values = settings.values()
     read = _read_files(paths, settings, progress)

@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Outputs of runs: report, GeoTIFF, GeoJSON, tables and summary."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.reporting.campaign.data import CampaignData as CampaignData
-    from soilmoist_ros.reporting.campaign.figures import campaign_figures as campaign_figures
-    from soilmoist_ros.reporting.campaign.report import write_campaign_report as write_campaign_report
+    from soilmoist_ros.reporting.colours import RATE as RATE
+    from soilmoist_ros.reporting.colours import UNCERTAIN as UNCERTAIN
     from soilmoist_ros.reporting.colours import between as between
+    from soilmoist_ros.reporting.colours import colour_ramp as colour_ramp
     from soilmoist_ros.reporting.colours import palette_png as palette_png
     from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS
     from soilmoist_ros.reporting.exports.registry import Export as Export
@@ -38,9 +39,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.moisture_steps import at_one_place as at_one_place
     from soilmoist_ros.reporting.moisture_steps import moisture_of_all as moisture_of_all
     from soilmoist_ros.reporting.moisture_steps import moisture_series as moisture_series
-    from soilmoist_ros.reporting.old_names import FieldSurvey as FieldSurvey
-    from soilmoist_ros.reporting.old_names import MapRun as MapRun
-    from soilmoist_ros.reporting.old_names import open_survey as open_survey
     from soilmoist_ros.reporting.opened_run import OpenedRun as OpenedRun
     from soilmoist_ros.reporting.opened_run import open_run as open_run
     from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs
@@ -55,22 +53,28 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.earlier_section import change_summary as change_summary
     from soilmoist_ros.reporting.page.earlier_section import dated as dated
     from soilmoist_ros.reporting.page.earlier_section import relations as relations
+    from soilmoist_ros.reporting.page.frame import render_page as render_page
+    from soilmoist_ros.reporting.page.labels import dwell_text as dwell_text
+    from soilmoist_ros.reporting.page.labels import strategy_text as strategy_text
+    from soilmoist_ros.reporting.page.labels import strategy_traits as strategy_traits
     from soilmoist_ros.reporting.page.notes import notes as notes
+    from soilmoist_ros.reporting.page.numbers import length as length
+    from soilmoist_ros.reporting.page.numbers import number as number
+    from soilmoist_ros.reporting.page.numbers import percent as percent
+    from soilmoist_ros.reporting.page.numbers import plain as plain
     from soilmoist_ros.reporting.page.report import write_report as write_report
     from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture
     from soilmoist_ros.reporting.page.statistics import truth_score as truth_score
+    from soilmoist_ros.reporting.page.style import robust_range as robust_range
     from soilmoist_ros.reporting.season.season import SeasonSettings as SeasonSettings
     from soilmoist_ros.reporting.season.season import make_season as make_season
     from soilmoist_ros.reporting.season.season_files import estimate_text as estimate_text
     from soilmoist_ros.reporting.season.season_files import write_season as write_season
 
-__getattr__, __dir__, __all__ = open_door(
+_open, __dir__, __all__ = open_door(
     __name__,
     {
-        "campaign.data": "CampaignData",
-        "campaign.figures": "campaign_figures",
-        "campaign.report": "write_campaign_report",
-        "colours": "between palette_png",
+        "colours": "RATE UNCERTAIN between colour_ramp palette_png",
         "exports.registry": "EXPORTS Export export_kind export_run",
         "exports.source": "ExportSettings RunSource",
         "failed_outputs": "write_failed",
@@ -92,10 +96,25 @@ __getattr__, __dir__, __all__ = open_door(
         "outputs": "write_outputs",
         "page.covariates": "covariate_importance",
         "page.earlier_section": "change_amount change_since change_summary dated relations",
+        "page.frame": "render_page",
+        "page.labels": "dwell_text strategy_text strategy_traits",
         "page.notes": "notes",
+        "page.numbers": "area duration length number percent plain",
         "page.report": "write_report",
         "page.statistics": "mean_moisture truth_score",
+        "page.style": "robust_range",
         "season.season": "SeasonSettings make_season",
         "season.season_files": "estimate_text write_season",
     },
 )
+
+
+_MOVED = {
+    "write_campaign_report": "soilmoist_ros.lab",
+    **dict.fromkeys(("FieldSurvey", "MapRun", "open_survey"), "soilmoist_ros.pipeline"),
+}
+
+
+def __getattr__(name: str) -> object:
+    """Name of this door; what has moved to another one is found here for one release."""
+    return getattr(import_module(_MOVED[name]), name) if name in _MOVED else _open(name)

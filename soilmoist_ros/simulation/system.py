@@ -4,21 +4,37 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration import GraphTravel
+from soilmoist_ros.exploration import FreeTravel, GraphTravel
 from soilmoist_ros.foundation import InputError
+from soilmoist_ros.sensing import CountRecord
+from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.mission.channel import mission_fields
 from soilmoist_ros.simulation.mission.mission_ground import fenced_map, mission_map, start_stop
 from soilmoist_ros.simulation.mission.settings import MissionSettings
+from soilmoist_ros.simulation.mission.simulator import PLACES_PER_RECORD
+from soilmoist_ros.simulation.mission.streams import device_stream, gnss_stream, sensor_stream
 from soilmoist_ros.simulation.robot.scenario import Scenario
-from soilmoist_ros.simulation.robot.virtual_navigation import GoalEnded
-from soilmoist_ros.simulation.simulated_robot import Output, SimulatedRobot
+from soilmoist_ros.simulation.robot.simulated_links import FaultyLink, Reachable, Sent
+from soilmoist_ros.simulation.robot.virtual_devices import VirtualGnss, VirtualLogger, VirtualSensor
+from soilmoist_ros.simulation.robot.virtual_navigation import (
+    GoalEnded,
+    NavigationEvent,
+    VirtualNavigation,
+    VirtualRobot,
+)
 
 _NOTHING_WRONG = Scenario()
+LOGGER, GNSS = "logger", "gnss"
+AWAY_M = 3.0
+"""A robot nearer to its target may be there for the mission [m]."""
+_GGA = 1  # damages affect the sentence with the position
 
 
 class VirtualSystem:
@@ -100,3 +116,197 @@ def _require_edges(edges: NDArray[np.intp], names: tuple[str, ...], scenario: Sc
             f"the map has no edge {', '.join(f'{start} -> {end}' for start, end in lost)}",
             "correct 'failing_edges' in the scenario, or give its map as 'graph'",
         )
+
+
+@dataclass(frozen=True)
+class PropertyCounted:
+    """A record from the sensor of an additional property.
+
+    :param name: name of the property
+    :param record: corrected record with position, as its driver would publish it
+    """
+
+    name: str
+    record: CountRecord
+
+
+Output = Sent | Reachable | PropertyCounted | NavigationEvent
+
+
+def robot_namespaces(robots: int) -> tuple[str, ...]:
+    """Namespaces of the robots of a simulated system; a single robot has none.
+
+    >>> robot_namespaces(2)
+    ('robot_1', 'robot_2')
+    """
+    return tuple(f"robot_{number + 1}" for number in range(robots)) if robots > 1 else ("",)
+
+
+class SimulatedRobot:
+    """Body and devices of one robot. The sensors of additional properties have no faults.
+
+    :param number: number of the robot, from 0
+    :param settings: seed, number of robots, sensors and noise
+    :param fields: surrogate field of each property; the first is counted by the logger
+    :param travel: travel graph of the navigation, and how the robot moves
+    :param start_xy: start position [m]
+    :param start_s: time at which the simulation begins [s since 1970 UTC]
+    :param gnss_period_s: time between epochs of the GNSS receiver [s], > 0
+    :param scenario: faults to simulate
+    """
+
+    def __init__(
+        self,
+        number: int,
+        settings: MissionSettings,
+        fields: Sequence[SurrogateField],
+        travel: GraphTravel,
+        start_xy: tuple[float, float],
+        start_s: float,
+        gnss_period_s: float,
+        scenario: Scenario,
+    ) -> None:
+        self.number = number
+        self.now_s = 0.0
+        self.sent_s = -math.inf
+        """End of the last record that the logger sent whole [s]."""
+        self.fixed_s = -math.inf
+        """Time of the last fix that the receiver sent whole [s]."""
+        self.goal_id: int | None = None
+        """Goal of the navigation that has not ended."""
+        self._cadence_s, self._position_sd_m = settings.cadence_s, settings.position_sd_m
+        self._start_s = start_s
+        seed, robots = settings.seed, settings.robots
+        navigation, logger_link, gnss_link, tubes, *places = (
+            device_stream(seed, device, number, robots) for device in range(3 + len(fields))
+        )
+        self.body = VirtualRobot(travel.motion, start_xy)
+        self.navigation = VirtualNavigation(travel, self.body, scenario.navigation, navigation)
+        field = fields[0]
+        self._free_travel = FreeTravel(travel.motion, (field.polygon,), field.field.no_go)
+        first, *others = (
+            VirtualSensor(
+                one,
+                sensor_stream(seed, kind, number, robots),
+                settings.cadence_s,
+                settings.footprint_m,
+                settings.weather,
+                scenario.rain.drift if scenario.rain else settings.rate_drift,
+            )
+            for kind, one in enumerate(fields)
+        )
+        self.logger = VirtualLogger(first, start_s, tubes, scenario.sensor)
+        self._further = [
+            (wanted.name, sensor, rng)
+            for wanted, sensor, rng in zip(settings.properties, others, places, strict=True)
+        ]
+        self._counted: list[PropertyCounted] = []
+        self._gnss = VirtualGnss(field.frame, start_s, settings.position_sd_m, gnss_stream(seed, number))
+        self._gnss_period_s = gnss_period_s
+        self._no_fix, self._shifts = scenario.gnss.no_fix, scenario.gnss.shifts
+        self._logger_link = FaultyLink(LOGGER, scenario.logger, logger_link)
+        self._gnss_link = FaultyLink(GNSS, scenario.gnss, gnss_link)
+        self._records = 0
+        self._epochs = 0
+        self._path: list[tuple[float, float]] = []
+
+    def step(self, now_s: float) -> list[Output]:
+        """Run all that is due, and return the output in order.
+
+        :param now_s: time since the start [s], not before :attr:`next_s` or the time of the last step
+        """
+        self.now_s = now_s
+        self._run_devices()
+        out: list[Output] = []
+        out += self.navigation.happened(now_s)
+        if any(isinstance(event, GoalEnded) and event.goal_id == self.goal_id for event in out):
+            self.goal_id = None
+        out += self._logger_link.receive(now_s)
+        out += self._gnss_link.receive(now_s)
+        out += self._counted
+        self._counted.clear()
+        return out
+
+    def go_to(self, target: str) -> int | None:
+        """Send a goal to the navigation; returns its number, ``None`` if it is rejected."""
+        goal_id = self.navigation.accept(self.now_s, target)
+        self.goal_id = self.goal_id if goal_id is None else goal_id
+        return goal_id
+
+    def go_to_pose(self, xy: tuple[float, float]) -> int | None:
+        """Send a place [m] to the navigation; returns the number of the goal, ``None`` if it is rejected."""
+        goal_id = self.navigation.accept_pose(self.now_s, xy, self._free_travel)
+        self.goal_id = self.goal_id if goal_id is None else goal_id
+        return goal_id
+
+    def cancel(self, goal_id: int) -> bool:
+        """Ask the navigation to cancel a goal; returns whether its response confirms it."""
+        return self.navigation.cancel(self.now_s, goal_id)
+
+    def drive_to(self, xy: tuple[float, float]) -> float | None:
+        """Drive straight to a position [m]; returns the arrival time [s], ``None`` if it cannot be reached."""
+        return self.navigation.drive(self.now_s, xy, self._free_travel)
+
+    def waits_for_goal(self, target_xy: tuple[float, float]) -> bool:
+        """Whether the robot stands without a goal, away from a target [m], though the navigation is there."""
+        idle = self.goal_id is None and self.body.stands(self.now_s) and self.navigation.present
+        return idle and math.dist(self.body.at(self.now_s), target_xy) > AWAY_M
+
+    @property
+    def next_s(self) -> float:
+        """Time of the next output or measurement [s since the start]."""
+        links = min(self._logger_link.next_s, self._gnss_link.next_s)
+        return min(self._next_place_s, self._record_end_s, self._next_epoch_s, self.navigation.next_s, links)
+
+    @property
+    def _record_end_s(self) -> float:
+        return (self._records + 1) * self._cadence_s
+
+    @property
+    def _next_place_s(self) -> float:
+        to_come = PLACES_PER_RECORD - len(self._path)
+        if to_come == 0:
+            return math.inf
+        return self._record_end_s - self._cadence_s * (to_come - 0.5) / PLACES_PER_RECORD
+
+    @property
+    def _next_epoch_s(self) -> float:
+        return self._epochs * self._gnss_period_s
+
+    def _run_devices(self) -> None:
+        """Run the sensors, the receiver and the localisation that are due now."""
+        if self._next_place_s <= self.now_s:
+            self._path.append(self.body.at(self.now_s))
+        if self._record_end_s <= self.now_s:
+            # Latest position first, as in simulate_mission: the mean is then rounded equally.
+            path = np.array(self._path[::-1])
+            record = self.logger.record(self.now_s, path)
+            self._records += 1
+            self._path.clear()
+            if self._logger_link.send(self.now_s, self.logger.lines(record)):
+                self.sent_s = self.now_s
+            for further in self._further:
+                self._count(*further, path)
+        if self._next_epoch_s <= self.now_s:
+            has_fix = not any(span.covers(self.now_s) for span in self._no_fix)
+            sentences = self._gnss.sentences(self.now_s, self._reported_place, has_fix)
+            self._epochs += 1
+            if self._gnss_link.send(self.now_s, sentences, spoilt=_GGA) and has_fix:
+                self.fixed_s = self.now_s
+            self.navigation.look(self.now_s)
+
+    @property
+    def _reported_place(self) -> tuple[float, float]:
+        """Where the receiver believes to be [m]."""
+        x_m, y_m = self.body.at(self.now_s)
+        wrong = [shift for shift in self._shifts if shift.covers(self.now_s)]
+        return x_m + sum(shift.east_m for shift in wrong), y_m + sum(shift.north_m for shift in wrong)
+
+    def _count(
+        self, name: str, sensor: VirtualSensor, places: np.random.Generator, path: NDArray[np.float64]
+    ) -> None:
+        """Count with the sensor of an additional property along the path of a record."""
+        noise = places.normal(0.0, self._position_sd_m, 2)
+        x_m, y_m = (path[PLACES_PER_RECORD // 2] + noise).tolist()
+        record = sensor.record(self.now_s, path, (x_m, y_m))
+        self._counted.append(PropertyCounted(name, replace(record, stamp_s=self._start_s + self.now_s)))

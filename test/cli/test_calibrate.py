@@ -174,7 +174,7 @@ def test_doubts_about_the_result(calibrate):
 
 
 def test_counts_of_another_day_than_the_cores_are_refused(tmp_path):
-    from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+    from virtual_survey import write_survey
 
     write_survey(tmp_path, seed=2, spacing_m=30.0, dwell_s=60.0)
     common = [

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from soilmoist_ros.cli import campaign
 from soilmoist_ros.cli.main import main
-from soilmoist_ros.simulation.campaign.progress import CampaignProgress
+from soilmoist_ros.lab.progress import CampaignProgress
 
 
 @pytest.mark.slow

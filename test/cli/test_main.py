@@ -21,7 +21,7 @@ from soilmoist_ros.cli.options.examples import EXAMPLES
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.sensing.moisture.site import load_site
 from soilmoist_ros.simulation.mission.settings import SETTINGS
-from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+from virtual_survey import write_survey
 
 OUTPUTS = ["map.tif", "records.csv", "report.html", "samples.geojson", "soilmoist.qgs", "summary.json"]
 

@@ -16,6 +16,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # virtual_survey
+
 import soilmoist_ros.nodes  # noqa: F401 - one thread, before numpy is imported
 
 # isort: split
@@ -41,11 +43,11 @@ from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.records import NAN, CountRecord
 from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
+from soilmoist_ros.simulation.fields.surrogate_field import write_field_file, write_site_file
 from soilmoist_ros.simulation.mission import simulator as mission_simulator
-from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.simulation.mission.mission_result import MissionResult
 from soilmoist_ros.simulation.mission.settings import MissionSettings
-from soilmoist_ros.simulation.robot.virtual_survey import START_S, simulate_log, stop_and_go
+from virtual_survey import START_S, simulate_log, stop_and_go
 
 HERE = Path(__file__).resolve().parent
 FIELD = "half-wet"

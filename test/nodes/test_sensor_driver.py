@@ -36,8 +36,8 @@ from soilmoist_ros.sensing.formats.robot_logger import format_header, format_rec
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
-from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences, sentences_without_fix
-from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences, sentences_without_fix
+from virtual_survey import write_survey
 
 T0 = datetime(2026, 6, 1, 8, tzinfo=UTC).timestamp()
 FRAME = LocalFrame(53.268, -0.5245)

@@ -29,7 +29,7 @@ from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.field_files import write_field_file, write_site_file
+from soilmoist_ros.simulation.fields.surrogate_field import write_field_file, write_site_file
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 

@@ -17,7 +17,7 @@ from soilmoist_ros.pipeline.bag_lines import fix_topic, logger_topic, read_fixes
 from soilmoist_ros.pipeline.log_map import MapSettings, map_logs
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.sensing.position.nmea import read_nmea
-from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+from virtual_survey import write_survey
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 TYPES = STORE.types

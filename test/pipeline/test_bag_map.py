@@ -39,7 +39,7 @@ from soilmoist_ros.reporting.failed_outputs import write_failed
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.robot.virtual_survey import write_survey
+from virtual_survey import write_survey
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden"
 CASES = {

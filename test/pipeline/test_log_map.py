@@ -26,7 +26,7 @@ from soilmoist_ros.reporting.page.statistics import mean_sd
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import Position
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
-from soilmoist_ros.simulation.robot.virtual_survey import (
+from virtual_survey import (
     half_wet_field,
     simulate_log,
     stop_and_go,

@@ -28,9 +28,7 @@ from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.viewer.layers import viewer_data
 from soilmoist_ros.reporting.page.wording import facts, headline
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.simulation.mission.forecasts import TimedForecast
-from soilmoist_ros.simulation.mission.map_errors import MapErrors
-from soilmoist_ros.simulation.mission.result import SeriesRow
+from soilmoist_ros.simulation.mission.mission_result import MapErrors, SeriesRow, TimedForecast
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 FAKE = Path(__file__).resolve().parents[1] / "simulation"

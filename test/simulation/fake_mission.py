@@ -13,8 +13,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
-from soilmoist_ros.simulation.mission.map_errors import MapErrors
-from soilmoist_ros.simulation.mission.result import MappedProperty, MissionResult, SeriesRow
+from soilmoist_ros.simulation.mission.mission_result import MapErrors, MappedProperty, MissionResult, SeriesRow
 
 TITLES = {
     "synthetic-high": "Synthetic airfield, high gradient",

@@ -26,8 +26,6 @@ COLUMN_IN, TEXT_IN = 84 / 25.4, 174 / 25.4
 """Width of a column and of the text of a journal page [in]: 84 and 174 mm."""
 SIZE: Final = 8.0
 """Size of the text [pt]."""
-HEIGHTENED, ENLARGED = 1.12, 1.07
-"""How much larger height and text of a figure become than by its share of the width, to be read on paper."""
 MOISTURE, RATE_TITLE = "Soil moisture [m³/m³]", "Neutron rate [counts/s]"
 _VECTOR: Final[dict[str, Any]] = {
     "pdf.fonttype": 42,  # TrueType, embedded: journals refuse Type 3
@@ -56,21 +54,6 @@ def vector_figure(width_in: float, height_in: float) -> Figure:
         figsize=(width_in, height_in), facecolor="white", layout="constrained"
     )
     return made
-
-
-def of_text_width(figure: Figure) -> Figure:
-    """A figure for the screen, made as wide as the text of a journal page: smaller, with thinner lines."""
-    from matplotlib.lines import Line2D
-    from matplotlib.text import Text
-
-    width_in, height_in = figure.get_size_inches()
-    share = TEXT_IN / width_in
-    figure.set_size_inches(TEXT_IN, HEIGHTENED * share * height_in)
-    for text in figure.findobj(Text):
-        text.set_fontsize(ENLARGED * share * text.get_fontsize())
-    for line in figure.findobj(Line2D):
-        line.set_linewidth(share * line.get_linewidth())
-    return figure
 
 
 def caption_axes(axes: Axes, x: str, y: str) -> None:

@@ -1,18 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A surrogate field: count rate and soil moisture are known everywhere."""
+"""A surrogate field: count rate and soil moisture are known everywhere; its files can be written."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import LocalFrame
-from soilmoist_ros.mapping import Field, Variogram
-from soilmoist_ros.sensing import MoistureCurve
+from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.mapping import Field, FieldGrid, Variogram
+from soilmoist_ros.sensing import Calibration, MoistureCurve, Soil
 
 Array = NDArray[np.float64]
 
@@ -67,3 +70,91 @@ class SurrogateField:
         if self.curve is None:
             raise ValueError(f"the field {self.name!r} has no calibration curve, hence no soil moisture")
         return self.curve.vwc(self.rate_at(xy_m))
+
+
+def write_field_file(field: SurrogateField, path: Path) -> None:
+    """Write the field file of a surrogate field, without its truth.
+
+    :param field: the field
+    :param path: file to write
+    :raises InputError: if it cannot be written
+    """
+    _write(path, _yaml(_outline(field)))
+
+
+def write_site_file(field: SurrogateField, path: Path, footprint_m: float = 0.0) -> None:
+    """Write a site file with the soil and the calibration of a surrogate field, if it has any.
+
+    :param field: the field
+    :param path: file to write
+    :param footprint_m: radius of the sensor's footprint [m]; 0 for a sensor that sees its own place only
+    :raises InputError: if it cannot be written
+    """
+    about: dict[str, Any] = {"name": "simulated sensor"}
+    if footprint_m > 0:
+        about["footprint_radius_m"] = footprint_m
+    about["corrections"] = {"humidity": {"method": "linear"}}  # as the simulated weather acts on the counts
+    _write(path, _yaml({**about, **_calibration(field, note="the calibration that the simulation uses")}))
+
+
+def write_truth_file(field: SurrogateField, grid: FieldGrid, path: Path) -> None:
+    """Write the truth as a field file, readable as a surrogate field, and its grid as CSV in the same folder.
+
+    :param field: the field
+    :param grid: grid; the truth is written at all cell centres, also outside the field
+    :param path: field file to write; the grid gets the suffix ``.csv``
+    :raises InputError: if the files cannot be written
+    """
+    table = path.with_suffix(".csv")
+    x, y = (axis.ravel() for axis in np.meshgrid(grid.x_m, grid.y_m))
+    rate = field.rate_at(np.column_stack([x, y]))
+    rows = (f"{east!r},{north!r},{cps!r}\n" for east, north, cps in np.column_stack([x, y, rate]).tolist())
+    _write(table, "x_m,y_m,rate_cps\n" + "".join(rows))
+    truth = {"grid": table.name, "hours": field.hours, **_calibration(field)}
+    _write(path, _yaml({**_outline(field), "truth": truth}))
+
+
+def _outline(field: SurrogateField) -> dict[str, Any]:
+    frame = field.frame
+    content: dict[str, Any] = {
+        "name": _title(field),
+        "datum": {"latitude_deg": frame.latitude_deg, "longitude_deg": frame.longitude_deg},
+        "polygon": field.polygon.tolist(),
+    }
+    if field.field.no_go:
+        content["no_go"] = [ring.tolist() for ring in field.field.no_go]
+    if field.field.cell_m is not None:
+        content["cell_m"] = field.field.cell_m
+    if field.field.covariates:
+        content["covariates"] = [one.section for one in field.field.covariates]
+    return content
+
+
+def _calibration(field: SurrogateField, note: str | None = None) -> dict[str, Any]:
+    if field.curve is None:
+        return {}
+    known = {name: value for name, value in field.curve.parameters.items() if value}
+    soil = {name: known[name] for name in Soil.model_fields if name in known}
+    calibration = {name: known[name] for name in Calibration.model_fields if name in known}
+    if note:
+        calibration["note"] = note
+    return {"soil": soil, "calibration": calibration}
+
+
+def _title(field: SurrogateField) -> str:
+    return f"{field.title} (simulated)"
+
+
+def _yaml(content: dict[str, Any]) -> str:
+    """One key per line; JSON values are YAML as well."""
+    return "".join(f"{key}: {json.dumps(value, ensure_ascii=False)}\n" for key, value in content.items())
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            f"cannot be written: {error.strerror}", "choose a file in a folder that you may write to", path
+        ) from None

@@ -27,11 +27,9 @@ from soilmoist_ros.mapping import (
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
-from soilmoist_ros.simulation.mission.earlier_series import earlier_series
-from soilmoist_ros.simulation.mission.map_errors import MapErrors, map_errors
-from soilmoist_ros.simulation.mission.result import MappedProperty
+from soilmoist_ros.simulation.mission.mission_result import MapErrors, MappedProperty, map_errors
 from soilmoist_ros.simulation.mission.settings import MissionSettings, PropertySettings
-from soilmoist_ros.simulation.mission.simulated_covariates import simulated_covariates
+from soilmoist_ros.simulation.mission.simulated_knowledge import earlier_series, simulated_covariates
 from soilmoist_ros.simulation.mission.streams import field_stream
 
 Array = NDArray[np.float64]

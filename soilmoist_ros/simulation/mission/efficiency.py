@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import MIN_RATE_CPS, least_variance, spread_cells
 from soilmoist_ros.mapping import FieldPrior, PoissonKriging, Samples, Variogram, fit_variogram
-from soilmoist_ros.simulation.mission.result import MissionResult
+from soilmoist_ros.simulation.mission.mission_result import MissionResult
 
 Array = NDArray[np.float64]
 

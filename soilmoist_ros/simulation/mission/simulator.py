@@ -57,14 +57,19 @@ from soilmoist_ros.foundation import InputError
 from soilmoist_ros.mapping import CovariateSource, EarlierSurvey, read_covariates
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation.mission.channel import Channel, mission_fields, mission_properties
-from soilmoist_ros.simulation.mission.forecasts import TimedForecast
 from soilmoist_ros.simulation.mission.mission_ground import start_stop, travel_and_stops
-from soilmoist_ros.simulation.mission.moment import Moment, RobotMoment, Watch
-from soilmoist_ros.simulation.mission.result import MissionResult, SeriesRow
+from soilmoist_ros.simulation.mission.mission_result import (
+    MissionResult,
+    Moment,
+    RobotMoment,
+    SeriesRow,
+    TimedForecast,
+    Watch,
+)
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.streams import position_errors, sensor_stream
-from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
-from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
+from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
+from soilmoist_ros.simulation.robot.virtual_navigation import VirtualRobot
 
 Array = NDArray[np.float64]
 

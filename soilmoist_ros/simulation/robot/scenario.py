@@ -4,17 +4,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from soilmoist_ros.foundation import Section, load_model, resource
-from soilmoist_ros.simulation.robot.drift import Drift
 
 Number = Annotated[int, Field(ge=1)]
 Seconds = Annotated[float, Field(ge=0)]
 Duration = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
+RAIN_S = 300.0
+"""Time that rain takes to change the rate [s]."""
 
 
 class Span(Section):
@@ -216,3 +218,30 @@ def load_scenario(name: str) -> Scenario:
     :raises InputError: if the file does not exist; otherwise with every mistake in it
     """
     return load_model(resource("scenarios", name), Scenario) if name else Scenario()
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A change of the true rate, by the same share everywhere, evenly in time.
+
+    >>> drying = Drift(0.1, 0.0, 7200.0)
+    >>> drying.factor(0.0), drying.factor(3600.0), drying.factor(9000.0)
+    (1.0, 1.05, 1.1)
+
+    :param share: change, as a share of the rate before: 0.1 for drying by 10 %, negative for wetting [-]
+    :param begin_s: when it begins [s]
+    :param end_s: when it is complete [s], > ``begin_s``
+    """
+
+    share: float = 0.0
+    begin_s: float = 0.0
+    end_s: float = 1.0
+
+    def factor(self, time_s: float) -> float:
+        """Rate at a time [s], relative to the rate before the change; exactly 1 without a change."""
+        done = min(max((time_s - self.begin_s) / (self.end_s - self.begin_s), 0.0), 1.0)
+        return 1.0 + self.share * done
+
+
+STEADY = Drift()
+"""No change."""

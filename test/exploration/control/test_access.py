@@ -13,6 +13,7 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from rehearsal.cases import GRAPHS, OUTLINES, random_ground
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings, FieldAccess
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
@@ -26,7 +27,6 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.simulation.rehearsal.ground import GRAPHS, OUTLINES, random_ground
 
 SQUARE = np.array([[0, 0], [60, 0], [60, 40], [0, 40]], float)
 POND = np.array([[20, 12], [40, 12], [40, 40], [20, 40]], float)

@@ -13,7 +13,7 @@ from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.local_fit import MIN_EVIDENCE, MIN_PLACES, fit_amplitude
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.mapping.variogram.reml import Prior, RestrictedLikelihood
-from soilmoist_ros.simulation.fields.rate_formula import formula
+from soilmoist_ros.simulation.fields.formulas import formula
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], 2.0)

@@ -31,7 +31,7 @@ from soilmoist_ros.reporting.page.statistics import (
 )
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.robot.virtual_sensor import VirtualSensor
+from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
 
 
 def test_band_statistics_leave_nan_out():

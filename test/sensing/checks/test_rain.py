@@ -8,7 +8,7 @@ import pytest
 
 from soilmoist_ros.sensing.checks.rain import RainSigns
 from soilmoist_ros.sensing.records import LoggerRecord
-from soilmoist_ros.simulation.robot.weather import warming_morning
+from soilmoist_ros.simulation.robot.virtual_devices import warming_morning
 
 
 def signs(weather):

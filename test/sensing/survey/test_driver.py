@@ -18,8 +18,8 @@ from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 from soilmoist_ros.sensing.records import Position
 from soilmoist_ros.sensing.survey.driver import Driver, DriverSettings
-from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences
-from soilmoist_ros.simulation.robot.virtual_survey import START_S, write_survey
+from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences
+from virtual_survey import START_S, write_survey
 
 LIMIT_S = 20.0
 FORMAT = "thorvald_crs"

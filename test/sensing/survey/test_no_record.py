@@ -14,7 +14,7 @@ from soilmoist_ros.sensing.records import LoggerRecord
 from soilmoist_ros.sensing.survey.driver_health import NO_RECORD_S, records_health
 from soilmoist_ros.sensing.survey.logger_fault import logger_fault
 from soilmoist_ros.sensing.survey.stream import SensorStream
-from soilmoist_ros.simulation.robot.virtual_gnss import sentences_without_fix
+from soilmoist_ros.simulation.robot.virtual_devices import sentences_without_fix
 
 T0 = 1.78e9
 HEADER = [text.encode() for text in format_header("CRS-0007").splitlines()]

@@ -28,8 +28,8 @@ from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.sensing.survey.places import MAX_FIXES
 from soilmoist_ros.sensing.survey.stream import SensorStream
 from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S
-from soilmoist_ros.simulation.robot.virtual_gnss import nmea_sentences, sentences_without_fix
-from soilmoist_ros.simulation.robot.virtual_survey import START_S, write_survey
+from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences, sentences_without_fix
+from virtual_survey import START_S, write_survey
 
 NAN = math.nan
 T0 = datetime(2024, 5, 1, 12, tzinfo=UTC).timestamp()

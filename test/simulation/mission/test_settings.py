@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The declaration of mission settings, and the options and keys derived from it."""
+"""Settings of a mission and their declaration: settings.py."""
 
 import dataclasses
+import math
 
 import click
 import numpy as np
@@ -13,8 +14,8 @@ from soilmoist_ros.exploration.planning.dwell import FixedInterval
 from soilmoist_ros.exploration.strategies.rules import PRESETS as CONSTANTS
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.lab.campaign_file import Choices
 from soilmoist_ros.simulation import MissionSettings, PropertySettings, surrogate_field
-from soilmoist_ros.simulation.campaign.campaign_file import Choices
 from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
@@ -160,3 +161,40 @@ def test_an_end_in_percent_is_refused_with_the_share_to_write(given, write):
     with pytest.raises(InputError, match=f"until_sd: must be at most 0.5, but it is .* -> write {write}$"):
         MissionSettings(until_sd=given).check()
     MissionSettings(until_sd=0.05).check()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("hours", 0, "must be > 0"),
+        ("hours", math.inf, "must be finite"),
+        ("hours", 10**400, "must be finite"),
+        ("hours", True, "must be a number"),
+        ("seed", -1, "must be >= 0"),
+        ("robots", 1.5, "must be a whole number"),
+        ("footprint_m", -0.1, "must be >= 0"),
+        ("strategy", "gredy", "did you mean 'greedy'"),
+        ("model", "matern23", "did you mean 'matern"),
+        ("dwell", "ami:3", "did you mean 'ami:3%'"),
+        ("weather", 1, "must be true or false"),
+        ("field", "", "must not be empty"),
+        ("preset", "papers", "did you mean 'paper'"),
+    ],
+)
+def test_a_value_that_is_not_allowed_is_named(name, value, message):
+    with pytest.raises(InputError, match=f"{name}: .*{message}"):
+        MissionSettings(**{name: value}).check()
+
+
+def test_a_decimal_comma_is_named():
+    with pytest.raises(ValueError, match=r"must be a number, but it is '0,5' -> write 0\.5"):
+        SETTINGS["hours"].parsed("0,5")
+
+
+def test_a_whole_number_of_a_parser_is_a_number():
+    """As ruamel reads ``0`` in a campaign file."""
+
+    class Number(int):
+        pass
+
+    assert type(SETTINGS["drift"].checked(Number(0))) is float

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.mission.forecasts import achieved, reported
+from soilmoist_ros.simulation.mission.mission_result import achieved, reported
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 

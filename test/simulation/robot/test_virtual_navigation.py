@@ -20,8 +20,8 @@ from soilmoist_ros.simulation.robot.virtual_navigation import (
     Remaining,
     ServerPresent,
     VirtualNavigation,
+    VirtualRobot,
 )
-from soilmoist_ros.simulation.robot.virtual_robot import VirtualRobot
 
 MOTION = RobotMotion(speed_mps=1.0, stop_overhead_s=5.0)
 # A road of nodes 10 m apart: A at 0 m to E at 40 m.

@@ -1,0 +1,190 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Run campaigns: simulate missions in parallel, store each, and collect them in tables."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from soilmoist_ros.foundation import InputError, SoilmoistError, cores, optional_module
+from soilmoist_ros.lab.campaign_file import Campaign, Mission, load_campaign, mission_key, missions
+from soilmoist_ros.lab.computing import Failure, Flow, Simulate, WorkersLostError, in_processes, in_this_process
+from soilmoist_ros.lab.mission_store import DamagedMissionError, MissionStore, StaleMissionError
+from soilmoist_ros.lab.progress import CampaignProgress, Pace, Progress
+from soilmoist_ros.lab.table import MissionRow, mission_row, require_pandas, write_tables
+from soilmoist_ros.mapping import require_covariates
+from soilmoist_ros.simulation import surrogate_field
+
+__all__ = [
+    "Campaign",
+    "CampaignInterrupted",
+    "CampaignOutcome",
+    "CampaignProgress",
+    "Failure",
+    "Mission",
+    "load_campaign",
+    "mission_key",
+    "missions",
+    "run_campaign",
+    "stored_rows",
+]
+
+RUNS = "runs"
+"""Folder of the finished missions inside the output folder."""
+_RESUME = "run the same command again to resume"
+
+
+@dataclass(frozen=True)
+class CampaignOutcome:
+    """Result of a campaign.
+
+    :param total: missions of the campaign
+    :param computed: missions computed now
+    :param reused: stored missions that were reused
+    :param failures: failed missions, in the order of the campaign; the tables contain all other missions
+    :param remarks: notes for the user, such as damaged files whose missions were computed again
+    :param written: paths of the tables
+    :param rows: finished missions as the tables have them, in the order of the campaign
+    """
+
+    total: int
+    computed: int
+    reused: int
+    failures: tuple[Failure, ...]
+    remarks: tuple[str, ...]
+    written: tuple[Path, ...]
+    rows: tuple[tuple[Mission, MissionRow], ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether every mission finished."""
+        return not self.failures
+
+
+class CampaignInterrupted(KeyboardInterrupt):
+    """The user interrupted the campaign; the message states the progress and how to resume."""
+
+
+class CampaignStoppedError(SoilmoistError):
+    """The workers of the campaign are lost; the message states the progress and how to resume."""
+
+
+def run_campaign(
+    campaign: Campaign,
+    out: Path,
+    simulate: Simulate,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress = lambda state: None,
+) -> CampaignOutcome:
+    """Compute all missions of a campaign that are not stored yet, and write the tables.
+
+    A mission depends on its settings alone: the number of processes and interruptions do not change the results.
+    Each finished mission is stored at once in ``out/runs``. Stored missions are reused if they are complete and
+    come from the current version of the code. Missions are computed seed by seed, so an unfinished campaign has
+    about as many runs of each combination.
+
+    :param campaign: campaign from :func:`load_campaign`
+    :param out: output folder; created if missing
+    :param simulate: simulates one mission; local processes and clusters need an importable function
+    :param workers: local processes; one per core if ``None``, 0 computes in this process
+    :param scheduler: address of a Dask scheduler, used instead of local processes
+    :param progress: called at the start, after each mission, and while the campaign waits for workers
+    :raises InputError: if the folder cannot be written or another campaign writes in it, the cluster cannot be
+        reached, or a worker of it has another version of this package
+    :raises CampaignInterrupted: on Ctrl-C, after the running missions have stopped
+    :raises CampaignStoppedError: if the scheduler of the cluster does not answer any more
+    """
+    if workers is not None and workers < 0:
+        raise InputError(f"the number of processes cannot be {workers}", "give 0 or more")
+    require_pandas()
+    wanted = missions(campaign)
+    fields = map(surrogate_field, dict.fromkeys(mission.settings.field_name for mission in wanted))
+    require_covariates(source for field in fields for source in field.field.covariates)
+    store = MissionStore(out / RUNS)
+    with store.alone():
+        rows, remarks = _already_done(wanted, store, campaign.table_every_s)
+        reused = len(rows)
+        todo = sorted(
+            (mission for mission in wanted if mission.key not in rows),
+            key=lambda mission: campaign.runs.index(mission.settings.seed),
+        )
+        failures: dict[str, Failure] = {}
+        pace = Pace(len(wanted), todo, progress)
+
+        def stored_text() -> str:
+            return f"{len(rows)} of {len(wanted)} missions are stored in {store.folder}; {_RESUME}"
+
+        with closing(_computed(todo, simulate, workers, scheduler, pace)) as computed:
+            try:
+                for finished in computed:
+                    mission, content = finished.mission, finished.content
+                    if isinstance(content, bytes):
+                        try:
+                            stored = store.write(mission, content)
+                            rows[mission.key] = mission_row(stored, campaign.table_every_s)
+                        except DamagedMissionError as error:
+                            content = Failure(mission, f"its result {error}")
+                    if isinstance(content, Failure):
+                        failures[mission.key] = content
+                    pace.finished(mission, finished.time_s, isinstance(content, Failure))
+            except KeyboardInterrupt:
+                computed.close()
+                raise CampaignInterrupted(f"stopped: {stored_text()}") from None
+            except WorkersLostError as error:
+                raise CampaignStoppedError(f"{error}: {stored_text()}") from None
+        in_order = tuple((mission, rows[mission.key]) for mission in wanted if mission.key in rows)
+        return CampaignOutcome(
+            total=len(wanted),
+            computed=len(rows) - reused,
+            reused=reused,
+            failures=tuple(failures[m.key] for m in wanted if m.key in failures),
+            remarks=tuple(remarks),
+            written=tuple(write_tables(out, in_order)),
+            rows=in_order,
+        )
+
+
+def stored_rows(campaign: Campaign, out: Path) -> tuple[tuple[Mission, MissionRow], ...]:
+    """The finished missions of a campaign in its output folder, in the order of the campaign."""
+    wanted = missions(campaign)
+    rows, _ = _already_done(wanted, MissionStore(out / RUNS), campaign.table_every_s)
+    return tuple((mission, rows[mission.key]) for mission in wanted if mission.key in rows)
+
+
+def _already_done(
+    wanted: list[Mission], store: MissionStore, every_s: float
+) -> tuple[dict[str, MissionRow], list[str]]:
+    """Finished missions by key, and remarks on files that cannot be used."""
+    rows: dict[str, MissionRow] = {}
+    remarks, stale = [], 0
+    for mission in wanted:
+        try:
+            stored = store.read(mission)
+        except StaleMissionError:
+            stale += 1
+            continue
+        except DamagedMissionError as error:
+            remarks.append(f"{error}: computed again")
+            continue
+        if stored is not None:
+            rows[mission.key] = mission_row(stored, every_s)
+    if stale:
+        remarks.append(f"{stale} stored missions were computed by another version of the code: computed again")
+    return rows, remarks
+
+
+def _computed(
+    todo: list[Mission], simulate: Simulate, workers: int | None, scheduler: str | None, pace: Pace
+) -> Flow:
+    if not todo:
+        return in_this_process((), simulate)
+    if scheduler is not None:
+        optional_module("distributed")
+        from soilmoist_ros.lab.cluster import on_cluster
+
+        return on_cluster(todo, simulate, scheduler, pace.waits)
+    count = cores() if workers is None else workers
+    return in_processes(todo, simulate, count) if count else in_this_process(todo, simulate)

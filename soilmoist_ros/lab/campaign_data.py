@@ -1,0 +1,185 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The results of a campaign, prepared for figures and findings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from soilmoist_ros.exploration import STRATEGIES
+from soilmoist_ros.lab.campaign_file import Campaign, Mission, missions
+from soilmoist_ros.lab.hindsight import hindsight_table
+from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.lab.paired import PairedDifference, paired_differences
+from soilmoist_ros.lab.table import CASE, Finished, missions_table, results_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAMES = {
+    "hours": "{} h",
+    "model": "{} variogram",
+    "fit": "fit {}",
+    "noise": "{} noise",
+    "local": "local variance: {}",
+    "drift_model": "drift model {}",
+    "preset": "constants: {}",
+    "map_from": "map from {}",
+    "travel": "travel {}",
+    "graph": "graph {}",
+    "speed_mps": "{} m/s",
+    "stop_overhead_s": "{} s lost at each stop",
+    "turn_s_per_rad": "{} s/rad for turning",
+    "learn_travel": "travel times learned: {}",
+    "real_speed_mps": "{} m/s in truth",
+    "stop_cost_s": "a stop avoided for {} s",
+    "metre_cost_s": "a metre avoided for {} s",
+    "min_dwell_s": "at least {} s at a stop",
+    "cadence_s": "records of {} s",
+    "cell_m": "cells of {} m",
+    "footprint_m": "footprint {} m",
+    "position_sd_m": "GNSS ± {} m",
+    "weather": "weather: {}",
+    "drift": "true rate changes by the share {}",
+    "drift_hour": "at {} h",
+    "robots": "robots: {}",
+    "random_field": "a field per seed: {}",
+    "properties": "further properties: {}",
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """Missions on one field that differ in strategy, dwell and seed only.
+
+    :param number: position in the campaign
+    :param field: field, as in the settings
+    :param title: display name; includes the settings that distinguish cases of one field
+    :param hours: mission time [h]
+    """
+
+    number: int
+    field: str
+    title: str
+    hours: float
+
+
+class CampaignData:
+    """All finished missions of a campaign.
+
+    :param campaign: the campaign
+    :param finished: its finished missions, in the campaign's order
+    :param read: reads a finished mission with its map, for examples
+    """
+
+    def __init__(
+        self, campaign: Campaign, finished: Finished, read: Callable[[Mission], StoredMission | None]
+    ) -> None:
+        self.campaign = campaign
+        planned = missions(campaign)
+        self.expected = len(planned)
+        self._dwells = list(dict.fromkeys(mission.settings.dwell for mission in planned))
+        self._read = read
+        self._by_key = {mission.key: mission for mission, _ in finished}
+        self.missions = missions_table(finished)
+        self.results = results_table(finished)
+        by_key = self._cases_by_key()
+        self.missions["case"] = self.missions["key"].map(by_key)
+        self.results["case"] = self.results["key"].map(by_key)
+
+    def _cases_by_key(self) -> dict[str, int]:
+        number = self.missions.groupby(list(CASE), sort=False, dropna=False).ngroup()
+        return dict(zip(self.missions["key"], number.astype(int).tolist(), strict=True))
+
+    @cached_property
+    def cases(self) -> list[Case]:
+        """The cases in the order of the campaign."""
+        first = self.missions.drop_duplicates("case")
+        found = []
+        for row in first.to_dict("records"):
+            siblings = first[first["field"] == row["field"]]
+            differing = [name for name in CASE if siblings[name].nunique(dropna=False) > 1]
+            given = [name for name in differing if row[name] == row[name]]  # defaults are NaN, and need no words
+            extra = [NAMES.get(name, name + ": {}").format(_plain(row[name])) for name in given]
+            namesakes = first[first["field_title"] == row["field_title"]]["field"].nunique() > 1
+            name = f"{row['field_title']} ({row['field']})" if namesakes else str(row["field_title"])
+            found.append(Case(int(row["case"]), str(row["field"]), ", ".join([name, *extra]), float(row["hours"])))
+        return found
+
+    @cached_property
+    def hindsight(self) -> pd.DataFrame:
+        """Combinations against the best lattice in hindsight, by the number of the case."""
+        return hindsight_table(self.missions, ["case"])
+
+    def differences(self, case: Case) -> list[PairedDifference]:
+        """Differences of the strategies with the main dwell rule, or of all combinations of a single strategy."""
+        rows = self.final(case) if case in self.strategy_cases else self._of(self.missions, case)
+        return list(paired_differences(rows))
+
+    @cached_property
+    def strategy_cases(self) -> list[Case]:
+        """Cases in which strategies can be compared."""
+        return [case for case in self.cases if self.final(case)["strategy"].nunique() > 1]
+
+    def main_dwell(self, case: Case) -> str:
+        """The dwell rule with the most strategies, then the most missions, then the first."""
+        rows = self._of(self.missions, case)
+        dwells = sorted(rows["dwell"].unique(), key=self._dwells.index)
+
+        def size(dwell: str) -> tuple[int, int]:
+            some = rows[rows["dwell"] == dwell]
+            return some["strategy"].nunique(), len(some)
+
+        return str(max(dwells, key=size))
+
+    def final(self, case: Case) -> pd.DataFrame:
+        """One row per mission of a case, with the main dwell rule only."""
+        rows = self._of(self.missions, case)
+        return rows[rows["dwell"] == self.main_dwell(case)]
+
+    def over_time(self, case: Case, dwell: str | None = None) -> pd.DataFrame:
+        """Rows of a case, of one dwell rule or all."""
+        rows = self._of(self.results, case)
+        return rows if dwell is None else rows[rows["dwell"] == dwell]
+
+    def groups(self, case: Case) -> list[tuple[str, str, pd.DataFrame]]:
+        """Strategy, dwell and final values of each combination of a case, in display order."""
+        rows = self._of(self.missions, case)
+        found = [
+            (str(key[0]), str(key[1]), group) for key, group in rows.groupby(["strategy", "dwell"], sort=False)
+        ]
+        return sorted(found, key=lambda group: strategy_order(group[0]))
+
+    def example(self, case: Case, strategy: str) -> StoredMission | None:
+        """The strategy's first mission with a map, by seed; ``None`` if there is none."""
+        rows = self.final(case)
+        for key in rows[rows["strategy"] == strategy].sort_values("seed", kind="stable")["key"]:
+            stored = self._read(self._by_key[key])
+            if stored is not None and len(stored.x_m):
+                return stored
+        return None
+
+    def _of(self, table: pd.DataFrame, case: Case) -> pd.DataFrame:
+        return table[table["case"] == case.number]
+
+
+def strategies_in(rows: pd.DataFrame) -> list[str]:
+    """Strategies that occur, in display order."""
+    return sorted(rows["strategy"].unique(), key=strategy_order)
+
+
+def strategy_order(strategy: str) -> int:
+    """Position of a strategy in lists and legends."""
+    known = STRATEGIES.names()
+    return known.index(strategy) if strategy in known else len(known)
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:g}"
+    return str(value)

@@ -1,0 +1,410 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The campaign file: the missions to simulate, as grids over mission settings."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import logging
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+
+from pydantic import AfterValidator, BeforeValidator, create_model, model_validator
+from pydantic import Field as Setting
+
+from soilmoist_ros.foundation import (
+    InputError,
+    Mistake,
+    Section,
+    config_folder,
+    line_of,
+    load_model,
+    read_limited,
+    read_yaml,
+    resource,
+    resource_names,
+)
+from soilmoist_ros.lab.hindsight import LATTICE_DWELLS
+from soilmoist_ros.simulation import SETTINGS, MissionSettings, PropertySettings
+from soilmoist_ros.simulation import Setting as MissionSetting
+
+FindingKey = Literal["ami_high", "ami_low", "adaptive_sampling", "greedy_border"]
+"""Short names of the published findings."""
+KEY_DIGITS = 16
+MAX_RUNS = 1_000_000
+"""Runs with different seeds, given by their number."""
+_OLD_KEYS = {"variogram": "model", "also": "properties", "also_weight": "properties"}
+_log = logging.getLogger(__name__)
+
+
+def _many(value: Any) -> Any:
+    """A single value means a list of one."""
+    return tuple(value) if isinstance(value, (list, tuple)) else (value,)
+
+
+def _seeds(value: Any) -> Any:
+    """A number N means the seeds 1..N."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        if not 1 <= value <= MAX_RUNS:
+            raise ValueError(f"there must be 1 to {MAX_RUNS} runs")
+        return tuple(range(1, value + 1))
+    if isinstance(value, (list, tuple)):
+        return tuple(value)
+    raise ValueError("give the number of runs or a list of seeds")
+
+
+def _distinct(values: tuple[int, ...]) -> tuple[int, ...]:
+    if len(set(values)) < len(values):
+        raise ValueError("each seed may be given only once")
+    return values
+
+
+def _lists(value: Any) -> Any:
+    """A single list of properties, or a single property, means a list of one list."""
+    many = value if isinstance(value, (list, tuple)) else [value]
+    listed = bool(many) and all(isinstance(one, (list, tuple)) for one in many)
+    return tuple(map(tuple, many)) if listed else (tuple(many),)
+
+
+def _with_new_keys(part: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """Rename old keys of a part of the file: ``also`` and ``also_weight`` become ``properties``."""
+    renamed = {name: value for name, value in part.items() if name not in _OLD_KEYS}
+    for name in part.keys() - renamed.keys():
+        new = _OLD_KEYS[name]
+        _log.warning("the key %r has become %r; the old one is read in this release only", name, new)
+        if new == "model":
+            renamed[new] = part[name]
+    if {"also", "also_weight"} & part.keys():
+        given = {**defaults, **part}
+        weights = _many(given.get("also_weight", 1.0))
+        renamed["properties"] = [
+            [f"{name}:{weight}"] for name in _many(given.get("also", "")) if name for weight in weights
+        ]
+    return renamed
+
+
+T = TypeVar("T")
+Many = Annotated[tuple[T, ...], BeforeValidator(_many), Setting(min_length=1)]
+Name = Annotated[str, Setting(min_length=1)]
+Positive = Annotated[float, Setting(gt=0)]
+
+
+def _key(setting: MissionSetting) -> Any:
+    """Type and default of the campaign key of a setting, for ``create_model``: one value, a list, or none."""
+    value = Annotated[Any, AfterValidator(setting.checked)]
+    many = BeforeValidator(_lists if setting.kind is tuple else _many)
+    listed = Annotated[tuple[value, ...], many, Setting(min_length=1)]
+    return (listed | None, Setting(default=None, description=setting.help))
+
+
+if TYPE_CHECKING:
+
+    class Choices(Section):
+        """Values of mission settings; each key takes one value or a list. ``runs`` defines the seeds."""
+else:
+    Choices = create_model(
+        "Choices",
+        __base__=Section,
+        **{name: _key(setting) for name, setting in SETTINGS.items() if name != "seed"},
+    )
+
+
+class Experiment(Choices):
+    """One experiment: the grid over all listed values."""
+
+    name: Annotated[str, Setting(pattern=r"^[\w-]+$")]
+    """Short name."""
+    title: str = ""
+    """Heading in the report."""
+    description: str = ""
+    """Description in the report."""
+    hindsight: bool = False
+    """Run lattices with fixed dwells of 10, 20, 30 and 60 s too; the report compares all with the best of them."""
+
+
+class Published(Section):
+    """Comparison with the published experiments: the fields that represent each published case."""
+
+    high_gradient: Many[Name] | None = None
+    """Fields with a high contrast."""
+    low_gradient: Many[Name] | None = None
+    """Fields with a low contrast."""
+    reasons: Mapping[FindingKey, str] = Setting(default_factory=dict)
+    """Known reasons why the campaign differs from a finding; shown if it differs."""
+
+
+class Campaign(Section):
+    """A set of simulated missions that are run and reported together."""
+
+    title: Name
+    """Title of the report."""
+    description: str = ""
+    """First paragraph of the report."""
+    runs: Annotated[
+        tuple[Annotated[int, Setting(ge=0)], ...],
+        BeforeValidator(_seeds),
+        AfterValidator(_distinct),
+        Setting(min_length=1),
+    ]
+    """Number of runs per combination, or their seeds."""
+    table_every_s: Positive = 300.0
+    """Time between the rows of the results table [s]."""
+    defaults: Choices = Choices()
+    """Default values for experiments."""
+    experiments: Annotated[tuple[Experiment, ...], Setting(min_length=1)]
+    published: Published | None = None
+    """Comparison with the published findings; optional."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_old_keys(cls, content: Any) -> Any:
+        """Read keys of earlier releases for one release."""
+        if not isinstance(content, Mapping):
+            return content
+        defaults = _mapping(content.get("defaults"))
+        experiments = content.get("experiments")
+        renamed = dict(content)
+        if defaults:
+            renamed["defaults"] = _with_new_keys(defaults, {})
+        if isinstance(experiments, list):
+            renamed["experiments"] = [
+                _with_new_keys(part, defaults) if isinstance(part, Mapping) else part for part in experiments
+            ]
+        return renamed
+
+
+@dataclass(frozen=True)
+class Mission:
+    """One mission of a campaign.
+
+    :param key: name of the file: a digest of the settings and of the content of the field file
+    :param settings: settings of the mission
+    :param experiments: names of the experiments with this mission
+    """
+
+    key: str
+    settings: MissionSettings
+    experiments: tuple[str, ...]
+
+
+def load_campaign(name: str) -> Campaign:
+    """Read a campaign file.
+
+    :param name: path of a file, or name of a shipped campaign
+    :raises InputError: with every mistake in the file, including unknown fields
+    """
+    path = resource("campaigns", name)
+    mistakes = list(_beyond_keys(read_yaml(path), path))
+    try:
+        campaign = load_model(path, Campaign)
+    except InputError as error:
+        raise InputError([*error.mistakes, *mistakes]) from None
+    if mistakes:
+        raise InputError(mistakes)
+    choices = [_with_whole_paths(experiment, path.parent) for experiment in campaign.experiments]
+    defaults = _with_whole_paths(campaign.defaults, path.parent)
+    published = campaign.published and _published_with_whole_paths(campaign.published, path.parent)
+    update = {"experiments": tuple(choices), "defaults": defaults, "published": published}
+    return campaign.model_copy(update=update)
+
+
+def missions(campaign: Campaign) -> list[Mission]:
+    """All missions of a campaign, in the order of the file; a mission shared by experiments occurs once."""
+    found: dict[str, Mission] = {}
+    digests: dict[str, str] = {}
+    for experiment in campaign.experiments:
+        for settings in combinations(campaign, experiment):
+            key = mission_key(settings, digests)
+            known = found.get(key)
+            if known is None:
+                found[key] = Mission(key, settings, (experiment.name,))
+            elif experiment.name not in known.experiments:
+                found[key] = replace(known, experiments=(*known.experiments, experiment.name))
+    return list(found.values())
+
+
+def combinations(campaign: Campaign, experiment: Experiment) -> Iterator[MissionSettings]:
+    """Settings of the missions of an experiment: all seeds of a combination, then the next combination.
+
+    The lattices from which hindsight chooses come last.
+    """
+    grid = {
+        name: values
+        for name in Choices.model_fields
+        if (values := getattr(experiment, name) or getattr(campaign.defaults, name)) is not None
+    }
+    grids = [grid]
+    if experiment.hindsight:
+        grids.append({**grid, "strategy": ("lattice",), "dwell": LATTICE_DWELLS})
+    for one in grids:
+        for combination in itertools.product(*one.values()):
+            for seed in campaign.runs:
+                yield MissionSettings(**dict(zip(one, combination, strict=True)), seed=seed)
+
+
+def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None) -> str:
+    """Digest of the settings of a mission and of the content of its files, including the files that they name.
+
+    :param digests: known digests of field files and graphs; new ones are added
+    """
+    values = settings.as_dict()
+    digests = {} if digests is None else digests
+    paths = {
+        "field": _field_file(settings.field_name),
+        "graph": Path(settings.graph) if settings.graph else None,
+    }
+
+    def digest(path: Path) -> str:
+        if str(path) not in digests:
+            digests[str(path)] = _file_digest(path)
+        return digests[str(path)]
+
+    values |= {name: digest(path) for name, path in paths.items() if path is not None}
+    for about in values["properties"]:
+        if (path := _field_file(about["field"])) is not None:
+            about["field"] = digest(path)
+    text = json.dumps(values, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:KEY_DIGITS]
+
+
+def _is_path(field: str) -> bool:
+    return bool(re.search(r"[/\\]|\.ya?ml$", field))
+
+
+def _whole_path(field: str, folder: Path) -> str:
+    return str((folder / field).resolve()) if _is_path(field) else field
+
+
+def _with_whole_paths(choices: Any, folder: Path) -> Any:
+    update = {
+        "field": choices.field and tuple(_whole_path(name, folder) for name in choices.field),
+        "graph": choices.graph and tuple(str((folder / name).resolve()) for name in choices.graph),
+        "properties": choices.properties
+        and tuple(
+            tuple(replace(one, field=_whole_path(one.field, folder)) for one in listed)
+            for listed in choices.properties
+        ),
+    }
+    return choices.model_copy(update=update)
+
+
+def _published_with_whole_paths(published: Published, folder: Path) -> Published:
+    cases = {"high_gradient": published.high_gradient, "low_gradient": published.low_gradient}
+    update = {case: names and tuple(_whole_path(name, folder) for name in names) for case, names in cases.items()}
+    return published.model_copy(update=update)
+
+
+def _field_file(field: str) -> Path | None:
+    """The file of a field, ``None`` for a built-in one."""
+    if _is_path(field):
+        return Path(field)
+    return resource("fields", field) if field in resource_names("fields") else None
+
+
+def _file_digest(path: Path) -> str:
+    """Digest of a file and of the files that it names.
+
+    :raises InputError: if the file cannot be read
+    """
+    digest = hashlib.sha256(read_limited(path))
+    for name in sorted(set(_texts(read_yaml(path)))):
+        named = path.parent / name
+        with suppress(OSError):  # most texts are not file names; some are invalid file names
+            if named.is_file():  # not a device or a pipe, which may have no end
+                with named.open("rb") as file:
+                    digest.update(b"\0")
+                    hashlib.file_digest(file, lambda: digest)
+    return f"sha256:{digest.hexdigest()}"
+
+
+def _texts(node: Any) -> Iterator[str]:
+    """All texts among the values of a YAML file."""
+    if isinstance(node, str):
+        yield node
+    elif isinstance(node, Mapping):
+        for value in node.values():
+            yield from _texts(value)
+    elif isinstance(node, (list, tuple)):
+        for value in node:
+            yield from _texts(value)
+
+
+def _beyond_keys(content: Any, path: Path) -> Iterator[Mistake]:
+    """Mistakes in fields, graphs and names; reads the raw file, because wrong keys would hide them."""
+    root = _mapping(content)
+    defaults, listed = _mapping(root.get("defaults")), root.get("experiments")
+    experiments = [_mapping(item) for item in listed] if isinstance(listed, list) else []
+    places: list[tuple[int | str, ...]] = [("defaults",), *(("experiments", n) for n in range(len(experiments)))]
+
+    def mistake(place: tuple[int | str, ...], key: str, message: str, remedy: str) -> Mistake:
+        where = (*place, key)
+        return Mistake(message, remedy, path, line_of(content, where), ".".join(str(part) for part in where))
+
+    names: list[str] = []
+    for place, part in zip(places, [defaults, *experiments], strict=True):
+        fields = {
+            "field": list(_texts(part.get("field"))),
+            "also": list(_texts(part.get("also"))),
+            "properties": [_property_field(text) for text in _texts(part.get("properties"))],
+        }
+        for key, names_of in fields.items():
+            for field in names_of:
+                try:
+                    faults = list(_faults_of_field(field, path.parent))
+                except InputError as error:
+                    yield from error.mistakes
+                else:
+                    yield from (mistake(place, key, *fault) for fault in faults)
+        for graph in _texts(part.get("graph")):
+            if not (path.parent / graph).is_file():
+                remedy = "give a path that starts at the campaign file; `soilmoist graph` makes one"
+                yield mistake(place, "graph", f"there is no topological map {graph!r}", remedy)
+        if part is defaults:
+            continue
+        given = {**defaults, **part}
+        if given.get("graph") is not None and set(_texts(given.get("travel"))) != {"graph"}:
+            remedy = "add 'travel: graph', or leave the graph out"
+            yield mistake(place, "graph", "a graph is given, but the robot travels freely", remedy)
+        name = str(part.get("name"))
+        if name in names:
+            yield mistake(place, "name", f"a second experiment is named {name!r}", "give it another name")
+        names.append(name)
+
+
+def _property_field(text: str) -> str:
+    """The field of a property; the whole text if it is invalid, which another check reports."""
+    with suppress(InputError):
+        return PropertySettings.parse(text).field_name
+    return text
+
+
+def _faults_of_field(name: str, folder: Path) -> Iterator[tuple[str, str]]:
+    """Faults of the name of a field, with remedies.
+
+    :raises InputError: if the field file cannot be read
+    """
+    from soilmoist_ros.simulation import has_truth, surrogate_field_names
+
+    shipped = {file: config_folder() / "fields" / f"{file}.yaml" for file in resource_names("fields")}
+    usable = surrogate_field_names()
+    remedy = f"give one of: {', '.join(usable)}; or a path that starts at the campaign file"
+    path = Path(_whole_path(name, folder)) if _is_path(name) else shipped.get(name)
+    if name in usable:
+        return
+    if path is None or not path.is_file():
+        yield f"there is no field {'file ' if _is_path(name) else ''}{name!r}", remedy
+    elif not has_truth(path):
+        yield (
+            f"the field {name!r} has no truth: it cannot be simulated",
+            f"add a section 'truth' to its file, or {remedy}",
+        )
+
+
+def _mapping(content: Any) -> Mapping[str, Any]:
+    return content if isinstance(content, Mapping) else {}

@@ -1,0 +1,168 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Compute the missions of a campaign, in this process or in local processes."""
+
+from __future__ import annotations
+
+import ctypes
+import multiprocessing
+import os
+import signal
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from soilmoist_ros.foundation import SoilmoistError, one_thread_each
+from soilmoist_ros.lab.campaign_file import Mission
+from soilmoist_ros.lab.mission_store import pack
+from soilmoist_ros.simulation import MissionResult, MissionSettings
+
+_stop: ctypes.c_bool | None = None
+"""Set in a worker process when the campaign is stopped."""
+MissionProgress = Callable[[float], None]
+Simulate = Callable[[MissionSettings, MissionProgress | None], MissionResult]
+
+
+class WorkersLostError(SoilmoistError):
+    """No worker can be reached any more; the missions that have not finished are to be computed another time."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A failed mission.
+
+    :param mission: the mission
+    :param error: error message in one line
+    :param details: traceback; may be empty
+    """
+
+    mission: Mission
+    error: str
+    details: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.mission.settings}: {self.error}"
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A mission that has come to its end.
+
+    :param mission: the mission
+    :param content: the bytes of its file, or why it failed
+    :param time_s: time that it took its worker [s]; NaN if unknown
+    """
+
+    mission: Mission
+    content: bytes | Failure
+    time_s: float
+
+
+Flow = Generator[Finished, None, None]
+"""Missions in the order in which they finish; closing it stops the workers."""
+
+
+def compute(mission: Mission, simulate: Simulate, progress: MissionProgress | None = None) -> Finished:
+    """Simulate one mission; errors are returned, not raised."""
+    begin_s = time.monotonic()
+    content: bytes | Failure
+    try:
+        content = pack(simulate(mission.settings, progress), mission.key)
+    except Exception as error:
+        text = " ".join(str(error).split()) or "no message"
+        content = Failure(mission, f"{type(error).__name__}: {text}", traceback.format_exc())
+    return Finished(mission, content, time.monotonic() - begin_s)
+
+
+class _Stopped(Exception):  # noqa: N818 - nothing went wrong
+    """The campaign was stopped during the mission."""
+
+
+def in_this_process(todo: Iterable[Mission], simulate: Simulate) -> Flow:
+    """Compute the missions one after the other in this process."""
+    for mission in todo:
+        yield compute(mission, simulate)
+
+
+def in_processes(todo: Iterable[Mission], simulate: Simulate, workers: int) -> Flow:
+    """Compute in ``workers`` new local processes, each with one thread of linear algebra.
+
+    After the death of a process, all running missions are retried one by one. A mission fails if it kills its
+    process again. The processes end with this one, however it ends.
+    """
+    waiting, suspects = deque(todo), list[Mission]()
+    with one_thread_each():
+        while waiting:
+            suspects += yield from _in_one_pool(waiting, simulate, workers)
+        for mission in suspects:
+            if (yield from _in_one_pool(deque([mission]), simulate, 1)):
+                failure = Failure(mission, "the process that computed it died (was the memory used up?)")
+                yield Finished(mission, failure, float("nan"))
+
+
+def _in_one_pool(
+    waiting: deque[Mission], simulate: Simulate, workers: int
+) -> Generator[Finished, None, list[Mission]]:
+    """Compute until all missions are done or a process dies; returns the missions that were running then."""
+    context = multiprocessing.get_context("spawn")
+    stop = context.RawValue(ctypes.c_bool, False)  # without a lock, which a killed process might hold
+    pool = ProcessPoolExecutor(min(workers, len(waiting)), context, initializer=_begin, initargs=(stop,))
+    running: dict[Future[Finished], Mission] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < 2 * workers:
+                with _deaf():
+                    running[pool.submit(compute, waiting[0], simulate, _stop_if_asked)] = waiting[0]
+                waiting.popleft()
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                finished = future.result()
+                del running[future]
+                yield finished
+    except BrokenProcessPool:
+        return list(running.values())
+    finally:
+        stop.value = True
+        pool.shutdown(wait=True, cancel_futures=True)
+    return []
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Let processes that start in this context ignore Ctrl-C, even while they load modules."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _begin(stop: Any) -> None:
+    """Initialise a process: it ignores Ctrl-C, because the parent handles Ctrl-C and sets ``stop``."""
+    global _stop
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, name="end with parent", daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent has died; the pool would wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _stop_if_asked(_share: float) -> None:
+    """Progress callback that stops the mission if the campaign was stopped."""
+    if _stop is not None and _stop.value:
+        raise _Stopped("the campaign was stopped")

@@ -1,0 +1,393 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of a campaign: error, distance and coverage against time; maps, variance and paths of examples."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.lab.campaign_data import (
+    CampaignData,
+    Case,
+    strategies_in,
+)
+from soilmoist_ros.lab.figure_style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    INK,
+    NORMAL,
+    ORANGE,
+    SMALL,
+    SOFT,
+    colours,
+    extension,
+    label,
+    new_figure,
+    of_text_width,
+    plain_axes,
+)
+from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.reporting import RATE, UNCERTAIN, dwell_text, robust_range, strategy_text, strategy_traits
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Look = tuple[str, Any, float]
+"""Colour, dashes and width of a line."""
+EndName = tuple[float, str, str]
+"""Last value of a line, its name and its colour."""
+
+WIDTH_IN = 10.0
+OTHER: Look = (INK, "-.", 1.5)
+ERROR = "Mean squared error [(counts/s)²]"
+MAX_EXAMPLES = 5
+KEYS_PER_ROW = 5
+KEY_IN = 0.55
+"""Height of the strip below the examples [in]."""
+
+
+def _look(strategy: str) -> Look:
+    kind = strategy_traits(strategy)
+    return (kind.colour, kind.dashes, kind.width) if kind is not None and kind.colour else OTHER
+
+
+def _is_baseline(strategy: str) -> bool:
+    kind = strategy_traits(strategy)
+    return kind is not None and kind.is_baseline
+
+
+def campaign_figures(data: CampaignData) -> Iterator[tuple[str, Figure]]:
+    """Names and figures for publications, without the maps of examples; the number is that of the case, from 1."""
+    for case in data.strategy_cases:
+        yield f"strategies_{case.number + 1}", of_text_width(strategies_figure(data, case))
+    for case in data.cases:
+        if interval_strategies(data, case):
+            yield f"intervals_{case.number + 1}", of_text_width(intervals_figure(data, case))
+    yield "coverage", of_text_width(coverage_figure(data, data.strategy_cases or data.cases))
+
+
+def strategies_figure(data: CampaignData, case: Case) -> Figure:
+    """Distance and error against time, one line per strategy: mean and standard deviation over the runs."""
+    rows = data.over_time(case, data.main_dwell(case))
+    figure = new_figure(WIDTH_IN, 3.7)
+    left = plain_axes(figure.add_axes((0.065, 0.145, 0.27, 0.76)), "y")
+    right = plain_axes(figure.add_axes((0.555, 0.145, 0.29, 0.76)), "y")
+    lines = [(strategy_text(name), rows[rows["strategy"] == name], _look(name)) for name in strategies_in(rows)]
+    kilometres = rows["distance_m"].max() >= 3000
+    scale, unit = (1e-3, "km") if kilometres else (1.0, "m")
+    distance_names = _lines(left, lines, "distance_m", scale=scale)
+    left.set_ylim(bottom=0)
+    _end_names(left, distance_names)
+    _end_names(right, _lines(right, lines, "mse", log=True))
+    for axes, title, y in ((left, "Distance driven", f"Distance [{unit}]"), (right, "Error of the map", ERROR)):
+        _hours(axes, case)
+        label(axes, "Mission time [h]", y, title)
+    return figure
+
+
+def intervals_figure(data: CampaignData, case: Case) -> Figure:
+    """Error against time: one panel per strategy, one line per counting interval."""
+    rows = data.over_time(case)
+    strategies = interval_strategies(data, case)
+    columns = min(len(strategies), 3)
+    deep = -(-len(strategies) // columns)
+    figure = new_figure(WIDTH_IN, 3.5 * deep)
+    panels: list[tuple[Axes, list[EndName]]] = []
+    for number, strategy in enumerate(strategies):
+        row, column = divmod(number, columns)
+        place = (0.065 + 0.325 * column, (deep - 1 - row + 0.155) / deep, 0.205, 0.735 / deep)
+        axes = plain_axes(figure.add_axes(place), "y")
+        some = rows[rows["strategy"] == strategy]
+        dwells = sorted(some["dwell"].unique(), key=_dwell_order)
+        lines = [(dwell_text(d), some[some["dwell"] == d], _dwell_look(d, dwells)) for d in dwells]
+        panels.append((axes, _lines(axes, lines, "mse", log=True)))
+        _hours(axes, case)
+        label(axes, "Mission time [h]", ERROR if column == 0 else "", strategy_text(strategy))
+    limits = [axes.get_ylim() for axes, _ in panels]
+    for axes, names in panels:
+        axes.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+        _log_axis(axes)
+        _end_names(axes, names)
+    return figure
+
+
+def interval_strategies(data: CampaignData, case: Case) -> list[str]:
+    """Strategies with missions of more than one counting interval."""
+    rows = data.over_time(case)
+    return [name for name in strategies_in(rows) if rows[rows["strategy"] == name]["dwell"].nunique() > 1]
+
+
+def coverage_figure(data: CampaignData, cases: Sequence[Case]) -> Figure:
+    """Share of the field whose truth lies in the 95 % interval, against time; one panel per field."""
+    columns = min(len(cases), 4 if len(cases) == 4 else 3)
+    deep = -(-len(cases) // columns)
+    titles = [textwrap.fill(case.title, 30) for case in cases]
+    row_in = 2.7 + 0.2 * max(title.count("\n") + 1 for title in titles)
+    every = {name for case in cases for name in strategies_in(data.final(case))}
+    high = row_in * deep + 0.2 * (1 + _key_rows(len(every) + 1))
+    figure = new_figure(WIDTH_IN, high)
+    step = 0.94 / columns
+    drawn: dict[str, Look] = {}
+    panels, lowest = [], 50.0
+    for number, case in enumerate(cases):
+        row, column = divmod(number, columns)
+        place = (0.065 + step * column, (row_in * (deep - 1 - row) + 0.5) / high, step - 0.04, 2.05 / high)
+        axes = plain_axes(figure.add_axes(place), "y")
+        rows = data.over_time(case, data.main_dwell(case))
+        lines = [(strategy_text(s), rows[rows["strategy"] == s], _look(s)) for s in strategies_in(rows)]
+        axes.axhline(95, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=2)
+        _lines(axes, lines, "coverage95", scale=100, band=False)
+        _hours(axes, case)
+        measure = "Truth in the interval [% of area]" if column == 0 else ""
+        label(axes, "Mission time [h]", measure, titles[number])
+        drawn |= {text: look for text, _, look in lines}
+        panels.append(axes)
+        lowest = min(lowest, axes.get_ylim()[0])
+    for axes in panels:
+        axes.set_ylim(max(0.0, 10 * np.floor(lowest / 10)), 101)
+    _shared_key(figure, drawn)
+    return figure
+
+
+def _shared_key(figure: Figure, drawn: dict[str, Look]) -> None:
+    """Legend of all panels, above them."""
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label=text)
+        for text, (colour, dashes, width) in drawn.items()
+    ]
+    handles.append(Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="95 %, as stated"))
+    figure.legend(
+        handles=handles, loc="upper left", bbox_to_anchor=(0.057, 1.0), frameon=False, fontsize=SMALL,
+        ncols=-(-len(handles) // _key_rows(len(handles))), labelcolor=INK, columnspacing=1.4, handlelength=2.2,
+    )  # fmt: skip
+
+
+def _key_rows(count: int) -> int:
+    return -(-count // KEYS_PER_ROW)
+
+
+def examples_figure(data: CampaignData, case: Case) -> Figure | None:
+    """The truth, then one mission per strategy: map, path and stops above, kriging variance below."""
+    examples = [
+        (name, stored)
+        for name in example_strategies(data, case)
+        if (stored := data.example(case, name)) is not None
+    ]
+    if not examples:
+        return None
+    first = examples[0][1]
+    figure, cell = _map_grid(first, len(examples) + 1)
+    truth = _inside(first.truth_rate, first)
+    pooled = np.concatenate([truth.ravel(), *(_inside(stored.rate, stored).ravel() for _, stored in examples)])
+    low, high = robust_range(pooled, 0.98)
+    variances = [_inside(stored.rate_sd, stored) ** 2 for _, stored in examples]
+    most = robust_range(np.concatenate([v.ravel() for v in variances]), 0.98)[1]
+    image = _panel(cell(0, 0), first, truth, RATE, (low, high), "Truth")
+    for column, ((name, stored), variance) in enumerate(zip(examples, variances, strict=True), start=1):
+        above = cell(0, column)
+        _panel(above, stored, _inside(stored.rate, stored), RATE, (low, high), strategy_text(name))
+        _path(above, stored)
+        below = cell(1, column)
+        shade = _panel(below, stored, variance, UNCERTAIN, (0.0, most), "")
+        _stops(below, stored)
+    corner = cell(1, 0)
+    corner.set_axis_off()
+    corner.text(0.0, 0.5, "Kriging\nvariance", fontsize=NORMAL, color=INK, fontweight="bold", va="center")
+    _bars(
+        figure,
+        image,
+        shade,
+        (extension(pooled, low, high), extension(np.concatenate([v.ravel() for v in variances]), 0, most)),
+    )
+    return figure
+
+
+def example_strategies(data: CampaignData, case: Case) -> list[str]:
+    """Strategies of the example missions: the exploring ones, or the baselines if there are no others."""
+    present = strategies_in(data.final(case))
+    return ([name for name in present if not _is_baseline(name)] or present)[:MAX_EXAMPLES]
+
+
+def _lines(
+    axes: Axes,
+    lines: Sequence[tuple[str, pd.DataFrame, Look]],
+    column: str,
+    scale: float = 1.0,
+    log: bool = False,
+    band: bool = True,
+) -> list[EndName]:
+    """Draw mean lines with bands of one standard deviation over the runs; return the names for their ends.
+
+    On a logarithmic axis the band does not go below the lowest run: mean minus deviation may be negative.
+    """
+    names: list[EndName] = []
+    for text, rows, (colour, dashes, width) in lines:
+        by_time = rows.groupby("time_s")[column]
+        count, mean = by_time.count(), scale * by_time.mean()
+        sd = scale * by_time.std(ddof=1).fillna(0.0)
+        good = (count >= 0.5 * count.max()) & mean.notna()
+        hours, middle, spread = mean.index[good].to_numpy(float) / 3600, mean[good].to_numpy(), sd[good].to_numpy()
+        if not len(hours):
+            continue
+        lowest = middle - spread
+        if log:
+            lowest = np.maximum(lowest, np.minimum((scale * by_time.min())[good].to_numpy(), middle))
+        if band:
+            axes.fill_between(hours, lowest, middle + spread, color=colour, alpha=0.13, linewidth=0)
+        axes.plot(hours, middle, color=colour, linestyle=dashes, linewidth=width, solid_capstyle="round", zorder=3)
+        names.append((float(middle[-1]), text, colour))
+    if log:
+        _log_axis(axes)
+    return names
+
+
+def _log_axis(axes: Axes) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    steps = (1.0, 2.0, 5.0) if high / low < 200 else (1.0,)
+    axes.yaxis.set_major_locator(LogLocator(subs=steps))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_minor_locator(LogLocator(subs=()))
+
+
+def _end_names(axes: Axes, names: Sequence[EndName], gap: float = 0.072) -> None:
+    """Write the names at the right ends of the lines, moved apart where they would overlap."""
+    axes.figure.canvas.draw()
+    place = axes.transAxes.inverted()
+    heights = [float(place.transform(axes.transData.transform((0.0, value)))[1]) for value, _, _ in names]
+    order = np.argsort(heights, kind="stable")
+    spread = spaced(np.array(heights)[order], gap, 0.0, 1.0)
+    for index, height in zip(order, spread, strict=True):
+        _, text, colour = names[index]
+        axes.annotate(
+            text, (1.0, heights[index]), xytext=(1.045, float(height)), xycoords="axes fraction",
+            textcoords="axes fraction", va="center", fontsize=SMALL, color=colour, annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 1},
+        )  # fmt: skip
+
+
+def spaced(places: Array, gap: float, low: float = -np.inf, high: float = np.inf) -> Array:
+    """Ascending places, moved by least squares until they are ``gap`` apart and within the bounds."""
+    groups: list[list[float]] = []  # mean of places minus offsets, number of places
+    for number, place in enumerate(places):
+        groups.append([float(place) - number * gap, 1.0])
+        while len(groups) > 1 and groups[-2][0] > groups[-1][0]:
+            (mean, n), (other, m) = groups.pop(-2), groups.pop()
+            groups.append([(mean * n + other * m) / (n + m), n + m])
+    free = np.concatenate([np.full(int(n), mean) for mean, n in groups]) if groups else np.empty(0)
+    return np.asarray(np.clip(free, low, high - gap * (len(places) - 1)) + gap * np.arange(len(places)))
+
+
+def _hours(axes: Axes, case: Case) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    axes.set_xlim(0, case.hours)
+    axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+
+
+def _dwell_order(dwell: str) -> tuple[int, float]:
+    """Sort key: fixed intervals, adaptive intervals, others; fixed and adaptive from longest to shortest."""
+    kind, _, number = dwell.partition(":")
+    if kind == "fmi":
+        return 0, -float(number)
+    return (1, float(number)) if kind == "ami" else (2, 0.0)
+
+
+def _dwell_look(dwell: str, dwells: Sequence[str]) -> Look:
+    """Fixed intervals orange, adaptive blue, others green; the longest solid, shorter ones dashed."""
+    kind = dwell.partition(":")[0]
+    kin = [other for other in dwells if other.partition(":")[0] == kind]
+    dashes = ("-", (0, (4, 1.5)), (0, (1.2, 1.4)), "-.")[min(kin.index(dwell), 3)]
+    return {"fmi": ORANGE, "ami": BLUE}.get(kind, GREEN), dashes, 2.0
+
+
+def _inside(values: Array, stored: StoredMission) -> Array:
+    return np.where(np.isfinite(stored.truth_rate), values, np.nan)
+
+
+def _map_grid(stored: StoredMission, columns: int) -> tuple[Figure, Callable[[int, int], Axes]]:
+    """A figure for two rows of maps in true proportions, and a function that makes the axes of a cell."""
+    width_m, height_m = (float(axis[-1] - axis[0]) for axis in (stored.x_m, stored.y_m))
+    wide = (WIDTH_IN - 0.2) / columns
+    across = min(wide - 0.2, 2.6 * width_m / height_m)
+    high = across * height_m / width_m
+    total = KEY_IN + 2 * (high + 0.38) + 0.1
+    figure = new_figure(WIDTH_IN, total)
+
+    def cell(row: int, column: int) -> Axes:
+        left = 0.1 + column * wide + (wide - across) / 2
+        bottom = KEY_IN + 0.08 + (1 - row) * (high + 0.38)
+        return figure.add_axes((left / WIDTH_IN, bottom / total, across / WIDTH_IN, high / total))
+
+    return figure, cell
+
+
+def _panel(
+    axes: Axes, stored: StoredMission, values: Array, cmap: str, limits: tuple[float, float], title: str
+) -> Any:
+    half = (stored.x_m[1] - stored.x_m[0]) / 2 if len(stored.x_m) > 1 else 0.5
+    extent = (stored.x_m[0] - half, stored.x_m[-1] + half, stored.y_m[0] - half, stored.y_m[-1] + half)
+    image = axes.imshow(
+        values, origin="lower", extent=extent, cmap=colours(cmap), vmin=limits[0], vmax=limits[1],
+        interpolation="nearest", aspect="equal",
+    )  # fmt: skip
+    for ring in stored.outlines:
+        axes.plot(*np.vstack([ring, ring[:1]]).T, color=INK, linewidth=0.9)
+    axes.set(xticks=[], yticks=[])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    if title:
+        axes.set_title(title, fontsize=NORMAL, color=INK, loc="left", fontweight="bold")
+    return image
+
+
+def _path(axes: Axes, stored: StoredMission) -> None:
+    for track in stored.tracks:
+        axes.plot(*track.T, color="white", linewidth=2.2, alpha=0.7, zorder=2)
+        axes.plot(*track.T, color=INK, linewidth=0.8, zorder=2.1)
+        x, y = track[:1].T
+        axes.scatter(x, y, s=34, marker="s", color=INK, edgecolors="white", linewidths=0.8, zorder=4)
+    _stops(axes, stored)
+
+
+def _stops(axes: Axes, stored: StoredMission) -> None:
+    xy = np.array([(visit.x_m, visit.y_m) for visit in stored.visits]).reshape(-1, 2)
+    axes.scatter(xy[:, 0], xy[:, 1], s=13, facecolors="white", edgecolors=INK, linewidths=0.7, zorder=3)
+
+
+def _bars(figure: Figure, image: Any, shade: Any, extend: tuple[str, str]) -> None:
+    """Draw the legend of the markers and both colour bars in the strip below the maps."""
+    from matplotlib.lines import Line2D
+
+    key = [
+        Line2D([], [], color=INK, linewidth=0.8, label="path"),
+        Line2D([], [], color=INK, marker="s", linestyle="", markersize=5, label="start"),
+        Line2D([], [], color=INK, marker="o", markerfacecolor="white", linestyle="", markersize=4, label="stop"),
+    ]
+    high = figure.get_figheight()
+    figure.legend(
+        handles=key, loc="center left", bbox_to_anchor=(0.01, 0.4 / high), ncols=3, frameon=False, fontsize=SMALL,
+        labelcolor=INK, handlelength=1.2, columnspacing=1.0, borderaxespad=0.0, borderpad=0.0,
+    )  # fmt: skip
+    rate_bar, variance_bar = (image, "Rate [counts/s]", 0.33), (shade, "Kriging variance [(counts/s)²]", 0.67)
+    for (mappable, text, left), end in zip((rate_bar, variance_bar), extend, strict=True):
+        place = (left, 0.4 / high, 0.3, 0.11 / high)
+        bar = figure.colorbar(mappable, cax=figure.add_axes(place), orientation="horizontal", extend=end)
+        bar.set_label(text, fontsize=SMALL, color=INK, labelpad=1)
+        bar.ax.tick_params(colors=SOFT, labelcolor=INK, labelsize=SMALL, length=3, width=0.8, pad=2)
+        bar.ax.locator_params(nbins=5)
+        bar.outline.set(edgecolor=FAINT, linewidth=0.8)

@@ -1,0 +1,434 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Report of a campaign: settings, figures, final values and the comparison with published results."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from soilmoist_ros.foundation import InputError
+from soilmoist_ros.lab import figures
+from soilmoist_ros.lab.campaign import RUNS, stored_rows
+from soilmoist_ros.lab.campaign_data import CampaignData, Case
+from soilmoist_ros.lab.campaign_file import Campaign, missions
+from soilmoist_ros.lab.computing import Failure
+from soilmoist_ros.lab.figure_style import FigureSection, picture
+from soilmoist_ros.lab.findings import Comparison, findings
+from soilmoist_ros.lab.hindsight import LATTICES
+from soilmoist_ros.lab.mission_store import MissionStore, code_version
+from soilmoist_ros.lab.paired import PairedDifference
+from soilmoist_ros.lab.table import Finished
+from soilmoist_ros.reporting import dwell_text, length, number, plain, render_page, strategy_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAME = "report.html"
+
+
+@dataclass(frozen=True)
+class ExperimentRow:
+    """One experiment in words."""
+
+    title: str
+    description: str
+    fields: str
+    strategies: str
+    dwells: str
+    hours: str
+    runs: str
+    missions: int
+
+
+@dataclass(frozen=True)
+class FinalRow:
+    """Final values of one combination as text: mean ± standard deviation over its runs.
+
+    ``field_rows`` is the number of rows of the field in the field's first row, else 0.
+    """
+
+    field: str
+    field_rows: int
+    last: bool
+    strategy: str
+    dwell: str
+    runs: int
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class HindsightRow:
+    """A combination against the best lattice in hindsight, as text."""
+
+    strategy: str
+    dwell: str
+    pairs: int
+    end: str
+    distance: str
+    quarter: str
+
+
+@dataclass(frozen=True)
+class HindsightField:
+    """The best lattices of a field in words, and the other combinations."""
+
+    title: str
+    best: str
+    rows: tuple[HindsightRow, ...]
+
+
+@dataclass(frozen=True)
+class DifferenceRow:
+    """Two combinations over shared seeds, as text: mean difference with its interval, and as a share.
+
+    ``clear`` has whether the interval of the error, and that of the distance, leaves out zero.
+    """
+
+    first: str
+    second: str
+    pairs: int
+    error: str
+    error_share: str
+    distance: str
+    distance_share: str
+    clear: tuple[bool, bool]
+
+
+@dataclass(frozen=True)
+class ComparisonRow:
+    """One comparison as text."""
+
+    where: str
+    what: str
+    quantity: str
+    value: str
+    reference: str
+    difference: str
+    relative: str
+    pairs: int
+    outcome: str
+
+
+def write_campaign_report(
+    campaign: Campaign, out: Path, failures: Sequence[Failure] = (), finished: Finished | None = None
+) -> Path | None:
+    """Write ``report.html`` about the stored missions of a campaign; return its path.
+
+    Without a finished mission, return ``None`` and remove an older report, which would not match the tables.
+
+    :param campaign: the campaign
+    :param out: its output folder
+    :param failures: missions that failed in the last run
+    :param finished: its stored missions; read from the folder if ``None``
+    :raises InputError: if the page cannot be written
+    """
+    path, workshop = out / NAME, out / f".{NAME}.writing"
+    finished = stored_rows(campaign, out) if finished is None else finished
+    data = CampaignData(campaign, finished, MissionStore(out / RUNS).read)
+    try:
+        if data.missions.empty:
+            path.unlink(missing_ok=True)
+            return None
+        workshop.write_text(render_campaign_report(data, failures), encoding="utf-8")
+        os.replace(workshop, path)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", "choose another output folder", path) from None
+    return path
+
+
+def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ()) -> str:
+    """The page as HTML.
+
+    :raises InputError: if no mission is finished
+    """
+    if data.missions.empty:
+        raise InputError(
+            "no mission of the campaign is finished", "run the campaign, and see why its missions failed"
+        )
+    found = findings(data)
+    return render_page(
+        "campaign.html.j2",
+        title=data.campaign.title,
+        version=code_version(),
+        where=f"{len(data.missions)} of {data.expected} simulated missions · soilmoist_ros {code_version()}",
+        simulated=True,
+        campaign=data.campaign,
+        done=len(data.missions),
+        expected=data.expected,
+        failures=[str(failure) for failure in failures],
+        experiments=list(_experiments(data)),
+        common=_common_settings(data),
+        optimal="optimal" in set(data.missions["dwell"]),
+        sections=list(_sections(data)),
+        finals=list(_finals(data)),
+        differences=[(case.title, rows) for case in data.cases if (rows := _differences(data, case))],
+        hindsight=list(_hindsight(data)),
+        findings=[(finding, [_as_text(item) for item in finding.comparisons]) for finding in found],
+        runs=len(data.campaign.runs),
+    )
+
+
+def _experiments(data: CampaignData) -> Iterator[ExperimentRow]:
+    everything = missions(data.campaign)
+    titles = dict(zip(data.missions["field"], data.missions["field_title"], strict=True))
+    for experiment in data.campaign.experiments:
+        mine = [mission.settings for mission in everything if experiment.name in mission.experiments]
+        yield ExperimentRow(
+            title=experiment.title or experiment.name,
+            description=experiment.description,
+            fields=", ".join(str(titles.get(name, name)) for name in dict.fromkeys(s.field for s in mine)),
+            strategies=", ".join(strategy_text(name) for name in dict.fromkeys(str(s.strategy) for s in mine)),
+            dwells=", ".join(dwell_text(name) for name in dict.fromkeys(str(s.dwell) for s in mine)),
+            hours=", ".join(f"{value:g}" for value in dict.fromkeys(s.hours for s in mine)),
+            runs=str(len(data.campaign.runs)),
+            missions=len(mine),
+        )
+
+
+def _common_settings(data: CampaignData) -> list[tuple[str, str]]:
+    """Common settings of all missions."""
+    names = (
+        "model",
+        "fit",
+        "noise",
+        "local",
+        "drift_model",
+        "preset",
+        "travel",
+        "cell_m",
+        "footprint_m",
+        "position_sd_m",
+        "weather",
+    )
+    table = data.missions
+    shared = [(name, table[name].iloc[0]) for name in names if table[name].nunique(dropna=False) == 1]
+    return [(name, _setting(value)) for name, value in shared]
+
+
+def _setting(value: object) -> str:
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    return "the field's own" if value is None or value != value else plain(value)
+
+
+def _sections(data: CampaignData) -> Iterator[FigureSection]:
+    """The figures in the order strategies, examples, intervals, coverage."""
+    for case in data.strategy_cases:
+        yield _strategies_section(data, case)
+        examples = figures.examples_figure(data, case)
+        if examples is not None:
+            yield FigureSection(
+                f"examples-{case.number}", f"{case.title}: examples of missions",
+                picture(examples, f"Truth, maps with paths, and kriging variance: {case.title}"),
+                "Above: the true rate, and the map at the end of one mission per strategy (the first seed) with "
+                f"its path and stops, {dwell_text(data.main_dwell(case))}. Below: the kriging variance, dark "
+                "where the map is least certain. Colours are the same across each row.",
+            )  # fmt: skip
+    for case in data.cases:
+        if figures.interval_strategies(data, case):
+            yield _intervals_section(data, case)
+    shown = data.strategy_cases or data.cases
+    yield FigureSection(
+        "coverage", "Are the maps as sure as they may be?",
+        picture(figures.coverage_figure(data, shown), "Coverage of the 95 % interval against mission time", True),
+        "Share of the field whose true rate lies in the 95 % interval of the map (mean over the runs). A line "
+        "below the dashed one means maps that are too sure of themselves.",
+    )  # fmt: skip
+
+
+def _strategies_section(data: CampaignData, case: Case) -> FigureSection:
+    rows = data.final(case)
+    means = rows.groupby("strategy")[["distance_m", "mse"]].mean()
+    distance, error = means["distance_m"].dropna(), means["mse"].dropna()
+    sentences = []
+    if len(distance):
+        least, most = distance.idxmin(), distance.idxmax()
+        sentences.append(
+            f"At the end, {strategy_text(str(least))} has driven least "
+            f"({' '.join(length(distance[least]))} on average) and {strategy_text(str(most))} most "
+            f"({' '.join(length(distance[most]))})."
+        )
+    if len(error):
+        best, worst = error.idxmin(), error.idxmax()
+        sentences.append(
+            f"The lowest final error is that of {strategy_text(str(best))} ({number(error[best])} (counts/s)²), "
+            f"the highest that of {strategy_text(str(worst))} ({number(error[worst])})."
+        )
+    return FigureSection(
+        f"strategies-{case.number}", f"{case.title}: strategies",
+        picture(figures.strategies_figure(data, case), f"Distance and error against time: {case.title}", True),
+        f"Lines: mean over {_runs(rows)}; bands: one standard deviation to both sides, cut at the lowest run. "
+        f"Interval: {dwell_text(data.main_dwell(case))}. The error axis is logarithmic; multiply by 100 for "
+        f"(counts/10 s)². {' '.join(sentences)}",
+    )  # fmt: skip
+
+
+def _intervals_section(data: CampaignData, case: Case) -> FigureSection:
+    panels = figures.interval_strategies(data, case)
+    rows = data.missions[(data.missions["case"] == case.number) & data.missions["strategy"].isin(panels)]
+    error = rows.groupby("dwell")["mse"].mean().dropna()
+    samples = rows.groupby("dwell")["samples"].mean()
+    text = ""
+    if len(error):
+        best = str(error.idxmin())
+        counts = ", ".join(f"{dwell_text(str(name))}: {value:.0f}" for name, value in samples.items())
+        text = (
+            f" Over all panels, {dwell_text(best)} ends lowest ({number(error[best])} (counts/s)²). Stops of a "
+            f"mission on average: {counts}."
+        )
+    pays = "optimal" in samples.index
+    optimal = " Green: it counts as long as that lowers the variance of the map faster than moving on." * pays
+    alt = f"Error against time by counting interval: {case.title}"
+    return FigureSection(
+        f"intervals-{case.number}", f"{case.title}: fixed and adaptive counting interval",
+        picture(figures.intervals_figure(data, case), alt, True),
+        "Orange: the robot counts for a fixed time (FMI). Blue: it counts until the relative standard error of "
+        f"the counts falls to a threshold (AMI).{optimal} Solid: long intervals; dashed: short ones. Mean over "
+        f"{_runs(rows)}, bands of one standard deviation, logarithmic axis.{text}",
+    )  # fmt: skip
+
+
+def _runs(rows: pd.DataFrame) -> str:
+    count = int(rows["seed"].nunique())
+    return f"{count} runs" if count != 1 else "one run"
+
+
+def _finals(data: CampaignData) -> Iterator[FinalRow]:
+    """Rows of the table, field by field."""
+    for case in data.cases:
+        groups = data.groups(case)
+        for position, (strategy, dwell, rows) in enumerate(groups):
+            values = (
+                mean_sd_text(rows["mse"]),
+                mean_sd_text(100 * rows["mse"]),
+                mean_sd_text(100 * rows["vwc_rmse"]),
+                mean_sd_text(100 * rows["coverage95"], max_decimals=0),
+                mean_sd_text(rows["distance_m"], max_decimals=0),
+                mean_sd_text(rows["samples"], max_decimals=1),
+                mean_sd_text(100 * rows["counting_share"], max_decimals=0),
+                mean_sd_text(100 * rows["efficiency"], max_decimals=0),
+            )
+            first = len(groups) if position == 0 else 0
+            last = position == len(groups) - 1
+            yield FinalRow(case.title, first, last, strategy_text(strategy), dwell_text(dwell), len(rows), values)
+
+
+def _differences(data: CampaignData, case: Case) -> list[DifferenceRow]:
+    """Pairs of combinations with at least two shared seeds: error at the end, and distance."""
+    found = data.differences(case)
+    several = len({one.dwell for one in found} | {one.other_dwell for one in found}) > 1
+
+    def name(strategy: str, dwell: str) -> str:
+        return f"{strategy_text(strategy)}, {dwell_text(dwell)}" if several else strategy_text(strategy)
+
+    rows: dict[tuple[str, str], dict[str, PairedDifference]] = {}
+    for one in found:
+        names = name(one.strategy, one.dwell), name(one.other_strategy, one.other_dwell)
+        rows.setdefault(names, {})[one.quantity] = one
+    texts = []
+    for (first, second), by in rows.items():
+        error, distance = by.get("mse"), by.get("distance_m")
+        if error is None or distance is None or error.pairs < 2:
+            continue
+        texts.append(
+            DifferenceRow(
+                first,
+                second,
+                error.pairs,
+                _interval(error),
+                _signed_percent(error.difference / error.other_mean if error.other_mean else float("nan")),
+                _interval(distance, max_decimals=0),
+                _signed_percent(
+                    distance.difference / distance.other_mean if distance.other_mean else float("nan")
+                ),
+                (error.clear, distance.clear),
+            )
+        )
+    return texts
+
+
+def _interval(one: PairedDifference, max_decimals: int = 6) -> str:
+    """Difference and its interval, rounded to the second digit of half the interval."""
+    reach = (one.high - one.low) / 2
+    decimals = int(np.clip(1 - np.floor(np.log10(reach)), 0, max_decimals)) if reach > 0 else max_decimals
+    values = (f"{value:+.{decimals}f}".replace("-", "−") for value in (one.difference, one.low, one.high))
+    difference, low, high = values
+    return f"{difference} ({low} to {high})"
+
+
+def _hindsight(data: CampaignData) -> Iterator[HindsightField]:
+    """Fields with lattices from which hindsight chooses."""
+    for case in data.cases:
+        table = data.hindsight[data.hindsight["case"] == case.number]
+        if table.empty:
+            continue
+        first = table.iloc[0]
+        driven = " ".join(length(first["end_best_distance_m"]))
+        best = (
+            f"best lattice in hindsight: {dwell_text(first['end_best'])}, {number(first['end_best_mse'])} "
+            f"(counts/s)², {driven}; at a quarter of the time: {dwell_text(first['quarter_best'])}"
+        )
+        rows = tuple(
+            HindsightRow(
+                strategy_text(row["strategy"]),
+                dwell_text(row["dwell"]),
+                row["pairs"],
+                _ratio(row["end_ratio"], row["end_ratio_se"]),
+                f"{row['distance_ratio']:.2f}",
+                _ratio(row["quarter_ratio"], row["quarter_ratio_se"]),
+            )
+            for row in table.to_dict("records")
+            if (row["strategy"], row["dwell"]) not in LATTICES
+        )
+        yield HindsightField(case.title, best, rows)
+
+
+def _ratio(value: float, error: float) -> str:
+    if not np.isfinite(value):
+        return "–"
+    return f"{value:.2f} ± {error:.2f}" if np.isfinite(error) else f"{value:.2f}"
+
+
+def mean_sd_text(values: pd.Series, max_decimals: int = 6) -> str:
+    """Mean ± standard deviation, rounded at most to the deviation's second digit; a dash without values."""
+    known = values.dropna().to_numpy(float)
+    if not len(known):
+        return "–"
+    mean, sd = float(known.mean()), float(known.std(ddof=1)) if len(known) > 1 else float("nan")
+    if not sd > 0:
+        return number(mean)
+    decimals = int(np.clip(1 - np.floor(np.log10(sd)), 0, max_decimals))
+    return f"{mean:.{decimals}f} ± {sd:.{decimals}f}".replace("-", "−")
+
+
+def _as_text(item: Comparison) -> ComparisonRow:
+    return ComparisonRow(
+        where=item.where,
+        what=item.what,
+        quantity=item.quantity,
+        value=number(item.value),
+        reference=number(item.reference),
+        difference=_signed(item.difference, item.standard_error),
+        relative=_signed_percent(item.relative),
+        pairs=item.pairs,
+        outcome=item.outcome,
+    )
+
+
+def _signed(value: float, error: float) -> str:
+    if not np.isfinite(value):
+        return "–"
+    if not (np.isfinite(error) and error > 0):
+        return f"{'+' if value > 0 else ''}{number(value)}"
+    decimals = int(np.clip(1 - np.floor(np.log10(error)), 0, 6))
+    return f"{value:+.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
+
+
+def _signed_percent(share: float) -> str:
+    return f"{100 * share:+.0f} %".replace("-", "−") if np.isfinite(share) else "–"

@@ -1,0 +1,497 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Families of fields that a formula and a few parameters define.
+
+A formula computes one quantity, the corrected rate [counts/s] or the soil moisture [m^3/m^3], at any position.
+Angles count anticlockwise from east. The middle of a field is the middle of its bounding box.
+
+Random fields come from circulant embedding: Dietrich & Newsam (1997), SIAM Journal on Scientific Computing
+18:1088-1107; Wood & Chan (1994), Journal of Computational and Graphical Statistics 3:409-432.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from soilmoist_ros.foundation import Section, did_you_mean
+from soilmoist_ros.mapping import ModelName, correlation_model
+from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid
+
+Array = NDArray[np.float64]
+Truth = Callable[[Array], Array]
+Quantity = Literal["rate_cps", "vwc"]
+Positive = Annotated[float, Field(gt=0)]
+
+FLOOR = 0.05
+"""Lower limit of random fields as a share of their mean; see :class:`.RandomFieldFormula`."""
+MAX_VWC = 0.9
+NEGLIGIBLE = 1e-6
+"""Share of negative eigenvalues that may be cut off; it limits the relative error of the covariances."""
+MAX_NODES = 16_000_000
+
+
+class RateFormula(Section):
+    """Base class of all families."""
+
+    values: ClassVar[tuple[str, ...]] = ()
+    """Names of the parameters in units of the quantity."""
+
+    family: str
+    quantity: Quantity = "rate_cps"
+    """Corrected rate [counts/s] or soil moisture [m^3/m^3]."""
+
+    @model_validator(mode="after")
+    def _fractions(self) -> RateFormula:
+        for name in self.values:
+            if self.quantity == "vwc" and getattr(self, name) > MAX_VWC:
+                raise ValueError(f"{name!r} is a moisture in m3/m3 and at most {MAX_VWC}, not a percentage")
+        return self
+
+    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+        """A function of positions, shape (n, 2) [m], that returns values, shape (n,).
+
+        :param extent: box of the field
+        :param rng: source of randomness; the seed of the formula if ``None``
+        """
+        raise NotImplementedError
+
+
+def smooth_step(distance_m: Array, width_m: float) -> Array:
+    """Share that rises from 0 to 1 and is 0.5 at distance 0; three quarters of the rise lie within ``width_m``."""
+    return np.asarray(0.5 * (1 + np.tanh(distance_m / (width_m / 2))))
+
+
+def direction(angle_deg: float) -> Array:
+    """Unit vector of an angle counted anticlockwise from east, shape (2,)."""
+    angle = np.deg2rad(angle_deg)
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def random_field(x_m: Array, y_m: Array, model: ModelName, range_m: float, rng: np.random.Generator) -> Array:
+    """A Gaussian random field of mean 0 and variance 1 on the nodes of an even grid.
+
+    An FFT yields the eigenvalues of the covariance on a torus that contains the grid. Without negative
+    eigenvalues, the field on the nodes has *exactly* the covariance of the model. The torus is enlarged until the
+    negative eigenvalues sum to less than 1e-6 of the variance. They are set to 0, which changes every covariance
+    by at most 1e-6. Bilinear interpolation between nodes loses variance. With a step of a tenth of the range, the
+    mean loss is 1 % with the Gaussian and Matern models and 6 % with the exponential.
+
+    :param x_m: columns, evenly spaced, shape (nx,) [m]
+    :param y_m: rows, evenly spaced, shape (ny,) [m]
+    :param model: correlation model, parametrised as :class:`Variogram`
+    :param range_m: range parameter [m], > 0
+    :param rng: source of randomness
+    :returns: the field, shape (ny, nx)
+    :raises ValueError: if the range is too long for the grid, because the torus would not fit into memory
+    """
+    eigenvalues = _torus_eigenvalues((len(y_m), len(x_m)), (_step(y_m), _step(x_m)), model, range_m)
+    noise = rng.standard_normal(eigenvalues.shape) + 1j * rng.standard_normal(eigenvalues.shape)
+    spectrum = np.fft.fft2(np.sqrt(eigenvalues / eigenvalues.size) * noise)
+    return np.ascontiguousarray(spectrum.real[: len(y_m), : len(x_m)])
+
+
+def _step(axis: Array) -> float:
+    return float(axis[1] - axis[0]) if len(axis) > 1 else 1.0
+
+
+def _torus_eigenvalues(shape: tuple[int, int], steps: tuple[float, float], model: str, range_m: float) -> Array:
+    """Eigenvalues of the covariance on the smallest torus without noticeably negative eigenvalues."""
+    from scipy.fft import next_fast_len
+
+    least = [2 * (count - 1) for count in shape]
+    reach = [correlation_model(model).practical * range_m / step for step in steps]
+    for enlargement in (0.0, 2.0, 4.0, 6.0, 9.0, 13.0):
+        wanted = np.maximum(least, np.add(shape, np.multiply(enlargement, reach)))
+        size = [next_fast_len(max(2, int(np.ceil(count)))) for count in wanted]
+        if np.prod(size) > MAX_NODES:
+            break
+        lags = [np.minimum(np.arange(n), n - np.arange(n)) * step for n, step in zip(size, steps, strict=True)]
+        square = (lags[0][:, None] ** 2 + lags[1][None, :] ** 2) / range_m**2
+        eigenvalues = np.fft.fft2(correlation_model(model).correlation(square)).real
+        if -eigenvalues[eigenvalues < 0].sum() <= NEGLIGIBLE * eigenvalues.size:
+            return np.maximum(eigenvalues, 0.0)
+    raise ValueError(
+        f"no random field with the {model} model of range {range_m:g} m on {shape[0]} x {shape[1]} nodes "
+        f"{steps[1]:g} m apart: use a shorter range or larger cells"
+    )
+
+
+class UnevenField(RateFormula):
+    """Base class of random fields of uneven roughness. Values below 5 % of the mean are raised to that."""
+
+    values: ClassVar[tuple[str, ...]] = ("mean",)
+
+    mean: Positive
+    """Mean of the quantity."""
+    sd: Positive
+    """Standard deviation on rough ground, at most a quarter of the mean."""
+    flat_sd: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation on flat ground, at most ``sd``."""
+    model: ModelName = "matern32"
+    """Variogram model of rough and flat ground."""
+    range_m: Positive = 10.0
+    """Range parameter on rough ground [m], as in :class:`.RandomFieldFormula`."""
+    flat_range_m: Positive | None = None
+    """Range parameter on flat ground [m]; by default that of rough ground."""
+    transition_m: Positive = 4.0
+    """Width of the transition from rough to flat ground, which contains three quarters of the change [m]."""
+    seed: Annotated[int, Field(ge=0)] = 1
+    """Seed of the values, and of the place or direction where it is not given."""
+
+    @model_validator(mode="after")
+    def _stays_positive(self) -> UnevenField:
+        if self.sd > self.mean / 4:
+            raise ValueError(f"'sd' must be at most a quarter of 'mean' ({self.mean / 4:g}) to stay positive")
+        if self.flat_sd > self.sd:
+            raise ValueError(f"'flat_sd' must be at most 'sd' ({self.sd:g}), the variation of the rough ground")
+        return self
+
+    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+        """See the base class."""
+        rng = rng or np.random.default_rng(self.seed)
+        x, y = extent.axes()
+        places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        share = self.rough_share(places, extent, rng).reshape(len(y), len(x))
+        rough, flat = (
+            random_field(x, y, self.model, range_m, rng)
+            for range_m in (self.range_m, self.flat_range_m or self.range_m)
+        )
+        values = self.mean + share * self.sd * rough + (1 - share) * self.flat_sd * flat
+        return RateGrid(x, y, np.maximum(values, FLOOR * self.mean))
+
+    def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
+        """Share of rough ground at places of shape (n, 2) [m]: from 0, flat, to 1, rough; shape (n,)."""
+        raise NotImplementedError
+
+
+class Halves(UnevenField):
+    """One rough and one flat half with a straight border through the middle of the field."""
+
+    family: Literal["halves"] = "halves"
+    angle_deg: float | None = None
+    """Direction from the flat to the rough half [deg]; drawn from the seed if left out."""
+
+    def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
+        """See the base class."""
+        across = direction(_angle(self.angle_deg, rng))
+        return smooth_step((xy - extent.centre) @ across, self.transition_m)
+
+
+class RoughPatch(UnevenField):
+    """One round rough patch in a flat field, at a place drawn from the seed."""
+
+    family: Literal["rough_patch"] = "rough_patch"
+    area: Annotated[float, Field(gt=0, le=0.5)] = 0.1
+    """Area of the patch as a share of the area of the field's bounding box [-]."""
+
+    def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
+        """See the base class."""
+        size = extent.high - extent.low
+        radius = np.sqrt(self.area * size.prod() / np.pi)
+        margin = np.minimum(radius, 0.5 * size)
+        centre = rng.uniform(extent.low + margin, extent.high - margin)
+        return smooth_step(radius - np.hypot(*(xy - centre).T), self.transition_m)
+
+
+class Strips(UnevenField):
+    """Parallel strips, rough and flat in turn."""
+
+    family: Literal["strips"] = "strips"
+    width_m: Positive = 12.0
+    """Width of a strip [m]."""
+    angle_deg: float | None = None
+    """Direction in which the strips run [deg]; drawn from the seed if left out."""
+
+    def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
+        """See the base class."""
+        across = direction(_angle(self.angle_deg, rng) - 90)
+        first = rng.uniform(0, 2 * self.width_m)
+        position = ((xy - extent.centre) @ across - first) % (2 * self.width_m)
+        return smooth_step(self.width_m / 2 - np.abs(position - self.width_m), self.transition_m)
+
+
+def _angle(given_deg: float | None, rng: np.random.Generator) -> float:
+    """The angle given, or one drawn from all directions [deg]."""
+    return float(rng.uniform(0, 360)) if given_deg is None else given_deg
+
+
+class Texture(RateFormula):
+    """Zones and finer variation between two limits; every value between them covers the same area on average.
+
+    The value is ``low + (high - low) Phi(z)`` with ``z = sqrt(1 - fine) zones + sqrt(fine) inside``: two
+    independent Gaussian random fields of variance 1 (Matern 3/2), and the normal distribution function Phi.
+    """
+
+    values: ClassVar[tuple[str, ...]] = ("low", "high")
+
+    family: Literal["texture"] = "texture"
+    low: Positive
+    """Value of the purest sand (moisture), or of the heaviest clay (rate)."""
+    high: Positive
+    """Value at the other end, greater than ``low``."""
+    range_m: Positive = 40.0
+    """Range parameter of the zones [m]; a zone is about twice as wide."""
+    fine: Annotated[float, Field(ge=0, le=1)] = 0.1
+    """Share of the variance inside zones."""
+    fine_range_m: Positive = 8.0
+    """Range parameter of the variation inside zones [m]."""
+    seed: Annotated[int, Field(ge=0)] = 1
+    """Seed of the values. Fields of one seed, boundary and cell size share their zones."""
+
+    @model_validator(mode="after")
+    def _low_is_below_high(self) -> Texture:
+        if self.low >= self.high:
+            raise ValueError(f"'low' must be below 'high' ({self.high:g})")
+        return self
+
+    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+        """See the base class."""
+        from scipy.special import ndtr
+
+        rng = rng or np.random.default_rng(self.seed)
+        x, y = extent.axes()
+        zones, inside = (
+            random_field(x, y, "matern32", range_m, rng) for range_m in (self.range_m, self.fine_range_m)
+        )
+        share = ndtr(np.sqrt(1 - self.fine) * zones + np.sqrt(self.fine) * inside)
+        return RateGrid(x, y, self.low + (self.high - self.low) * share)
+
+
+class RandomFieldFormula(RateFormula):
+    """A stationary Gaussian random field, drawn at the nodes of a grid (see :mod:`.random_field`).
+
+    Values below 5 % of the mean are raised to 5 % of the mean. With a standard deviation of at most a quarter of
+    the mean, this limit affects fewer than one position in 10,000.
+    """
+
+    values: ClassVar[tuple[str, ...]] = ("mean",)
+    model: ClassVar[ModelName]
+
+    mean: Positive
+    """Mean of the quantity."""
+    sd: Positive
+    """Standard deviation of the quantity, at most a quarter of the mean."""
+    range_m: Positive = 15.0
+    """Range parameter of the correlation [m]. The variogram reaches 95 % of the variance at a multiple of this
+    distance: 1.7 (Gaussian), 3 (exponential) or 2.7 (Matern 3/2)."""
+    seed: Annotated[int, Field(ge=0)] = 1
+
+    @model_validator(mode="after")
+    def _stays_positive(self) -> RandomFieldFormula:
+        if self.sd > self.mean / 4:
+            raise ValueError(f"'sd' must be at most a quarter of 'mean' ({self.mean / 4:g}) to stay positive")
+        return self
+
+    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+        """See the base class."""
+        x, y = extent.axes()
+        noise = random_field(x, y, self.model, self.range_m, rng or np.random.default_rng(self.seed))
+        return RateGrid(x, y, np.maximum(self.mean + self.sd * noise, FLOOR * self.mean))
+
+
+class GaussianField(RandomFieldFormula):
+    """Random field with correlation exp(-(h/range)^2): infinitely smooth."""
+
+    family: Literal["gaussian_field"] = "gaussian_field"
+    model: ClassVar[ModelName] = "gaussian"
+
+
+class ExponentialField(RandomFieldFormula):
+    """Random field with correlation exp(-h/range): rough."""
+
+    family: Literal["exponential"] = "exponential"
+    model: ClassVar[ModelName] = "exponential"
+
+
+class Matern32Field(RandomFieldFormula):
+    """Random field with Matern 3/2 correlation: smooth to the first derivative."""
+
+    family: Literal["matern32"] = "matern32"
+    model: ClassVar[ModelName] = "matern32"
+
+
+class Patches(RateFormula):
+    """Round patches at random positions on a uniform background."""
+
+    values: ClassVar[tuple[str, ...]] = ("background", "patch")
+
+    family: Literal["patches"] = "patches"
+    background: Positive
+    """Value between the patches."""
+    patch: Positive
+    """Value inside a patch."""
+    count: Annotated[int, Field(ge=1, le=1000)] = 6
+    """Number of patches; they may overlap."""
+    radius_m: Positive = 8.0
+    """Mean radius [m]; each radius is drawn between 0.6 and 1.4 times the mean."""
+    edge_m: Positive = 4.0
+    """Width of the edge of a patch, which contains three quarters of the change [m]."""
+    seed: Annotated[int, Field(ge=0)] = 1
+    """Seed of positions and radii."""
+
+    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+        """See the base class."""
+        rng = rng or np.random.default_rng(self.seed)
+        centres = rng.uniform(extent.low, extent.high, (self.count, 2))
+        radii = self.radius_m * rng.uniform(0.6, 1.4, self.count)
+
+        def values(xy: Array) -> Array:
+            distance = np.hypot(*(xy[:, None, :] - centres).transpose(2, 0, 1))
+            share = smooth_step(radii - distance, self.edge_m).max(axis=1)
+            return np.asarray(self.background + (self.patch - self.background) * share)
+
+        return values
+
+
+class Ridge(RateFormula):
+    """A straight ridge (or trench) of Gaussian cross-section."""
+
+    values: ClassVar[tuple[str, ...]] = ("background", "crest")
+
+    family: Literal["ridge"] = "ridge"
+    background: Positive
+    """Value far from the ridge."""
+    crest: Positive
+    """Value along the middle of the ridge."""
+    width_m: Positive = 10.0
+    """Standard deviation of the cross-section [m]."""
+    angle_deg: float = 90.0
+    """Direction in which the ridge runs [deg]."""
+    offset_m: float = 0.0
+    """Distance of the ridge from the field's middle, to the right of its direction [m]."""
+
+    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+        """See the base class."""
+        across, middle = direction(self.angle_deg - 90), extent.centre
+
+        def values(xy: Array) -> Array:
+            distance = (xy - middle) @ across - self.offset_m
+            share = np.exp(-0.5 * (distance / self.width_m) ** 2)
+            return np.asarray(self.background + (self.crest - self.background) * share)
+
+        return values
+
+
+class Gradient(RateFormula):
+    """A uniform slope from one side of the field to the other."""
+
+    values: ClassVar[tuple[str, ...]] = ("low", "high")
+
+    family: Literal["gradient"] = "gradient"
+    low: Positive
+    """Value at the start of the slope and before it."""
+    high: Positive
+    """Value at the end of the slope and beyond it."""
+    angle_deg: float = 0.0
+    """Direction from 'low' to 'high' [deg]."""
+
+    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+        """See the base class."""
+        along, middle = direction(self.angle_deg), extent.centre
+        half_width = float(np.abs(along) @ (extent.high - extent.low)) / 2
+
+        def values(xy: Array) -> Array:
+            share = np.clip(0.5 + (xy - middle) @ along / (2 * half_width), 0.0, 1.0)
+            return np.asarray(self.low + (self.high - self.low) * share)
+
+        return values
+
+
+class Half(RateFormula):
+    """Two uniform halves with a straight, smooth border."""
+
+    values: ClassVar[tuple[str, ...]] = ("low", "high")
+
+    family: Literal["half"] = "half"
+    low: Positive
+    """Value on the near side of the border."""
+    high: Positive
+    """Value on the far side of the border."""
+    transition_m: Positive = 6.0
+    """Width of the transition, which contains three quarters of the change [m]."""
+    angle_deg: float = 0.0
+    """Direction from 'low' to 'high', across the border [deg]."""
+    offset_m: float = 0.0
+    """Distance of the border from the middle of the field, in the direction of ``angle_deg`` [m]."""
+
+    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+        """See the base class."""
+        along, middle = direction(self.angle_deg), extent.centre
+
+        def values(xy: Array) -> Array:
+            share = smooth_step((xy - middle) @ along - self.offset_m, self.transition_m)
+            return np.asarray(self.low + (self.high - self.low) * share)
+
+        return values
+
+
+FAMILIES: dict[str, type[RateFormula]] = {
+    family.model_fields["family"].default: family
+    for family in (
+        GaussianField,
+        ExponentialField,
+        Matern32Field,
+        Patches,
+        Ridge,
+        Gradient,
+        Half,
+        Halves,
+        RoughPatch,
+        Strips,
+        Texture,
+    )
+}
+
+
+def formula(family: str, **parameters: Any) -> RateFormula:
+    """A formula by the name of its family.
+
+    :param family: one of ``FAMILIES``
+    :param parameters: parameters of the family
+    :raises pydantic.ValidationError: (a ValueError) for an unknown family, or a bad or unknown parameter
+    """
+    return parse_formula({"family": family, **parameters})
+
+
+def parse_formula(content: Any) -> RateFormula:
+    """A formula from the keys and values of a file.
+
+    :raises pydantic.ValidationError: (a ValueError) with the location of every mistake
+    """
+    if isinstance(content, RateFormula):
+        return content
+    if not isinstance(content, Mapping):
+        raise _refusal((), f"a formula is a block of keys with a 'family', one of: {', '.join(FAMILIES)}")
+    name = content.get("family")
+    if name is None:
+        raise _refusal((), f"the formula has no 'family'; it may be one of: {', '.join(FAMILIES)}")
+    family = FAMILIES.get(str(name))
+    if family is None:
+        raise _refusal(
+            ("family",),
+            f"unknown family {name!r}; known are {', '.join(FAMILIES)}{did_you_mean(str(name), FAMILIES)}",
+        )
+    known = family.model_fields
+    for key in content:
+        if key not in known:
+            raise _refusal(
+                (str(key),),
+                f"the family {name!r} has no parameter {key!r}; it has {', '.join(known)}"
+                f"{did_you_mean(str(key), known)}",
+            )
+    return family.model_validate(dict(content))
+
+
+Formula = Annotated[RateFormula, BeforeValidator(parse_formula)]
+
+
+def _refusal(location: tuple[str, ...], message: str) -> ValidationError:
+    # The message is passed as a value: PydanticCustomError treats braces in a template as placeholders.
+    error = PydanticCustomError("formula", "{message}", {"message": message})
+    return ValidationError.from_exception_data("formula", [InitErrorDetails(type=error, loc=location, input=None)])

@@ -1,0 +1,307 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Result of a mission: state over time, map errors, visits, forecasts, a map of each property; and its moments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration import Forecast, MissionStatus, Stop, Visit, hundredths
+from soilmoist_ros.foundation import optional_module
+from soilmoist_ros.mapping import Samples, SoilMap, possible_moisture
+from soilmoist_ros.sensing import MoistureCurve
+
+if TYPE_CHECKING:
+    from soilmoist_ros.exploration import LearnedMotion, Visit
+    from soilmoist_ros.foundation import LocalFrame
+    from soilmoist_ros.mapping import Covariates, SoilMap
+    from soilmoist_ros.sensing import CountRecord
+    from soilmoist_ros.simulation.mission.settings import MissionSettings
+    from soilmoist_ros.simulation.mission.simulated_knowledge import SimulatedSurvey
+
+Array = NDArray[np.float64]
+
+_COVERAGE_SD = 1.959964
+SHARES = (0.0, 0.25, 0.5, 0.75)
+"""Shares of the mission time at which forecasts are reported."""
+
+
+class MapErrors(NamedTuple):
+    """Errors of a map over the cells of a field; NaN before the first map, or without a truth.
+
+    :param mse: mean squared error of the rate [(counts/s)^2]
+    :param vwc_rmse: root mean squared error of the moisture [m^3/m^3], estimates kept between 0 and the pore
+        volume; NaN without a calibration curve
+    :param coverage95: share of the cells whose true rate lies in the 95 % interval
+    """
+
+    mse: float = math.nan
+    vwc_rmse: float = math.nan
+    coverage95: float = math.nan
+
+
+def map_errors(
+    rate_cps: Array,
+    rate_sd_cps: Array,
+    true_rate_cps: Array,
+    curve: MoistureCurve | None,
+    true_vwc: Array | None = None,
+) -> MapErrors:
+    """Errors over the cells of a field.
+
+    :param rate_cps: estimated rate, shape (g,) [counts/s]
+    :param rate_sd_cps: standard deviation of the estimate, shape (g,) [counts/s]
+    :param true_rate_cps: true rate, shape (g,) [counts/s]
+    :param curve: calibration curve, if any
+    :param true_vwc: :func:`possible_moisture` of the true rate, if already computed, shape (g,) [m^3/m^3]
+    """
+    error = rate_cps - true_rate_cps
+    covered = float(np.mean(np.abs(error) <= _COVERAGE_SD * rate_sd_cps))
+    vwc_rmse = math.nan
+    if curve is not None:
+        if true_vwc is None:
+            true_vwc = possible_moisture(curve, true_rate_cps)
+        difference = possible_moisture(curve, rate_cps) - true_vwc
+        vwc_rmse = float(np.sqrt(np.mean(difference**2)))
+    return MapErrors(float(np.mean(error**2)), vwc_rmse, covered)
+
+
+class TimedForecast(NamedTuple):
+    """A forecast, and the mission time at which it was made [s]."""
+
+    time_s: float
+    forecast: Forecast
+
+
+def reported(forecasts: Sequence[TimedForecast], planned_s: float) -> list[tuple[float, TimedForecast]]:
+    """The first forecast at or after each of :data:`SHARES` of the planned time, with the share.
+
+    :param forecasts: in order of time; the last one may be the map at the end
+    :param planned_s: planned mission time [s]
+    """
+    found: list[tuple[float, TimedForecast]] = []
+    for share in SHARES:
+        made = next((one for one in forecasts if one.time_s >= share * planned_s), None)
+        if made is not None and made.forecast.times_s and all(made is not other for _, other in found):
+            found.append((share, made))
+    return found
+
+
+def achieved(forecasts: Sequence[TimedForecast]) -> TimedForecast | None:
+    """Standard deviation of the last map, ``None`` without a map."""
+    return next((one for one in reversed(forecasts) if not one.forecast.is_guess), None)
+
+
+def forecast_text(forecasts: Sequence[TimedForecast], planned_s: float) -> str:
+    """What was forecast for the end and what was reached, in words; empty without a map."""
+    end = achieved(forecasts)
+    if end is None:
+        return ""
+    reached = f"±{hundredths(end.forecast.sd)} {end.forecast.unit} reached"
+    made = [f"{made.forecast.end_text} {_when(share)}" for share, made in reported(forecasts, planned_s)]
+    return "; ".join([reached, f"forecast {', '.join(made)}"] if made else [reached])
+
+
+def _when(share: float) -> str:
+    return f"at {100 * share:.0f} % of the time" if share else "at the start"
+
+
+@dataclass(frozen=True)
+class SeriesRow:
+    """The state of a mission at one time.
+
+    :param time_s: mission time [s]
+    :param distance_m: distance travelled by all robots together [m]
+    :param samples: finished visits
+    :param counting_s: time that all robots together spent counting at stops [s]
+    :param errors: errors of the map of each property against the truth of its time; the first is that of the
+        mission field. Of a strategy that does without the variance of every cell, the entries before the last are
+        of some hundred cells, evenly spaced
+    """
+
+    time_s: float
+    distance_m: float
+    samples: int
+    counting_s: float
+    errors: tuple[MapErrors, ...] = (MapErrors(),)
+
+    @property
+    def mse(self) -> float:
+        """Mean squared error of the rate of the mission field [(counts/s)^2]."""
+        return self.errors[0].mse
+
+    @property
+    def mse_10s(self) -> float:
+        """Mean squared error in the authors' unit [(counts/10 s)^2]."""
+        return 100 * self.mse
+
+    @property
+    def vwc_rmse(self) -> float:
+        """Root mean squared error of the moisture [m^3/m^3]; NaN without a calibration curve."""
+        return self.errors[0].vwc_rmse
+
+    @property
+    def coverage95(self) -> float:
+        """Share of the cells whose true rate lies in the 95 % interval."""
+        return self.errors[0].coverage95
+
+
+def series_columns(series: Sequence[SeriesRow], names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """A series as columns: mission and first property, then error and coverage of each additional property.
+
+    :param series: rows
+    :param names: names of all properties; columns of the first property have no suffix
+    :returns: ``time_s``, ``distance_m``, ``samples``, ``mse``, ``mse_10s``, ``vwc_rmse``, ``coverage95``,
+        ``counting_s``, and ``mse_NAME`` and ``coverage95_NAME`` of each additional property; with exactly one
+        additional property also ``also_mse`` and ``also_coverage95``, the names in earlier releases
+    """
+    shared = ("time_s", "distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_s")
+    columns: dict[str, NDArray[Any]] = {
+        name: np.array([getattr(row, name) for row in series], float) for name in shared
+    }
+    columns["samples"] = np.array([row.samples for row in series], int)
+    for number, name in enumerate(names[1:], start=1):
+        errors = [row.errors[number] for row in series]
+        for metric in ("mse", "coverage95"):
+            column = np.array([getattr(error, metric) for error in errors], float)
+            if len(names) == 2:
+                columns[f"also_{metric}"] = column
+            columns[f"{metric}_{name}"] = column
+    return columns
+
+
+@dataclass(frozen=True, eq=False)
+class MappedProperty:
+    """A property that a mission mapped.
+
+    :param name: name in files, see :func:`property_name`
+    :param title: name in reports
+    :param records: all records of its sensors in order of time
+    :param soil_map: final map of its rate, ``None`` if the mission ended before the first map
+    :param truth_rate: true rate at the end on the map's grid [counts/s], shape (ny, nx), NaN outside and if
+        unknown
+    :param weight: value of a share of its variation to the planner; 0 means mapped, but not planned for
+    :param series: simulated earlier surveys that informed the map, the latest first
+    :param covariates: covariates that informed the map
+    """
+
+    name: str
+    title: str
+    records: Sequence[CountRecord]
+    soil_map: SoilMap | None
+    truth_rate: Array
+    weight: float = 1.0
+    series: Sequence[SimulatedSurvey] = ()
+    covariates: Covariates | None = None
+
+    @property
+    def known_truth(self) -> Array | None:
+        """The truth, ``None`` if it is unknown."""
+        return self.truth_rate if np.isfinite(self.truth_rate).any() else None
+
+
+@dataclass(frozen=True, eq=False)
+class MissionResult:
+    """Result of a mission.
+
+    :param settings: settings of the mission
+    :param series: state over time, in order; the last row is the end of the mission
+    :param visits: visits in the order in which they finished
+    :param tracks: corner points of each robot's path [m], shape (p, 2)
+    :param properties: mapped properties; the first belongs to the mission field
+    :param frame: plane of the field
+    :param ended: reason for the end
+    :param motion: what the planner of each robot has learned of its motion
+    :param log: lines of the mission log
+    :param forecasts: forecasts of the map's standard deviation; the last one may be the map at the end
+    """
+
+    settings: MissionSettings
+    series: Sequence[SeriesRow]
+    visits: Sequence[Visit]
+    tracks: Sequence[Array]
+    properties: Sequence[MappedProperty]
+    frame: LocalFrame
+    ended: str = ""
+    motion: Sequence[LearnedMotion] = ()
+    log: Sequence[str] = field(default_factory=tuple)
+    forecasts: Sequence[TimedForecast] = ()
+
+    @property
+    def records(self) -> Sequence[CountRecord]:
+        """Records of the mission field."""
+        return self.properties[0].records
+
+    @property
+    def soil_map(self) -> SoilMap | None:
+        """Final map of the mission field, ``None`` if the mission ended before the first map."""
+        return self.properties[0].soil_map
+
+    @property
+    def truth_rate(self) -> Array:
+        """True rate of the mission field on the map's grid [counts/s], shape (ny, nx), NaN outside."""
+        return self.properties[0].truth_rate
+
+    @property
+    def field_title(self) -> str:
+        """Name of the mission field in reports."""
+        return self.properties[0].title
+
+    @property
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The series as columns, see :func:`series_columns`."""
+        return series_columns(self.series, [mapped.name for mapped in self.properties])
+
+    def to_dataframe(self) -> Any:
+        """The series as a :class:`pandas.DataFrame`.
+
+        :raises InputError: if pandas is not installed
+        """
+        return optional_module("pandas").DataFrame(self.columns)
+
+    def __repr__(self) -> str:
+        end_h = self.series[-1].time_s / 3600 if self.series else 0.0
+        names = ", ".join(mapped.name for mapped in self.properties)
+        return f"<MissionResult: {names}; {len(self.visits)} visits in {end_h:.2f} h; {self.ended}>"
+
+
+@dataclass(frozen=True)
+class RobotMoment:
+    """A robot at one moment.
+
+    :param status: its mission
+    :param xy: true place [m]
+    :param ahead: its stops ahead, the next one first
+    """
+
+    status: MissionStatus
+    xy: tuple[float, float]
+    ahead: tuple[Stop, ...]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """All robots and the map of the mission field at one moment.
+
+    :param time_s: simulated time [s]
+    :param robots: the robots
+    :param visits: visits so far; the list grows with the mission
+    :param samples: samples in the map
+    :param soil_map: makes the map of all cells, ``None`` before there is one; takes some milliseconds to seconds
+    """
+
+    time_s: float
+    robots: tuple[RobotMoment, ...]
+    visits: Sequence[Visit]
+    samples: Samples
+    soil_map: Callable[[], SoilMap | None]
+
+
+Watch = Callable[[Moment], bool]
+"""Receives the moments of a mission; false ends the mission as an operator would."""

@@ -1,0 +1,510 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Campaigns from file to tables: campaign.py, campaign_file.py, computing.py, table.py, mission_store.py."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from soilmoist_ros.foundation.configuration import resource, resource_names
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.lab import mission_store
+from soilmoist_ros.lab.campaign import (
+    CampaignInterrupted,
+    load_campaign,
+    mission_key,
+    missions,
+    run_campaign,
+)
+from soilmoist_ros.lab.campaign_file import Choices
+from soilmoist_ros.lab.mission_store import DamagedMissionError, pack, unpack
+from soilmoist_ros.lab.table import METRICS, time_grid
+from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings
+from soilmoist_ros.simulation.mission.simulator import simulate_mission
+
+HERE = Path(__file__).resolve().parents[1] / "simulation"
+SMALL = """
+title: Small
+runs: 2
+defaults: {hours: 1, preset: authors}
+experiments:
+  - {name: first, field: synthetic-high, strategy: [greedy, lattice], dwell: ["ami:0.03", "fmi:300"]}
+  - {name: second, field: [synthetic-high, synthetic-low], strategy: greedy, dwell: "ami:0.03"}
+"""
+
+
+@pytest.fixture
+def fake(monkeypatch):
+    """The fake simulator, importable in this process and in its children."""
+    monkeypatch.syspath_prepend(str(HERE))
+    import fake_mission
+
+    return fake_mission.simulate
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    return written(tmp_path / "small.yaml", SMALL)
+
+
+def written(path, text):
+    path.write_text(text, encoding="utf-8")
+    return load_campaign(str(path))
+
+
+class Counted:
+    """Counts the calls of a simulator; interrupts or fails at given calls."""
+
+    def __init__(self, simulate, interrupt_at=None, fail=lambda settings: False):
+        self.calls, self._simulate, self._interrupt_at, self._fail = [], simulate, interrupt_at, fail
+
+    def __call__(self, settings, progress=None):
+        if self._interrupt_at == len(self.calls):
+            raise KeyboardInterrupt
+        self.calls.append(settings)
+        if self._fail(settings):
+            raise ValueError("the variogram\nhas no range")
+        return self._simulate(settings, progress)
+
+
+@pytest.mark.slow
+def test_the_paper_s_campaign():
+    found = missions(load_campaign("paper"))
+    assert len(found) == 480
+    assert len({mission.key for mission in found}) == 480
+    assert {mission.settings.preset for mission in found} == {"authors"}
+    assert {mission.settings.hours for mission in found if mission.settings.field == "validation"} == {4.0}
+    shared = [mission for mission in found if mission.experiments == ("intervals", "strategies")]
+    assert len(shared) == 60
+
+
+def test_grid_and_defaults(campaign):
+    found = missions(campaign)
+    assert [m.settings.seed for m in found[:2]] == [1, 2]
+    assert len(found) == 2 * 4 + 2
+    assert found[0].settings == MissionSettings(hours=1.0, preset="authors", seed=1)
+    assert found[0].experiments == ("first", "second")
+
+
+def test_keys_are_stable_and_tell_settings_apart():
+    assert mission_key(MissionSettings()) == mission_key(MissionSettings())
+    assert mission_key(MissionSettings(seed=2)) != mission_key(MissionSettings())
+    assert mission_key(MissionSettings(cell_m=1.0)) != mission_key(MissionSettings())
+    explicit = MissionSettings(strategy="gcb", dwell="optimal", model="matern32", fit="reml", map_from="records")
+    assert mission_key(explicit) == mission_key(MissionSettings()), "keys contain the values of a preset"
+
+
+def test_a_field_file_counts_by_its_content(tmp_path):
+    text = "title: t\nruns: [3]\nexperiments: [{name: a, field: ./field.yaml}]\n"
+    for folder, content in (("a", "name: x"), ("b", "name: x"), ("c", "name: y"), ("d", "name: x")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "points.csv").write_text("1" if folder == "d" else "0")
+        content += "\ntruth: {points: points.csv}"
+        (tmp_path / folder / "field.yaml").write_text(content)
+    keys = [missions(written(tmp_path / name / "c.yaml", text))[0].key for name in "abcd"]
+    assert keys[0] == keys[1] != keys[2]
+    assert keys[3] not in keys[:3]
+    assert missions(load_campaign(str(tmp_path / "a" / "c.yaml")))[0].settings.field == str(
+        tmp_path / "a/field.yaml"
+    )
+
+
+def test_every_mistake_is_named(tmp_path):
+    text = """title: ''
+runs: 0
+experiments:
+  - name: a b
+    strategy: [gredy, lattice]
+    dwell: [ami:3, fmi:-1, 600]
+    hours: [0]
+    seed: 4
+"""
+    with pytest.raises(InputError) as caught:
+        written(tmp_path / "c.yaml", text)
+    named = {(mistake.line, mistake.column) for mistake in caught.value.mistakes}
+    assert {(1, "title"), (2, "runs"), (4, "experiments.0.name"), (8, "experiments.0.seed")} <= named
+    assert {(5, "experiments.0.strategy.0"), (6, "experiments.0.dwell.0"), (6, "experiments.0.dwell.1")} <= named
+    assert "gredy" in str(caught.value)
+    assert "did you mean 'greedy'" in str(caught.value)
+    assert "did you mean 'ami:3%'" in str(caught.value)
+    assert "tuple should have" not in str(caught.value)
+
+
+def test_mistakes_beyond_the_keys(tmp_path):
+    text = "title: t\nruns: [1]\nexperiments: [{name: a, field: no/such.yaml}, {name: a, field: moon}]\n"
+    with pytest.raises(InputError) as caught:
+        written(tmp_path / "c.yaml", text)
+    assert "no field file 'no/such.yaml'" in str(caught.value)
+    assert "no field 'moon'" in str(caught.value)
+    assert "synthetic-high" in str(caught.value)
+    assert "second experiment is named 'a'" in str(caught.value)
+    assert {mistake.line for mistake in caught.value.mistakes} == {3}
+    with pytest.raises(InputError, match="only once"):
+        written(tmp_path / "d.yaml", "title: t\nruns: [1, 1]\nexperiments: [{name: a}]\n")
+    with pytest.raises(InputError, match="one of: drift, knowledge, paper"):
+        load_campaign("papers")
+
+
+def test_mistakes_of_all_kinds_are_named_at_once(tmp_path):
+    (tmp_path / "bare.yaml").write_text("name: bare\n")
+    (tmp_path / "g.yaml").write_text("[]")
+    text = """title: t
+runs: 1
+defaults: {graph: ./g.yaml}
+experiments:
+  - {name: a, field: [example, ./bare.yaml, patches], travel: graph}
+  - {name: b, strategy: gredy}
+  - {name: c, travel: [graph, free]}
+"""
+    with pytest.raises(InputError) as caught:
+        written(tmp_path / "c.yaml", text)
+    said = [(mistake.line, mistake.message) for mistake in caught.value.mistakes]
+    assert [line for line, _ in said] == [6, 5, 5, 6, 7]
+    assert "'gredy'" in said[0][1]
+    assert "'example' has no truth" in said[1][1]
+    assert "'./bare.yaml' has no truth" in said[2][1]
+    assert "robot travels freely" in said[3][1] == said[4][1]
+
+
+def test_dwell_rules_are_those_of_a_mission(tmp_path):
+    text = "title: t\nruns: 1\nexperiments: [{name: a, dwell: [%s]}]\n"
+    found = missions(written(tmp_path / "c.yaml", text % "'ami:2.5%', ami:0.025, 'FMI: 600', optimal"))
+    assert [mission.settings.dwell for mission in found] == ["ami:0.025", "fmi:600", "optimal"]
+    with pytest.raises(InputError, match=r"'fmi:0\.5' is not between 1 and 86400 s"):
+        written(tmp_path / "d.yaml", text % "fmi:0.5")
+
+
+@pytest.mark.slow
+def test_tables(campaign, tmp_path, fake):
+    outcome = run_campaign(campaign, tmp_path, fake, workers=0)
+    assert outcome.complete
+    assert (outcome.total, outcome.computed, outcome.reused, outcome.remarks) == (10, 10, 0, ())
+    table = pd.read_parquet(tmp_path / "results.parquet")
+    assert list(table.columns) == ["key", *SETTINGS, "time_s", *METRICS]
+    assert len(table) == 10 * 13
+    pd.testing.assert_frame_equal(
+        pd.read_csv(tmp_path / "results.csv"), table, check_dtype=False, rtol=1e-6, check_like=False
+    )
+    mission = missions(campaign)[0]
+    stored = mission_store.MissionStore(tmp_path / "runs").read(mission)
+    mine = table[table["key"] == mission.key].set_index("time_s")
+    row = next(row for row in stored.series if row.time_s == 1800)
+    assert mine.loc[1800, ["distance_m", "samples", "mse"]].tolist() == [row.distance_m, row.samples, row.mse]
+    assert mine.loc[1800, "counting_share"] == pytest.approx(row.counting_s / 1800)
+    assert mine.loc[0, "samples"] == 0
+    assert np.isnan(mine.loc[0, "mse"])
+    final = pd.read_parquet(tmp_path / "missions.parquet").set_index("key")
+    assert final.loc[mission.key, "mse"] == stored.series[-1].mse
+    assert final.loc[mission.key, "experiments"] == "first second"
+    assert final["border_share"].between(0, 1).all()
+    assert final[final["strategy"] == "greedy"]["border_share"].mean() > 0.7
+
+
+def test_time_grid_ends_with_the_mission():
+    assert time_grid(1.0, 1800).tolist() == [0, 1800, 3600]
+    assert time_grid(0.6, 1800).tolist() == [0, 1800, 2160]
+    assert len(time_grid(2.0, 300)) == 25
+
+
+@pytest.mark.slow
+def test_a_mission_survives_its_file(fake):
+    settings = MissionSettings(seed=7, preset="paper")
+    result = fake(settings)
+    stored = unpack(pack(result, "k"))
+    assert stored.settings == settings
+    assert repr(stored.series) == repr(tuple(result.series)), "not even NaN differs"
+    np.testing.assert_equal([asdict(visit) for visit in stored.visits], [asdict(visit) for visit in result.visits])
+    np.testing.assert_array_equal(stored.tracks, result.tracks)
+    np.testing.assert_allclose(stored.rate, result.soil_map.rate, rtol=1e-6)
+    assert len(stored.outlines) == 1
+    assert pack(result, "k") == pack(fake(settings), "k")
+    tracks = (np.zeros((2, 2)), np.ones((3, 2)))
+    visits = [result.visits[0], replace(result.visits[1], robot=2)]
+    team = unpack(pack(replace(result, tracks=tracks, visits=visits), "k"))
+    assert [track.tolist() for track in team.tracks] == [track.tolist() for track in tracks]
+    assert [visit.robot for visit in team.visits] == [1, 2]
+
+
+def test_a_covariate_that_cannot_be_read_is_found_before_the_first_mission(tmp_path, fake):
+    ridge = resource("fields", "ridge").read_text(encoding="utf-8")
+    (tmp_path / "field.yaml").write_text(f"{ridge}\ncovariates: [{{file: relief.tif}}]\n", encoding="utf-8")
+    plan = written(tmp_path / "small.yaml", SMALL.replace("[synthetic-high, synthetic-low]", "field.yaml"))
+    counted = Counted(fake)
+    with pytest.raises(InputError, match=r"relief\.tif: there is no such file of covariates"):
+        run_campaign(plan, tmp_path / "out", counted, workers=0)
+    assert counted.calls == []
+
+
+@pytest.mark.slow
+def test_an_interrupted_campaign_resumes(campaign, tmp_path, fake):
+    first = Counted(fake, interrupt_at=4)
+    with pytest.raises(CampaignInterrupted, match=r"4 of 10 missions are stored.*again to resume"):
+        run_campaign(campaign, tmp_path, first, workers=0)
+    steps = []
+    second = Counted(fake)
+    outcome = run_campaign(campaign, tmp_path, second, workers=0, progress=steps.append)
+    assert (outcome.reused, outcome.computed) == (4, 6)
+    assert not set(first.calls) & set(second.calls)
+    assert len(first.calls) + len(second.calls) == 10
+    assert [(step.done, step.total) for step in steps] == [(done, 10) for done in range(4, 11)]
+    assert np.isnan(steps[0].left_s)
+    assert steps[-1].left_s == 0
+    third = Counted(fake)
+    assert run_campaign(campaign, tmp_path, third, workers=0).reused == 10
+    assert not third.calls
+
+
+@pytest.mark.slow
+def test_damaged_files_are_computed_again(campaign, tmp_path, fake):
+    run_campaign(campaign, tmp_path, fake, workers=0)
+    keys = [mission.key for mission in missions(campaign)]
+    paths = [tmp_path / "runs" / f"{key}.npz" for key in keys]
+    whole = paths[0].read_bytes()
+    paths[0].write_bytes(whole[: len(whole) // 2])
+    middle = bytearray(paths[1].read_bytes())
+    middle[len(middle) // 3 : len(middle) // 2] = bytes(len(middle) // 2 - len(middle) // 3)
+    paths[1].write_bytes(middle)
+    paths[2].write_bytes(paths[3].read_bytes())
+    paths[4].write_bytes(b"")
+    again = Counted(fake)
+    outcome = run_campaign(campaign, tmp_path, again, workers=0)
+    assert (outcome.computed, outcome.reused) == (4, 6)
+    assert len(outcome.remarks) == 4
+    assert all("computed again" in remark for remark in outcome.remarks)
+    assert "another mission" in outcome.remarks[2]
+    assert paths[0].read_bytes() == whole
+
+
+@pytest.mark.slow
+def test_changed_settings_and_code_do_not_mix(campaign, tmp_path, fake, monkeypatch):
+    run_campaign(campaign, tmp_path, fake, workers=0)
+    longer = written(tmp_path / "longer.yaml", SMALL.replace("hours: 1", "hours: 1.5"))
+    changed = Counted(fake)
+    assert run_campaign(longer, tmp_path, changed, workers=0).computed == 10
+    assert set(pd.read_parquet(tmp_path / "missions.parquet")["hours"]) == {1.5}
+    monkeypatch.setattr(mission_store, "code_version", lambda: "9.9")
+    outcome = run_campaign(campaign, tmp_path, changed, workers=0)
+    assert outcome.computed == 10
+    assert outcome.remarks == ("10 stored missions were computed by another version of the code: computed again",)
+
+
+@pytest.mark.slow
+def test_a_failing_mission_does_not_end_the_campaign(campaign, tmp_path, fake):
+    bad = Counted(fake, fail=lambda settings: settings.seed == 2 and settings.strategy == "lattice")
+    outcome = run_campaign(campaign, tmp_path, bad, workers=0)
+    assert not outcome.complete
+    assert outcome.computed == 8
+    assert len(outcome.failures) == 2
+    text = str(outcome.failures[0])
+    assert "strategy=lattice" in text
+    assert "seed=2" in text
+    assert "ValueError: the variogram has no range" in text
+    assert "Traceback" in outcome.failures[0].details
+    assert len(set(pd.read_parquet(tmp_path / "results.parquet")["key"])) == 8
+    assert run_campaign(campaign, tmp_path, fake, workers=0).computed == 2
+
+
+@pytest.mark.slow
+def test_processes_do_not_change_the_results(campaign, tmp_path, fake):
+    for workers in (0, 1, 2):
+        assert run_campaign(campaign, tmp_path / str(workers), fake, workers).complete
+    here, one, two = (folder(tmp_path / str(workers)) for workers in (0, 1, 2))
+    assert here == one == two
+
+
+def folder(path):
+    return {item.name: item.read_bytes() for item in sorted([*path.glob("runs/*.npz"), path / "results.csv"])}
+
+
+@pytest.mark.slow
+def test_a_process_that_dies_takes_only_its_mission_along(tmp_path, monkeypatch):
+    (tmp_path / "deadly.py").write_text(
+        "import os, fake_mission\n"
+        "def simulate(settings, progress=None):\n"
+        "    assert os.environ['OPENBLAS_NUM_THREADS'] == '1'\n"
+        "    if settings.seed == 2: os._exit(9)\n"
+        "    return fake_mission.simulate(settings, progress)\n"
+    )
+    monkeypatch.syspath_prepend(str(HERE))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    import deadly
+
+    campaign = written(tmp_path / "c.yaml", "title: t\nruns: 4\nexperiments: [{name: a, hours: 1}]\n")
+    outcome = run_campaign(campaign, tmp_path, deadly.simulate, workers=2)
+    assert outcome.computed == 3
+    assert [failure.mission.settings.seed for failure in outcome.failures] == [2]
+    assert "died" in str(outcome.failures[0])
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_ctrl_c_stops_the_processes(tmp_path):
+    (tmp_path / "slow.py").write_text(
+        "import time, sys\n"
+        "from pathlib import Path\n"
+        "def simulate(settings, progress=None):\n"
+        "    Path(sys.argv[2], f'started{settings.seed}').touch()\n"
+        "    while True:\n"
+        "        time.sleep(0.02); progress(0.5)\n"
+        "if __name__ == '__main__':\n"
+        "    import slow\n"
+        "    from soilmoist_ros.lab.campaign import load_campaign, run_campaign\n"
+        "    run_campaign(load_campaign(sys.argv[1]), Path(sys.argv[2]), slow.simulate, workers=1)\n"
+    )
+    path = tmp_path / "c.yaml"
+    path.write_text("title: t\nruns: 3\nexperiments: [{name: a}]\n")
+    command = [sys.executable, str(tmp_path / "slow.py"), str(path), str(tmp_path)]
+    # Tests that a shell starts in the background ignore Ctrl-C; child processes inherit this.
+    process = subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("started*")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert list(tmp_path.glob("started*"))
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode != 0
+    assert errors.strip().endswith("run the same command again to resume")
+    assert errors.count("Traceback") == 1
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same(campaign, tmp_path, fake):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0", host="tcp://127.0.0.1"
+    ) as cluster:
+        outcome = run_campaign(campaign, tmp_path / "there", fake, scheduler=cluster.scheduler_address)
+        bad = Counted(fake, fail=lambda settings: settings.seed == 2)
+        failing = run_campaign(campaign, tmp_path / "bad", bad, scheduler=cluster.scheduler_address)
+    assert outcome.complete
+    assert len(failing.failures) == 5
+    run_campaign(campaign, tmp_path / "here", fake, workers=0)
+    assert folder(tmp_path / "there") == folder(tmp_path / "here")
+
+
+def test_what_is_missing_is_said_before_anything_is_computed(campaign, tmp_path, fake, monkeypatch):
+    counted = Counted(fake)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        run_campaign(campaign, tmp_path / "file", counted, workers=0)
+    with pytest.raises(InputError, match="cannot be -1"):
+        run_campaign(campaign, tmp_path, counted, workers=-1)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(InputError, match=r"pip install 'soilmoist_ros\[campaign\]'"):
+        run_campaign(campaign, tmp_path, counted, workers=0)
+    assert not counted.calls
+
+
+def test_a_result_of_another_mission_is_refused(campaign, fake, tmp_path):
+    mission = missions(campaign)[0]
+    store = mission_store.MissionStore(tmp_path / "runs")
+    with pytest.raises(DamagedMissionError, match="another mission"):
+        store.write(mission, pack(fake(mission.settings), "0" * 16))
+    assert not list(store.folder.iterdir())
+    assert store.read(mission) is None
+
+
+def test_every_setting_but_the_seed_can_be_varied():
+    assert set(Choices.model_fields) == {item.name for item in fields(MissionSettings)} - {"seed"}
+
+
+def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path):
+    path = tmp_path / "c.yaml"
+    path.write_text("title: t\nruns: 1\nexperiments: [{name: a, travel: graph, graph: g.yaml}]\n")
+    with pytest.raises(InputError, match=r"no topological map 'g\.yaml'"):
+        load_campaign(str(path))
+    keys = set()
+    for content in ("[]", "[1]"):
+        (tmp_path / "g.yaml").write_text(content)
+        (mission,) = missions(load_campaign(str(path)))
+        assert mission.settings.graph == str(tmp_path / "g.yaml")
+        keys.add(mission.key)
+    assert len(keys) == 2
+
+
+def test_files_that_a_file_names_count_by_their_content_unless_they_have_no_end(tmp_path):
+    (tmp_path / "g.yaml").write_text("[named]")
+    settings = MissionSettings(travel="graph", graph=str(tmp_path / "g.yaml"))
+    keys = [mission_key(settings)]
+    (tmp_path / "named").symlink_to("/dev/null")
+    assert mission_key(settings) == keys[0]
+    (tmp_path / "named").unlink()
+    for content in ("one", "two"):
+        (tmp_path / "named").write_text(content)
+        keys.append(mission_key(settings))
+    assert len(set(keys)) == 3
+
+
+PROPERTIES = "title: t\nruns: 1\nexperiments: [{name: a, properties: %s}]\n"
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ("rough", ["rough"]),
+        ("[rough, 'smooth:0.5']", ["rough smooth:0.5"]),
+        ("[[rough], ['smooth:0.5', patches], []]", ["rough", "smooth:0.5 patches", ""]),
+        ("[]", [""]),
+    ],
+)
+def test_properties_are_a_list_and_lists_make_a_grid(tmp_path, given, expected):
+    found = missions(written(tmp_path / "c.yaml", PROPERTIES % given))
+    assert [" ".join(map(str, mission.settings.properties)) for mission in found] == expected
+
+
+@pytest.mark.slow
+def test_a_property_counts_by_the_content_of_its_file(tmp_path):
+    with pytest.raises(InputError, match=r"properties.*no field 'ruogh'"):
+        written(tmp_path / "c.yaml", PROPERTIES % "['ruogh:2']")
+    with pytest.raises(InputError, match="'rough:-1' is not a property with a weight"):
+        written(tmp_path / "c.yaml", PROPERTIES % "['rough:-1']")
+    keys = set()
+    for content in ("truth: {}", "truth: {hours: 1}"):
+        (tmp_path / "salt.yaml").write_text(content)
+        found = missions(written(tmp_path / "c.yaml", PROPERTIES % "[['./salt.yaml:2'], [rough]]"))
+        assert str(found[0].settings.properties[0]) == f"{tmp_path / 'salt.yaml'}:2"
+        keys |= {mission.key for mission in found}
+    assert len(keys) == 2 + 1, "the shipped field is the same in both"
+
+
+def test_old_keys_of_a_property_mean_the_same_missions(tmp_path, caplog):
+    old = "[{name: a, also_weight: [0, 1]}, {name: b}]"
+    old = f"title: t\nruns: 1\ndefaults: {{also: rough, variogram: spherical}}\nexperiments: {old}\n"
+    new = "[{name: a, properties: [['rough:0'], [rough]]}, {name: b, properties: rough}]"
+    new = f"title: t\nruns: 1\ndefaults: {{model: spherical}}\nexperiments: {new}\n"
+    assert missions(written(tmp_path / "old.yaml", old)) == missions(written(tmp_path / "new.yaml", new))
+    for key, today in (("also", "properties"), ("also_weight", "properties"), ("variogram", "model")):
+        assert f"the key {key!r} has become {today!r}" in caplog.text
+
+
+@pytest.mark.slow
+def test_each_further_property_has_its_columns_in_the_tables(tmp_path):
+    experiment = "{name: a, hours: 0.05, properties: [[], ['rough:0', smooth]]}"
+    text = f"title: t\nruns: 1\nexperiments: [{experiment}]\n"
+    run_campaign(written(tmp_path / "c.yaml", text), tmp_path, simulate_mission, workers=0)
+    final = pd.read_parquet(tmp_path / "missions.parquet").set_index("properties")
+    assert list(final.index) == ["none", "rough:0 smooth"]
+    assert {"mse_rough", "coverage95_rough", "mse_smooth", "coverage95_smooth"} < set(final.columns)
+    assert final.loc["none", ["mse_rough", "mse_smooth"]].isna().all()
+
+
+@pytest.mark.parametrize("name", resource_names("campaigns"))
+@pytest.mark.slow
+def test_every_shipped_campaign_has_missions(name):
+    assert len(missions(load_campaign(name))) > 1

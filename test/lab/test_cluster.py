@@ -1,0 +1,360 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Campaigns on a Dask cluster of real processes: cluster.py."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, nullcontext, suppress
+from copy import deepcopy
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.lab import cluster
+from soilmoist_ros.lab.campaign import CampaignStoppedError, load_campaign, missions, run_campaign
+
+pytest.importorskip("distributed")
+HERE = Path(__file__).resolve().parents[1] / "simulation"
+LIMIT_S = 60.0
+SLOW = """
+import os, sys, time
+from pathlib import Path
+import fake_mission
+
+def simulate(settings, progress=None):
+    time.sleep(0.05)
+    return fake_mission.simulate(settings, progress, 5.0)
+
+def deadly(settings, progress=None):
+    mark = Path(os.environ["MARK"])
+    if settings.seed == 89 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), 9)
+    return simulate(settings, progress)
+
+if __name__ == "__main__":
+    import slow
+    from soilmoist_ros.lab.campaign import load_campaign, run_campaign
+    run_campaign(load_campaign(sys.argv[1]), Path(sys.argv[2]), slow.simulate, scheduler=sys.argv[3])
+"""
+
+OTHER_VERSION = """
+from soilmoist_ros.lab import mission_store
+mission_store.code_version = lambda: "9.9"
+from distributed.cli.dask_worker import main
+main()
+"""
+
+
+@pytest.fixture(scope="module")
+def tools(tmp_path_factory):
+    """A folder with the simulator of these tests; processes and this one import it."""
+    folder = tmp_path_factory.mktemp("tools")
+    (folder / "slow.py").write_text(SLOW)
+    return folder
+
+
+@pytest.fixture
+def slow(tools, monkeypatch):
+    for path in (HERE, tools):
+        monkeypatch.syspath_prepend(str(path))
+    import slow
+
+    return slow
+
+
+@pytest.fixture
+def started(tools):
+    """Starts Dask's programs on ports that nobody else takes; what still runs is killed at the end."""
+    running, held = [], []
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(tools), str(HERE), os.environ.get("PYTHONPATH", "")]),
+        "MARK": str(tools / "died"),
+        "DASK_DISTRIBUTED__WORKER__MEMORY__TERMINATE": "False",
+    }
+
+    def start(*command):
+        process = subprocess.Popen(
+            [sys.executable, *map(str, command)],
+            env=environment,
+            start_new_session=True,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        running.append(process)
+        return process
+
+    def port():
+        """A port that is held, so that it is given to none but a program that asks for it as Dask does."""
+        held.append(socket.socket())
+        held[-1].setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        held[-1].bind(("127.0.0.1", 0))
+        return held[-1].getsockname()[1]
+
+    start.environment, start.port = environment, port
+    yield start
+    for one in held:
+        one.close()
+    for process in running:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+@pytest.fixture
+def address(started):
+    """A scheduler with one worker, which its nanny starts again."""
+    port = started.port()
+    scheduler = started(
+        "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"
+    )
+    address = f"tcp://127.0.0.1:{port}"
+    started("-m", "distributed.cli.dask_worker", address, "--nthreads", 1, "--no-dashboard")
+    wait_until(lambda: answers(address))
+    return SimpleNamespace(text=address, scheduler=scheduler)
+
+
+def answers(address):
+    try:
+        with cluster.connect(address, 5.0):
+            return True
+    except InputError:
+        return False
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def written(folder, runs):
+    path = folder / "c.yaml"
+    path.write_text(f"title: t\nruns: {runs}\nexperiments: [{{name: a, hours: 1, strategy: greedy}}]\n")
+    return path
+
+
+def stored(out):
+    return {path.name: path.read_bytes() for path in out.glob("runs/*.npz")}
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_deaths_of_worker_and_client_change_nothing(tmp_path, slow, started, address):
+    plan = written(tmp_path, 90)
+    campaign = load_campaign(str(plan))
+    run_campaign(campaign, tmp_path / "here", slow.simulate, workers=0)
+    client = started(slow.__file__, plan, tmp_path / "there", address.text)
+    wait_until(lambda: len(stored(tmp_path / "there")) > 3)
+    client.kill()
+    client.wait()
+    before = stored(tmp_path / "there")
+    states = []
+    outcome = run_campaign(
+        campaign, tmp_path / "there", slow.deadly, scheduler=address.text, progress=states.append
+    )
+    assert (Path(slow.__file__).parent / "died").exists(), "the worker was to die"
+    assert outcome.complete
+    assert outcome.reused == len(before) < 90
+    assert [state.done for state in states if not state.note] == list(range(len(before), 91))
+    assert stored(tmp_path / "there") == stored(tmp_path / "here")
+    for name in ("results.csv", "missions.csv"):
+        assert (tmp_path / "there" / name).read_bytes() == (tmp_path / "here" / name).read_bytes()
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_a_campaign_without_scheduler_stops_and_says_how_to_resume(tmp_path, slow, address):
+    campaign = load_campaign(str(written(tmp_path, 200)))
+
+    def kill(state):
+        if state.done == 3:
+            address.scheduler.kill()
+
+    with pytest.raises(CampaignStoppedError, match=r"does not answer any more: \d+ of 200 missions are stored"):
+        run_campaign(campaign, tmp_path, slow.simulate, scheduler=address.text, progress=kill)
+    assert len(stored(tmp_path)) >= 3
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_workers_of_another_version_are_refused(tmp_path, slow, started, address):
+    campaign = load_campaign(str(written(tmp_path, 30)))
+    late = []
+
+    def start_another(state):
+        if state.done == 3:
+            late.append(started("-c", OTHER_VERSION, address.text, "--no-nanny", "--no-dashboard"))
+        if late and state.done < 30:
+            time.sleep(0.1)
+
+    outcome = run_campaign(campaign, tmp_path / "a", slow.simulate, scheduler=address.text, progress=start_another)
+    assert outcome.complete
+    started("-c", OTHER_VERSION, address.text, "--no-nanny", "--no-dashboard")
+    with cluster.connect(address.text) as client:
+        wait_until(lambda: "9.9" in client.run(cluster.code_version, on_error="return").values())
+    ours = re.escape(cluster.code_version())
+    with pytest.raises(InputError, match=rf"this is soilmoist_ros {ours}, but the Dask worker tcp://\S+ has 9\.9"):
+        run_campaign(campaign, tmp_path / "b", slow.simulate, scheduler=address.text)
+
+
+def test_a_late_worker_of_another_version_is_closed():
+    from soilmoist_ros.lab.cluster import Gate
+
+    class Worker:
+        """Notes what is called; Dask profiles it."""
+
+        def __init__(self):
+            self.called = []
+            self.loop = SimpleNamespace(add_callback=lambda call, **how: self.called.append((call, how)))
+            self.close, self.start, self.stop = "close", "start", "stop"
+            self.periodic_callbacks = {"profile": self}
+
+    worker = Worker()
+    gate = Gate(cluster.code_version(), None)
+    gate.setup(worker)
+    gate.teardown(worker)
+    assert worker.called == [("stop", {}), ("start", {})], "the campaign is not profiled"
+    worker = Worker()
+    Gate("9.9", None).setup(worker)
+    reason = f"this worker has soilmoist_ros {cluster.code_version()}, the campaign 9.9"
+    assert worker.called == [("close", {"reason": reason})]
+
+
+def test_a_worker_of_another_version_computes_nothing(slow):
+    assert not isinstance(cluster._compute([], slow.simulate, "9.9"), list)
+
+
+class Future:
+    """What a cluster of one thread has computed at once, or why it could not."""
+
+    status, released = "finished", False
+
+    def __init__(self, compute):
+        try:
+            self.found = compute()
+        except RuntimeError as error:
+            self.found = error
+
+    def add_done_callback(self, call):
+        call(self)
+
+    def result(self):
+        if isinstance(self.found, Exception):
+            raise self.found
+        return self.found
+
+    def release(self):
+        self.released = True
+
+
+@pytest.mark.slow
+def test_a_lost_batch_is_computed_mission_by_mission(tmp_path, slow, monkeypatch):
+    batches = []
+
+    def submit(compute, batch, simulate, version, key, pure):
+        batches.append((len(batch), key))
+        if any(mission.settings.seed == 5 for mission in batch):
+            return Future(lambda: exec("raise RuntimeError('the workers died')"))
+        return Future(lambda: compute(batch, simulate, version))
+
+    on_cluster_of(monkeypatch, submit)
+    finished = list(cluster.on_cluster(cluster_missions(tmp_path, 14), slow.simulate, "tcp://x:1"))
+    assert sorted(one.mission.settings.seed for one in finished) == list(range(1, 15)), "each once"
+    (failed,) = (one.content for one in finished if not isinstance(one.content, bytes))
+    assert failed.error == "lost on the cluster (RuntimeError: the workers died)"
+    assert failed.mission.settings.seed == 5
+    assert batches[0][0] > 1
+    assert len({key for _, key in batches}) == len(batches), "Dask takes equal keys for one task"
+
+
+@pytest.mark.slow
+def test_a_batch_ends_after_a_while_and_its_rest_comes_first(tmp_path, slow, monkeypatch):
+    monkeypatch.setattr(cluster, "BATCH_S", 0.0)
+    batches = []
+
+    def submit(compute, batch, simulate, version, key, pure):
+        batches.append([mission.settings.seed for mission in batch])
+        return Future(lambda: compute(batch, simulate, version))
+
+    on_cluster_of(monkeypatch, submit)
+    finished = list(cluster.on_cluster(cluster_missions(tmp_path, 12), slow.simulate, "tcp://x:1"))
+    assert sorted(one.mission.settings.seed for one in finished) == list(range(1, 13))
+    assert batches[:3] == [[1, 2, 3, 4], [5, 6, 7], [8, 9]]
+    assert set(batches[3]) < {2, 3, 4, 6, 7, 9}, "before the last ones, 10 to 12"
+
+
+def cluster_missions(folder, runs):
+    return missions(load_campaign(str(written(folder, runs))))
+
+
+def on_cluster_of(monkeypatch, submit):
+    """A cluster of one thread that computes what is submitted at once."""
+    client = SimpleNamespace(submit=submit, nthreads=lambda: {"a": 1}, status="running")
+    monkeypatch.setattr(cluster, "connect", lambda scheduler: nullcontext(client))
+    monkeypatch.setattr(cluster, "_same_version", lambda client, simulate: nullcontext())
+
+
+def test_what_ends_a_campaign_is_not_hidden_by_a_scheduler_that_has_just_gone():
+    from distributed.comm.core import CommClosedError
+
+    def gone(name):
+        raise CommClosedError("connection reset by peer")
+
+    client = SimpleNamespace(
+        run=lambda *_, **__: {}, register_plugin=lambda *_, **__: None, status="running",
+        unregister_worker_plugin=gone,
+    )  # fmt: skip
+    with pytest.raises(cluster.WorkersLostError), cluster._same_version(client, print):
+        raise cluster.WorkersLostError("no answer")
+
+
+@contextmanager
+def dask_config(path):
+    """Dask as if the environment variable ``DASK_CONFIG`` named a file."""
+    import dask.config
+
+    before = deepcopy(dask.config.config)
+    try:
+        dask.config.refresh(paths=[str(path)], env={})
+        yield
+    finally:
+        dask.config.config.clear()
+        dask.config.config.update(before)
+
+
+@pytest.mark.slow
+def test_a_cluster_with_keys_computes_encrypted_and_refuses_others(tmp_path, slow, started):
+    script = Path(__file__).resolve().parents[2] / "scripts" / "cluster_keys"
+    told = subprocess.run([script, tmp_path / "keys"], check=True, capture_output=True, text=True).stdout
+    config = Path(told.strip().removeprefix("export DASK_CONFIG="))
+    assert {path.stat().st_mode & 0o077 for path in config.parent.iterdir()} == {0}
+    assert subprocess.run([script, config.parent], capture_output=True).returncode == 2, "keys are never replaced"
+    started.environment["DASK_CONFIG"] = str(config)
+    port = started.port()
+    address = f"tls://127.0.0.1:{port}"
+    scheduler = "-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host"
+    started(*scheduler, address.rpartition(":")[0], "--port", port)
+    started("-m", "distributed.cli.dask_worker", address, "--nthreads", 1, "--no-dashboard")
+    with pytest.raises(InputError, match="keys"):
+        cluster.connect(address, 1.0)
+    with dask_config(config):
+        wait_until(lambda: answers(address))
+        run_campaign(load_campaign(written(tmp_path, 3)), tmp_path / "out", slow.simulate, scheduler=address)
+        assert len(stored(tmp_path / "out")) == 3
+        strange = tmp_path / "strange"
+        subprocess.run([script, strange], check=True, capture_output=True)
+    with dask_config(strange / "dask.yaml"), pytest.raises(InputError):
+        cluster.connect(address, 2.0)
+    with pytest.raises(InputError):
+        cluster.connect(address.replace("tls", "tcp"), 2.0)

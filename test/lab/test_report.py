@@ -1,0 +1,448 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The page of a campaign: report.py with campaign_data.py, figures.py, figure_style.py and findings.py."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.text import Text
+
+from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.lab import figures as campaign_figures
+from soilmoist_ros.lab import report as campaign_report
+from soilmoist_ros.lab.campaign import Failure, load_campaign, missions, run_campaign
+from soilmoist_ros.lab.campaign_data import CampaignData
+from soilmoist_ros.lab.campaign_file import Campaign
+from soilmoist_ros.lab.figure_style import FigureImage
+from soilmoist_ros.lab.figures import spaced
+from soilmoist_ros.lab.findings import findings
+from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.lab.report import mean_sd_text, render_campaign_report, write_campaign_report
+from soilmoist_ros.lab.table import mission_row
+from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
+from soilmoist_ros.simulation.mission.mission_result import MapErrors, SeriesRow
+
+FAKE = Path(__file__).resolve().parents[1] / "simulation"
+CAMPAIGN = Campaign.model_validate(
+    {
+        "title": "A <small> campaign",
+        "description": "Fixed against adaptive.",
+        "runs": 4,
+        "defaults": {"hours": 1, "dwell": "ami:0.03"},
+        "experiments": [
+            {
+                "name": "intervals",
+                "field": ["high", "low"],
+                "strategy": ["greedy", "monte_carlo"],
+                "dwell": ["fmi:600", "fmi:300", "ami:0.025", "ami:0.03"],
+            },
+            {"name": "strategies", "field": "high", "strategy": ["greedy", "monte_carlo", "adaptive_sampling"]},
+        ],
+        "published": {"high_gradient": "high", "low_gradient": "low"},
+    }
+)
+NOTHING = np.empty((0, 0))
+
+
+def crafted(mission, mse=None, distance=None, border=None):
+    """A stored mission whose error, distance and stops are given as functions of its settings."""
+    s = mission.settings
+    error = 0.1 * (1 + 0.01 * s.seed) * (mse(s) if mse else 1.0)
+    driven = (distance(s) if distance else 500.0) + s.seed
+    series = tuple(
+        SeriesRow(
+            t,
+            driven * t / 3600,
+            int(t // 300),
+            t / 2,
+            (MapErrors(error if t else np.nan, 0.02, 0.9),),
+        )
+        for t in np.arange(0.0, 3601, 300)
+    )
+    axis = np.arange(0.5, 20)
+    inner, outer = (10.0, 10.0), (1.0, 1.0)
+    outside = round(20 * (border(s) if border else 0.5)) + s.seed % 2
+    places = [outer] * outside + [inner] * (20 - outside)
+    return StoredMission(
+        settings=s, key=mission.key, version="v", field_title=f"The {s.field} field", ended="time is up",
+        efficiency=0.7, series=series, visits=tuple(Visit("P", x, y, 0.0, 100.0, 300, "") for x, y in places),
+        tracks=(np.array([(0.0, 0.0), (5.0, 5.0)]),), x_m=axis, y_m=axis, rate=np.ones((20, 20)),
+        rate_sd=np.ones((20, 20)), truth_rate=np.ones((20, 20)),
+        outlines=(np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)]),),
+    )  # fmt: skip
+
+
+def data(campaign=CAMPAIGN, keep=lambda settings: True, **how):
+    stored = {m.key: crafted(m, **how) for m in missions(campaign) if keep(m.settings)}
+    rows = [(m, mission_row(stored[m.key], 300.0)) for m in missions(campaign) if m.key in stored]
+    return CampaignData(campaign, rows, lambda mission: stored[mission.key])
+
+
+def with_reasons(reasons):
+    published = CAMPAIGN.published.model_copy(update={"reasons": reasons})
+    return CAMPAIGN.model_copy(update={"published": published})
+
+
+def verdicts(**how):
+    return {finding.key: finding.verdict for finding in findings(data(**how))}
+
+
+def fixed(factor, only="fmi"):
+    return lambda s: factor if s.dwell.startswith(only) else 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("mse", "verdict"),
+    [
+        (fixed(1.4), "confirmed"),
+        (fixed(1.0), "not seen"),
+        (fixed(0.5), "not seen"),
+        (fixed(1.4, "fmi:6"), "partly"),
+    ],
+)
+def test_adaptive_intervals_on_the_high_gradient(mse, verdict):
+    assert verdicts(mse=mse)["ami_high"] == verdict
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("mse", "verdict"),
+    [
+        (fixed(1.0), "confirmed"),
+        (fixed(1.1), "confirmed"),
+        (fixed(2.0), "not seen"),
+        (fixed(0.5), "not seen"),
+        (fixed(2.0, "fmi:3"), "partly"),
+        (
+            lambda s: 1.0 + 0.4 * (s.seed - 2.5) * s.dwell.startswith("fmi"),
+            "partly",
+        ),  # alike, but too noisy for a difference
+    ],
+)
+def test_little_difference_on_the_low_gradient(mse, verdict):
+    assert verdicts(mse=mse)["ami_low"] == verdict
+
+
+def sampling(share):
+    return lambda s: 500 * (share if s.strategy == "adaptive_sampling" else 1)
+
+
+def sampling_error(factor):
+    return lambda s: factor if s.strategy == "adaptive_sampling" else 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("distance", "mse", "verdict"),
+    [
+        (sampling(0.4), sampling_error(1.2), "confirmed"),
+        (sampling(0.4), sampling_error(0.8), "partly"),
+        (sampling(0.4), sampling_error(2.0), "partly"),
+        (sampling(0.9), sampling_error(1.0), "not seen"),
+        (lambda s: {"greedy": 900, "monte_carlo": 450}.get(s.strategy, 400), sampling_error(1.0), "partly"),
+    ],
+)
+def test_adaptive_sampling(distance, mse, verdict):
+    assert verdicts(distance=distance, mse=mse)["adaptive_sampling"] == verdict
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("greedy", "other", "verdict"), [(0.9, 0.5, "confirmed"), (0.2, 0.5, "not seen"), (0.9, 0.9, "partly")]
+)
+def test_greedy_keeps_to_the_border(greedy, other, verdict):
+    assert verdicts(border=lambda s: greedy if s.strategy == "greedy" else other)["greedy_border"] == verdict
+
+
+@pytest.mark.slow
+def test_numbers_are_paired_by_seed():
+    found = findings(data(mse=lambda s: 1.5 + 0.1 * s.seed if s.dwell == "fmi:600" else 1.0))
+    row = found[0].comparisons[0]
+    assert (row.what, row.pairs) == ("AMI 2.5 % against FMI 600 s", 4)
+    seeds = np.arange(1, 5)
+    mine, theirs = 0.1 * (1 + 0.01 * seeds), 0.1 * (1 + 0.01 * seeds) * (1.5 + 0.1 * seeds)
+    assert row.value == pytest.approx(mine.mean())
+    assert row.difference == pytest.approx((mine - theirs).mean())
+    assert row.standard_error == pytest.approx((mine - theirs).std(ddof=1) / 2)
+
+
+@pytest.mark.slow
+def test_what_cannot_be_told_is_not_tested():
+    assert set(verdicts(keep=lambda s: s.seed < 3).values()) == {"not tested"}
+    lonely = Campaign.model_validate(
+        {"title": "t", "runs": 5, "experiments": [{"name": "a", "field": "high"}], "published": {}}
+    )
+    found = findings(data(lonely))
+    assert {finding.verdict for finding in found} == {"not tested"}
+    assert all(not finding.comparisons for finding in found)
+
+
+@pytest.mark.slow
+def test_reasons_are_given_only_where_a_verdict_differs():
+    campaign = with_reasons({"ami_high": "the border is blurred"})
+    assert findings(data(campaign, mse=fixed(1.0)))[0].reason == "the border is blurred"
+    assert findings(data(campaign, mse=fixed(1.4)))[0].reason == ""
+    assert not any(finding.reason for finding in findings(data(mse=fixed(1.0))))
+
+
+@pytest.mark.slow
+def test_the_shipped_reasons_belong_to_the_shipped_campaign():
+    assert set(load_campaign("paper").published.reasons) == {"ami_high", "ami_low", "adaptive_sampling"}
+
+
+@pytest.mark.slow
+def test_each_measure_counts_its_own_comparisons():
+    found = findings(data(distance=sampling(0.4), mse=sampling_error(0.8)))
+    assert [finding.summary for finding in found if finding.key == "adaptive_sampling"] == [
+        "Seen in 2 of 2 comparisons of the distance driven (−60 %) and in 0 of 2 comparisons of the final mean "
+        "squared error (−20 %)."
+    ]
+
+
+@pytest.mark.slow
+def test_cases_are_told_apart():
+    twice = CAMPAIGN.model_copy(
+        update={
+            "defaults": CAMPAIGN.defaults.model_copy(update={"preset": ("paper", "authors"), "cell_m": (1.0, 2.0)})
+        }
+    )
+    titles = [case.title for case in data(twice).cases]
+    assert len(set(titles)) == 8
+    assert "The high field, constants: authors, cells of 2 m" in titles
+    assert data().main_dwell(data().cases[0]) == "ami:0.03"
+
+
+def test_of_equal_dwell_rules_the_first_of_the_campaign_is_the_main_one():
+    campaign = CAMPAIGN.model_copy(update={"experiments": CAMPAIGN.experiments[:1]})
+    some = data(campaign)
+    assert some.main_dwell(some.cases[0]) == "fmi:600"
+    crossed = {("greedy", "ami:0.03"), ("monte_carlo", "fmi:600")}
+    some = data(campaign, keep=lambda s: (s.strategy, s.dwell) in crossed)
+    assert some.main_dwell(some.cases[0]) == "fmi:600"
+
+
+class Page(HTMLParser):
+    """Tags with attributes, and the visible text."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.tags, self.text, self._style = [], "", False
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        self._style = tag in ("style", "script")
+
+    def handle_endtag(self, tag):
+        self._style = False
+
+    def handle_data(self, text):
+        if not self._style:
+            self.text += text
+
+
+@pytest.fixture
+def fake(monkeypatch):
+    monkeypatch.syspath_prepend(str(FAKE))
+    import fake_mission
+
+    return fake_mission.simulate
+
+
+@pytest.mark.slow
+def test_page_of_a_campaign(tmp_path, fake):
+    experiments = [{"name": "a", "field": "synthetic-high", "strategy": ["greedy", "adaptive_sampling", "lattice"],
+                    "dwell": ["fmi:300", "ami:0.03"]}]  # fmt: skip
+    campaign = Campaign.model_validate(
+        {"title": "A <b>", "runs": 3, "experiments": experiments, "published": {"high_gradient": "synthetic-high"}}
+    )
+    run_campaign(campaign, tmp_path, fake, workers=0)
+    html = write_campaign_report(campaign, tmp_path).read_text(encoding="utf-8")
+    page = Page(html)
+    for _, attributes in page.tags:
+        for name in ("src", "href"):
+            assert attributes.get(name, "data:image/").startswith("data:image/")
+    assert not re.search(r"https?://|url\(|@import|<link|<script", html)
+    images = [attributes for tag, attributes in page.tags if tag == "img"]
+    figures = [attributes["id"] for tag, attributes in page.tags if tag == "figure"]
+    assert figures == ["strategies-0", "examples-0", "intervals-0", "coverage"]
+    assert len(images) == 4
+    assert all(len(image["alt"]) > 20 for image in images)
+    assert "SIMULATED DATA" in page.text
+    assert "A <b>" in page.text
+    assert "18 of 18 simulated missions" in page.text
+    final = pd.read_parquet(tmp_path / "missions.parquet")
+    rows = final[(final["strategy"] == "greedy") & (final["dwell"] == "ami:0.03")]
+    assert mean_sd_text(rows["mse"]) in page.text
+    assert mean_sd_text(100 * rows["mse"]) in page.text
+    assert mean_sd_text(rows["distance_m"]) in page.text
+    assert "nan" not in page.text.lower()
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
+@pytest.fixture
+def words_only(monkeypatch):
+    """No figures."""
+    blank = FigureImage("data:image/png;base64,", "a figure")
+    monkeypatch.setattr(campaign_report, "picture", lambda *_: blank)
+    for name in ("strategies_figure", "intervals_figure", "coverage_figure", "examples_figure"):
+        monkeypatch.setattr(campaign_figures, name, lambda *_: object())
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("words_only")
+def test_verdicts_and_numbers_in_the_page():
+    def verdict(html, key):
+        section = html[html.index(f'id="{key}"') :]
+        return re.search(r'class="verdict [^"]*">([^<]*)<', section)[1]
+
+    html = render_campaign_report(data(with_reasons({"ami_low": "of a good reason"}), mse=fixed(1.4)))
+    assert verdict(html, "ami_high") == "confirmed"
+    assert verdict(html, "ami_low") == "not seen"
+    assert "of a good reason" in html
+    text = Page(html).text
+    assert "−29 %" in text  # 1 / 1.4 - 1
+    assert "Seen in 2 of 2 comparisons of the error averaged over time (−29 %)" in text
+    assert "not been established" in text
+    assert verdict(render_campaign_report(data(mse=fixed(1.0))), "ami_high") == "not seen"
+    assert verdict(render_campaign_report(data(mse=fixed(1.0))), "ami_low") == "confirmed"
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("words_only")
+def test_missing_and_failed_missions_are_named():
+    some = data(keep=lambda s: s.seed != 3)
+    text = Page(render_campaign_report(some)).text
+    assert "17 of 68 missions are missing" in text
+    assert "Run the campaign again" in text
+    failure = Failure(missions(CAMPAIGN)[2], "ValueError: <no range>")
+    text = Page(render_campaign_report(some, [failure] * 12)).text
+    assert "seed=3: ValueError: <no range>" in text
+    assert "and 2 more" in text
+    alone = data(CAMPAIGN.model_copy(update={"published": None}))
+    assert "published" not in Page(render_campaign_report(alone)).text
+    with pytest.raises(InputError, match="no mission of the campaign is finished"):
+        render_campaign_report(data(keep=lambda s: False))
+
+
+@pytest.mark.slow
+def test_names_belong_to_their_lines():
+    campaign = data(mse=lambda s: {"fmi:600": 8.0, "fmi:300": 4.0, "ami:0.025": 2.0, "ami:0.03": 1.0}[s.dwell])
+    figure = campaign_figures.intervals_figure(campaign, campaign.cases[0])
+    for axes in figure.axes:
+        shown = sorted(axes.texts, key=lambda text: -text.get_position()[1])
+        assert [text.get_text() for text in shown] == ["FMI 600 s", "FMI 300 s", "AMI 2.5 %", "AMI 3 %"]
+        ends = {line.get_ydata()[-1]: line.get_color() for line in axes.get_lines()}
+        assert [ends[end] for end in sorted(ends, reverse=True)] == [text.get_color() for text in shown]
+
+
+SEVEN = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "ivr", "gcb")
+
+
+@pytest.fixture(scope="module")
+def wide():
+    """Seven strategies and four dwell rules; one rule has no number."""
+    dwells = ("ami:0.03", "fmi:600", "fmi:300", "optimal")
+    experiment = CAMPAIGN.experiments[0].model_copy(update={"strategy": SEVEN, "dwell": dwells})
+    campaign = CAMPAIGN.model_copy(update={"experiments": (experiment,), "published": None})
+    return data(campaign, mse=lambda s: 1 + SEVEN.index(s.strategy) + 0.3 * dwells.index(s.dwell))
+
+
+@pytest.mark.slow
+def test_many_lines_can_be_told_apart(wide):
+    strategies = campaign_figures.strategies_figure(wide, wide.cases[0]).axes[1]
+    looks = {(line.get_color(), line.get_linestyle()) for line in strategies.get_lines()}
+    assert len(looks) == len(SEVEN)
+    intervals = campaign_figures.intervals_figure(wide, wide.cases[0])
+    assert len(intervals.axes) == len(SEVEN)
+    for axes in intervals.axes:
+        assert len({(line.get_color(), line.get_linestyle()) for line in axes.get_lines()}) == 4
+        assert "Optimal" in {text.get_text() for text in axes.texts}
+
+
+@pytest.mark.slow
+def test_no_text_is_cut_off_or_written_over_another(wide):
+    case = wide.cases[0]
+    figures = [
+        campaign_figures.strategies_figure(wide, case),
+        campaign_figures.intervals_figure(wide, case),
+        campaign_figures.coverage_figure(wide, wide.cases),
+        campaign_figures.examples_figure(wide, case),
+        *(figure for _, figure in campaign_figures.campaign_figures(wide)),
+    ]
+    for figure in figures[-3:]:  # those for publications
+        assert 25.4 * figure.get_size_inches()[0] == pytest.approx(174)
+        sizes = [text.get_fontsize() for text in figure.findobj(Text) if text.get_text()]
+        assert 6.2 < min(sizes) <= max(sizes) < 9.0
+    for figure in figures:
+        figure.canvas.draw()
+        texts = [text for text in figure.findobj(Text) if re.search("[a-z]", text.get_text())]  # no ticks
+        boxes = [(text.get_text(), Text.get_window_extent(text)) for text in texts]  # without arrows
+        assert len(boxes) >= len(SEVEN)
+        edge = figure.bbox
+        for text, box in boxes:
+            assert edge.x0 <= box.x0 < box.x1 <= edge.x1, text
+            assert edge.y0 <= box.y0 < box.y1 <= edge.y1, text
+        assert not [(a, b) for (a, first), (b, second) in combinations(boxes, 2) if first.overlaps(second)]
+
+
+def test_missions_without_a_map_are_left_out_of_the_examples():
+    campaign = data(keep=lambda s: s.strategy != "greedy" and s.field == "high")
+    campaign._read = lambda mission: replace(crafted(mission), x_m=np.empty(0))
+    assert campaign_figures.examples_figure(campaign, campaign.cases[0]) is None
+
+
+@pytest.mark.parametrize(
+    ("places", "expected"),
+    [([], []), ([0.1, 0.5], [0.1, 0.5]), ([0.5, 0.5], [0.45, 0.55]), ([0.1, 0.12, 0.9], [0.06, 0.16, 0.9])],
+)
+def test_names_are_pushed_apart(places, expected):
+    assert spaced(np.array(places), 0.1) == pytest.approx(expected)
+
+
+def test_names_stay_within_bounds():
+    assert spaced(np.array([0.0, 0.01, 0.98, 1.0]), 0.1, 0.0, 1.0) == pytest.approx([0.0, 0.1, 0.9, 1.0])
+
+
+def test_texts():
+    assert dwell_text("ami:0.025") == "AMI 2.5 %"
+    assert (dwell_text("optimal"), strategy_text("new_idea")) == ("Optimal", "new idea")
+    assert mean_sd_text(pd.Series([1.0, 2.0, np.nan])) == "1.50 ± 0.71"
+    assert mean_sd_text(pd.Series([380.0, 460.0])) == "420 ± 57"
+    assert mean_sd_text(pd.Series([np.nan])) == "–"
+
+
+@pytest.mark.slow
+def test_the_best_lattice_in_hindsight_is_named_and_all_others_are_compared_with_it():
+    listed = {
+        "title": "Hindsight",
+        "runs": 3,
+        "experiments": [{"name": "all", "field": ["high", "low"], "strategy": "gcb", "dwell": "optimal"}],
+    }
+    plain = Campaign.model_validate(listed)
+    listed["experiments"][0] |= {"hindsight": True, "field": "high"}
+    error = {"fmi:10": 0.5, "fmi:20": 0.4, "fmi:30": 0.7, "fmi:60": 0.9, "optimal": 0.3}
+    there = data(Campaign.model_validate(listed), mse=lambda s: error[s.dwell], distance=lambda s: 100.0)
+    page = render_campaign_report(there)
+    assert "best lattice in hindsight: FMI 20 s" in page
+    assert re.search(r"0\.75 ± 0\.00</td><td class=\"n\">1\.00<", page)
+    assert "best lattice" not in render_campaign_report(data(plain))
+
+
+@pytest.mark.slow
+def test_a_case_with_a_default_is_named_by_the_others():
+    """A field that dries, and one in which it rains at some hour."""
+    choices = CAMPAIGN.defaults.model_copy(update={"drift": (-0.1,), "drift_hour": (None, 0.5)})
+    titles = [case.title for case in data(CAMPAIGN.model_copy(update={"defaults": choices})).cases]
+    assert not any("default" in title or "nan" in title for title in titles)
+    assert any(title.endswith("at 0.5 h") for title in titles)

@@ -1,0 +1,223 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Rehearsals: ``rehearsal.py``, ``planner.py``, ``world.py``, ``cases.py``, ``clients.py``, ``faults.py``."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rehearsal import planner as clients
+from rehearsal.cases import NAVIGATORS, RECEIVERS, Fault, Faults, Span, make_case, make_quiet_case
+from rehearsal.judge import Kind, Violation
+from rehearsal.rehearsal import Outcome, rehearse
+from soilmoist_ros.exploration.control.watching import Watching
+from soilmoist_ros.exploration.guard.failsafes import Cause
+from soilmoist_ros.exploration.guard.fence import Fence
+from soilmoist_ros.exploration.guard.motion import Motion, Standing
+from soilmoist_ros.exploration.guard.watch import Watch
+from soilmoist_ros.exploration.mission.types import MissionRules, Response
+from soilmoist_ros.exploration.navigation.goal_client import Listed
+
+
+@pytest.fixture(scope="module")
+def safety(load_script):
+    """The script ``scripts/safety`` as a module."""
+    return load_script("safety")
+
+
+@pytest.fixture
+def rehearsed(safety, tmp_path):
+    """A function that rehearses a case, each time with a new journal."""
+    stores = iter(range(100))
+
+    def run(case):
+        return rehearse(case, safety.Disk(tmp_path / str(next(stores))))
+
+    return run
+
+
+def quiet(number, **changes):
+    """A case without faults."""
+    return replace(make_case(7, number), faults=Faults(), **{"budget_s": 600.0, **changes})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turn", range(3), ids=NAVIGATORS)
+def test_a_mission_without_faults_measures_and_ends(rehearsed, turn):
+    outcome = rehearsed(quiet(30 + turn, strategy="greedy"))
+    assert outcome.visits >= 3
+    assert outcome.driven_m > 20
+    assert outcome.ended.startswith("finished")
+    assert not outcome.refused
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [117, 199, 363, 369])
+def test_no_rehearsal_begins_where_the_robot_cannot_leave_or_with_a_home_outside_the_fence(rehearsed, number):
+    case = replace(make_case(1, number), faults=Faults(), budget_s=60.0)
+    assert rehearsed(case).refused == ""
+
+
+@pytest.mark.slow
+def test_case_and_outcome_follow_from_seed_and_number(rehearsed):
+    case = replace(make_case(7, 4), budget_s=300.0)
+    assert str(case) == str(make_case(7, 4))
+    assert str(case) != str(make_case(8, 4))
+    assert rehearsed(case) == rehearsed(case)
+
+
+@pytest.mark.slow
+def test_a_killed_planner_comes_back_with_its_mission(rehearsed):
+    kill = Faults([Span(Fault.KILL_PLANNER, 200.0, 1.0, 0.0)])
+    outcome = rehearsed(replace(quiet(31, strategy="greedy"), faults=kill))
+    assert outcome.kills == 1
+    assert outcome.visits >= 3
+    assert outcome.ended.startswith("finished")
+
+
+@pytest.mark.slow
+def test_where_the_robot_was_is_no_place_to_stop_at(rehearsed):
+    """After a stall of the connection the places of 20 s of driving come at once."""
+    case = quiet(152, strategy="random", navigator="goal_pose")
+    for at_s in (120.0, 390.0):
+        stall = Faults([Span(Fault.LINK_STALL, at_s, 20.0, 0.0)])
+        outcome = rehearsed(replace(case, faults=stall))
+        assert outcome.violations == ()
+        assert outcome.visits >= 3
+
+
+FIX_JUMPS = Faults([Span(Fault.FIX_JUMP, 60.0, 200.0, 0.3), Span(Fault.FIX_RUNS, 300.0, 100.0, 0.5)])
+
+
+@pytest.fixture
+def no_fence(monkeypatch):
+    """Everything is allowed."""
+    everywhere = 1000.0 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+
+    def open_fence(field, *margins):
+        return Fence(replace(field, polygon=everywhere, no_go=()), *margins)
+
+    monkeypatch.setattr("soilmoist_ros.exploration.control.mission_setup.Fence", open_fence)
+
+
+@pytest.fixture
+def no_watch(monkeypatch):
+    """Every fix is believed, and nothing is wrong."""
+    monkeypatch.setattr(Watch, "fix", lambda self, fix: fix.xy)
+    monkeypatch.setattr(Watch, "check", lambda self, now_s, doing: ())
+
+
+def violated(rehearsed, numbers, faults):
+    cases = [replace(make_case(1, number), faults=faults, budget_s=900.0, strategy="random") for number in numbers]
+    return {violation.kind for case in cases for violation in rehearsed(case).violations}
+
+
+@pytest.mark.slow
+def test_without_the_fence_the_judge_finds_violations(rehearsed, no_fence):
+    found = violated(rehearsed, range(0, 15, 3), Faults())
+    assert {Kind.NO_GO, Kind.OUTSIDE, Kind.GOAL_OUTSIDE} <= found
+
+
+@pytest.mark.slow
+def test_without_the_watch_the_judge_finds_violations(rehearsed, no_watch):
+    assert Kind.WRONG_PLACE in violated(rehearsed, range(6), FIX_JUMPS)
+
+
+@pytest.mark.slow
+def test_with_both_there_are_none(rehearsed):
+    assert violated(rehearsed, range(0, 15, 3), Faults()) == set()
+    assert violated(rehearsed, range(6), FIX_JUMPS) == set()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(12))
+def test_rehearsals_without_violations(rehearsed, number):
+    outcome = rehearsed(make_case(1, number))
+    assert outcome.violations == ()
+    assert not outcome.refused
+
+
+@pytest.mark.slow
+def test_the_script_ends_with_the_sum(safety, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["safety", "--fields", "1", "--seed", "5", "--workers", "1"])
+    short = lambda seed, number, fault: replace(make_case(seed, number), budget_s=120.0, faults=Faults())  # noqa: E731
+    monkeypatch.setattr(safety, "make_case", short)
+    assert safety.main() == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "violations: 0"
+    monkeypatch.setattr(
+        safety, "rehearse", lambda case, store: Outcome(violations=(Violation(Kind.NO_GO, 1, ""),))
+    )
+    assert safety.main() == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "violations: 3"
+
+
+# Each watch is needed -----------------------------------------------------------------------------------------
+
+
+def ignore(*causes):
+    """Answer causes with nothing."""
+
+    def switch_off(monkeypatch):
+        made = Watch.__init__
+
+        def init(self, *given, **named):
+            made(self, *given, **named)
+            self.responses |= dict.fromkeys(causes, Response.IGNORE)
+
+        monkeypatch.setattr(Watch, "__init__", init)
+
+    return switch_off
+
+
+def no_standing_robot(monkeypatch):
+    """Nothing is known about what the robot does when its place is judged."""
+    monkeypatch.setattr(Watching, "expect", lambda *_: None)
+
+
+def everything_stands(monkeypatch):
+    """Any motion counts as a standstill."""
+    monkeypatch.setattr(Motion, "standing", lambda self, for_s, since_s=0.0: Standing(for_s))
+
+
+def whole_radius(monkeypatch):
+    """A stop is reached within the arrival radius, however near another node is."""
+    monkeypatch.setattr(MissionRules, "reach_m", lambda self, stop, noise_m=0.0: self.arrival_radius_m)
+
+
+def nobody_else(monkeypatch):
+    """Nobody asks whose goals the server works on."""
+    monkeypatch.setattr(clients, "Listed", lambda lives, active, others: Listed(lives, active))
+    monkeypatch.setattr(clients.ActionNavigator, "other_client", "")
+
+
+NEEDED = [  # the number of a rehearsal, what is switched off, and what the judge must find then
+    (Fault.DETOUR, 1, ignore(Cause.IN_NO_GO, Cause.FAR_OFF_ROUTE), Kind.IN_NO_GO),
+    (Fault.STRAY, 34, ignore(Cause.FAR_OFF_ROUTE), Kind.OFF_ROUTE),
+    (Fault.OTHER_MAP, 1, ignore(Cause.OUTSIDE, Cause.FAR_OFF_ROUTE), Kind.AWAY),
+    (Fault.CREEP, 7, ignore(Cause.MOVING), Kind.UNNOTICED),
+    (Fault.SLIDE, 5, ignore(Cause.MOVING), Kind.UNNOTICED),
+    (Fault.CREEP, 5, everything_stands, Kind.MOVED_STANDING),
+    (Fault.FIX_STEP, 1, no_standing_robot, Kind.MISPLACED),
+    (Fault.FIX_DRIFT, 1, no_standing_robot, Kind.MISPLACED),
+    (Fault.NEIGHBOUR, 9, whole_radius, Kind.NOT_REACHED),
+    (Fault.OTHER_CLIENT, 22, nobody_else, Kind.OVERRIDDEN),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("fault", "number", "switch_off", "kind"), NEEDED)
+def test_each_watch_is_needed(rehearsed, monkeypatch, fault, number, switch_off, kind):
+    case = replace(make_case(1, number, fault), budget_s=420.0)
+    assert kind not in {violation.kind for violation in rehearsed(case).violations}
+    switch_off(monkeypatch)
+    assert kind in {violation.kind for violation in rehearsed(case).violations}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(5), ids=RECEIVERS)
+def test_no_receiver_that_works_stops_a_mission(rehearsed, number):
+    outcome = rehearsed(replace(make_quiet_case(1, number), budget_s=1200.0, stated="true"))
+    assert outcome.stops == {}
+    assert (outcome.quarantined, outcome.refused) == (0, "")
+    assert outcome.visits > 3

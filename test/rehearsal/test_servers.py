@@ -1,0 +1,213 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated navigation servers and their faults: ``servers.py``."""
+
+import numpy as np
+import pytest
+import shapely
+
+from rehearsal.cases import RECEIVERS, Fault, Faults, Ground, Span
+from rehearsal.servers import (
+    ActionServer,
+    Answered,
+    CancelAnswered,
+    Driven,
+    GoalOver,
+    Misled,
+    PoseListener,
+    Status,
+    graph_route,
+    straight_route,
+)
+from rehearsal.world import Receiver
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
+
+
+def drive(server, robot, from_s, to_s):
+    """Everything that the server says in some seconds."""
+    said = []
+    for now_s in range(from_s + 1, to_s + 1):
+        robot.advance(1.0)
+        said += server.step(float(now_s))
+    return said
+
+
+SQUARE = np.array([(0, 0), (60, 0), (60, 60), (0, 60)], float)
+POND = np.array([(10, 20), (15, 20), (15, 26), (10, 26)], float)
+GROUND = Ground("square", Field("square", LocalFrame(53.0, 0.0), SQUARE, (POND,)), None, (0.0, 0.0))
+
+
+def served(*spans):
+    robot, faults = Driven((0.0, 0.0), 1.0), Faults(spans)
+    return robot, ActionServer(robot, straight_route, faults, Misled(GROUND, faults))
+
+
+def test_a_goal_is_driven_to():
+    robot, server = served()
+    goal = server.send((10.0, 0.0), 0.0)
+    assert drive(server, robot, 0, 12) == [Answered(goal, True), GoalOver(goal, Status.SUCCEEDED, True)]
+    assert robot.place == (10.0, 0.0)
+    assert robot.odometer_m == pytest.approx(10.0)
+
+
+def test_a_cancelled_goal_stops_the_robot():
+    robot, server = served()
+    goal = server.send((50.0, 0.0), 0.0)
+    drive(server, robot, 0, 5)
+    server.cancel(goal, 5.0)
+    assert drive(server, robot, 5, 8) == [CancelAnswered(goal, 0), GoalOver(goal, Status.CANCELED, False)]
+    assert robot.place[0] <= 6.0
+    assert not robot.drives
+
+
+@pytest.mark.parametrize(
+    ("fault", "moved_m", "said"),
+    [
+        (Fault.SERVER_DEAF, 20.0, CancelAnswered(1, 1)),
+        (Fault.RUNS_ON, 13.0, GoalOver(1, Status.CANCELED, False)),
+        (Fault.SERVER_ABORTS, 0.0, GoalOver(1, Status.ABORTED, False)),
+        (Fault.SERVER_LIES, 0.0, GoalOver(1, Status.SUCCEEDED, True)),
+        (Fault.SERVER_HANGS, 0.0, GoalOver(1, Status.CANCELED, False)),
+    ],
+)
+def test_faults(fault, moved_m, said):
+    robot, server = served(Span(fault, 0.0, 100.0, 0.0))
+    goal = server.send((50.0, 0.0), 0.0)
+    heard = drive(server, robot, 0, 5)
+    server.cancel(goal, 5.0)
+    heard += drive(server, robot, 5, 20)
+    assert said in heard
+    assert robot.place[0] == pytest.approx(moved_m, abs=1.0)
+
+
+@pytest.mark.parametrize(("fault", "moved_m"), [(Fault.SERVER_DEAD, 5.0), (Fault.RUNAWAY, 20.0)])
+def test_a_dead_server_says_nothing(fault, moved_m):
+    robot, server = served(Span(fault, 5.0, 100.0, 0.0))
+    server.send((50.0, 0.0), 0.0)
+    drive(server, robot, 0, 4)
+    assert drive(server, robot, 4, 20) == []
+    assert not server.present(10.0)
+    assert robot.place[0] == pytest.approx(moved_m, abs=1.0)
+
+
+def test_a_new_goal_replaces_the_old():
+    robot, server = served()
+    server.send((50.0, 0.0), 0.0)
+    server.send((0.0, 10.0), 3.0)
+    assert server.replaced == 1
+    assert GoalOver(1, Status.ABORTED, False) in drive(server, robot, 3, 20)
+    assert robot.place == (0.0, 10.0)
+
+
+def test_routes_on_a_graph():
+    stops = [Stop("a", 0, 0), Stop("b", 10, 0), Stop("c", 10, 10)]
+    graph = TravelGraph.from_edges(stops, [("a", "b"), ("b", "c"), ("c", "b"), ("b", "a")])
+    route = graph_route(graph)
+    assert route((0.0, 1.0), "c") == [(0, 0), (10, 0), (10, 10)]
+    assert route((3.0, 0.0), "c") == [(10, 0), (10, 10)]
+    assert route((0.0, 0.0), "a") is None
+    assert route((0.0, 0.0), "nowhere") is None
+
+
+def test_poses_are_obeyed_without_an_answer():
+    robot = Driven((0.0, 0.0), 1.0)
+    listener = PoseListener(robot, Faults([Span(Fault.SERVER_DEAD, 5.0, 5.0, 0.0)]))
+    listener.send((20.0, 0.0), 0.0)
+    robot.advance(3.0)
+    listener.step(6.0)
+    assert (robot.place, robot.drives) == ((3.0, 0.0), False)
+    listener.send((20.0, 0.0), 7.0)
+    assert not robot.drives
+
+
+def way_of(fault, size, seconds=60):
+    robot, server = served(Span(fault, 0.0, 100.0, size))
+    server.send((50.0, 0.0), 0.0)
+    places = [robot.place]
+    for _ in range(seconds):
+        robot.advance(1.0)
+        places.append(robot.place)
+    return robot, places
+
+
+@pytest.mark.parametrize(("size", "off_m"), [(0.5, 3.0), (0.0, 20.0), (1.0, 20.0)])
+def test_a_navigation_strays_and_comes_back(size, off_m):
+    robot, places = way_of(Fault.STRAY, size, seconds=80)
+    assert max(abs(y) for _, y in places) == pytest.approx(off_m, abs=0.1)
+    assert robot.place == (50.0, 0.0)
+
+
+def test_a_detour_stays_in_the_no_go_area_for_half_a_minute():
+    _, places = way_of(Fault.DETOUR, 0.5, seconds=100)
+    inside = shapely.contains_xy(shapely.Polygon(POND), *np.transpose(places))
+    assert 28 < inside.sum() < 45
+
+
+@pytest.mark.parametrize("size", [0.0, 0.3, 0.5, 0.9])
+def test_another_map_leads_elsewhere(size):
+    robot, _ = way_of(Fault.OTHER_MAP, size, seconds=150)
+    assert np.hypot(robot.place[0] - 50.0, robot.place[1]) >= 4.0 - 1e-9
+
+
+def test_an_arrival_is_reported_too_early():
+    robot, _ = way_of(Fault.NEIGHBOUR, 0.5)
+    assert robot.place == (47.5, 0.0)
+    assert robot.arrived
+
+
+def test_the_goal_of_somebody_else_replaces_that_of_the_mission_and_must_not_be_overridden():
+    robot, server = served()
+    server.send((50.0, 0.0), 0.0)
+    other = server.send((0.0, 10.0), 3.0, foreign=Status.SUCCEEDED)
+    assert GoalOver(1, Status.SUCCEEDED, True) in drive(server, robot, 3, 5)
+    assert server.others
+    assert server.lists(other)
+    assert server.overridden == ""
+    server.cancel(None, 5.0)  # the mission's own has ended
+    assert server.overridden == ""
+    server.send((9.0, 9.0), 5.0)
+    assert server.overridden == "goal sent"
+
+
+def test_a_confirmed_cancellation_without_a_result_is_not_the_end():
+    robot, server = served(Span(Fault.NO_RESULT, 0.0, 20.0, 0.0))
+    goal = server.send((50.0, 0.0), 0.0)
+    drive(server, robot, 0, 5)
+    server.cancel(goal, 5.0)
+    assert drive(server, robot, 5, 18) == [CancelAnswered(goal, 0)]
+    assert (robot.drives, server.active) == (True, True)
+    assert GoalOver(goal, Status.CANCELED, False) in drive(server, robot, 18, 25)
+
+
+@pytest.mark.parametrize("name", RECEIVERS)
+def test_receivers_have_the_errors_that_they_say(name):
+    noise, errors = RECEIVERS[name], []
+    for seed in range(40):
+        receiver = Receiver(noise, 1.0, np.random.default_rng(seed))
+        errors += [receiver.measure((float(second // 200), 0.0))[1] for second in range(400)]
+    assert np.std(errors) == pytest.approx(noise.sd_m, rel=0.25)
+    if noise.holds:
+        assert np.mean(np.diff(errors) == 0) > 0.9
+
+
+def test_a_creeping_robot_creeps_and_a_sliding_one_slips_once():
+    for fault, size, moved_m in (
+        (Fault.CREEP, 0.0, 0.06 * 50),
+        (Fault.CREEP, 1.0, 0.3 * 50),
+        (Fault.SLIDE, 1.0, 8.0),
+    ):
+        misled = Misled(GROUND, Faults([Span(fault, 0.0, 50.0, size)]))
+        steps = [misled.push(float(second), float(second), 1.0) for second in range(60)]
+        assert np.hypot(*np.sum(steps, axis=0)) == pytest.approx(moved_m)
+
+
+@pytest.mark.parametrize(("fault", "size", "after_m"), [(Fault.FIX_STEP, 0.0, 3.5), (Fault.FIX_DRIFT, 0.0, 2.0)])
+def test_fixes_leave_a_robot_that_stands(fault, size, after_m):
+    misled = Misled(GROUND, Faults([Span(fault, 0.0, 100.0, size)]))
+    assert misled.fix_error(11.0, 10.0) == (0.0, 0.0)
+    misled.fix_error(12.0, 11.0)
+    assert np.hypot(*misled.fix_error(0.0, 31.0)) == pytest.approx(after_m)
+    assert misled.fix_error(99.0, 101.0) == (0.0, 0.0)
