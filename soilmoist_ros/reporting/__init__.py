@@ -90,7 +90,6 @@ _open, __dir__, __all__ = open_door(
         "live.terminal": "DRY_TO_WET render",
         "mission_report": "mission_run write_mission",
         "moisture_steps": "at_one_place moisture_of_all moisture_series",
-        "old_names": "FieldSurvey MapRun open_survey",
         "opened_run": "OpenedRun open_run",
         "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",
         "outputs": "write_outputs",
@@ -99,7 +98,7 @@ _open, __dir__, __all__ = open_door(
         "page.frame": "render_page",
         "page.labels": "dwell_text strategy_text strategy_traits",
         "page.notes": "notes",
-        "page.numbers": "area duration length number percent plain",
+        "page.numbers": "length number percent plain",
         "page.report": "write_report",
         "page.statistics": "mean_moisture truth_score",
         "page.style": "robust_range",
@@ -109,12 +108,10 @@ _open, __dir__, __all__ = open_door(
 )
 
 
-_MOVED = {
-    "write_campaign_report": "soilmoist_ros.lab",
-    **dict.fromkeys(("FieldSurvey", "MapRun", "open_survey"), "soilmoist_ros.pipeline"),
-}
-
-
 def __getattr__(name: str) -> object:
     """Name of this door; what has moved to another one is found here for one release."""
-    return getattr(import_module(_MOVED[name]), name) if name in _MOVED else _open(name)
+    if name in ("FieldSurvey", "MapRun", "open_survey"):
+        return getattr(import_module("soilmoist_ros.pipeline"), name)
+    if name == "write_campaign_report":
+        return getattr(import_module("soilmoist_ros.lab"), name)
+    return _open(name)

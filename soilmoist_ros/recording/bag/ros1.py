@@ -73,7 +73,8 @@ class Ros1File:
         for one in self._reader.connections:
             topic = f"/{one.topic.strip('/')}"
             self.connections[one.id] = Connection(topic, one.msgtype, one.msgdef.data)
-            self.counts[topic] = self.counts.get(topic, 0) + one.msgcount
+            said = sum(chunk.connection_counts.get(one.id, 0) for chunk in self._reader.chunk_infos)
+            self.counts[topic] = self.counts.get(topic, 0) + said
         known = self._reader.chunk_infos
         self.extent_ns = (self._reader.start_time, self._reader.end_time - 1) if known else None
         self._chunks = dict(self._reader.chunks)
