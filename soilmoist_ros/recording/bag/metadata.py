@@ -9,7 +9,7 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from io import StringIO
 from pathlib import Path
@@ -217,6 +217,20 @@ class Extent:
     def duration_ns(self) -> int:
         """Time between the first and the last message [ns]."""
         return self.end_ns - self.start_ns
+
+
+@dataclass
+class Content:
+    """What a file has.
+
+    :param topics: its topics
+    :param counts: number of messages of each topic, by name
+    :param extent: all messages
+    """
+
+    topics: list[Topic] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+    extent: Extent = field(default_factory=Extent)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.foundation import InputError
 from soilmoist_ros.recording.bag.chunks import MAX_CHUNK_BYTES, Allowance
-from soilmoist_ros.recording.bag.metadata import require_small
+from soilmoist_ros.recording.bag.metadata import Content, Definition, Extent, Topic, require_small
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
 ROS1: Final = "ros1msg"
@@ -56,10 +56,8 @@ class Ros1File:
     ----------
     connections : dict of int to Connection
         publishers by number
-    counts : dict of str to int
-        number of messages by topic, as the index says
-    extent_ns : tuple of int, or None
-        times of the first and the last message [ns since 1970-01-01 UTC], as the index says
+    content : Content
+        topics, and number and times of their messages, as the index says
     """
 
     def __init__(self, path: Path) -> None:
@@ -69,19 +67,22 @@ class Ros1File:
         with _faults():
             self._reader.open()
         self.connections: dict[int, Connection] = {}
-        self.counts: dict[str, int] = {}
+        self._chunks, infos = dict(self._reader.chunks), self._reader.chunk_infos
+        counts: dict[str, int] = {}
         for one in self._reader.connections:
             topic = f"/{one.topic.strip('/')}"
             self.connections[one.id] = Connection(topic, one.msgtype, one.msgdef.data)
-            said = sum(chunk.connection_counts.get(one.id, 0) for chunk in self._reader.chunk_infos)
-            self.counts[topic] = self.counts.get(topic, 0) + said
-        known = self._reader.chunk_infos
-        self.extent_ns = (self._reader.start_time, self._reader.end_time - 1) if known else None
-        self._chunks = dict(self._reader.chunks)
+            counts[topic] = counts.get(topic, 0) + sum(info.connection_counts.get(one.id, 0) for info in infos)
+        kinds = {one.topic: one for one in self.connections.values()}
+        topics = [Topic(name, Definition(one.type_name, one.definition, ROS1)) for name, one in kinds.items()]
+        total = sum(counts.values())
+        extent = Extent(total, self._reader.start_time, self._reader.end_time - 1) if total else Extent()
+        self.content = Content(topics, counts, extent)
 
-    def messages(self, topics: Collection[str], convert: bool = True) -> Iterator[Message]:
+    def messages(self, topics: Collection[str], by_time: bool = True, convert: bool = True) -> Iterator[Message]:
         """Messages of topics, converted to those of ROS 2, in the order of time.
 
+        :param by_time: has no effect: no recorder of this package has written it
         :param convert: whether to convert them; otherwise they are as in ROS 1, of any type
         :raises ValueError: if the file is damaged, or a message type has other fields in ROS 2
         """

@@ -239,11 +239,11 @@ def _read(file: Path, counts: Counter[str], note: Note) -> tuple[Extent, list[st
                     take(name, kind, log_ns, len(data))
         else:
             with closing(Ros1File(file)) as bag:
-                for name, kind, log_ns, data in bag.messages(bag.counts, convert=False):
+                for name, kind, log_ns, data in bag.messages(bag.content.counts, convert=False):
                     take(name, kind, log_ns, len(data))
                 problems = [
                     f"{name} has {here[name]} messages, and the index of {file.name} says {count}"
-                    for name, count in bag.counts.items()
+                    for name, count in bag.content.counts.items()
                     if here[name] != count
                 ]
     finally:
