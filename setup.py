@@ -91,8 +91,8 @@ setup(
             "jinja2>=3.1",
             "pyvrp>=0.14,<0.15",
         ],
-        # The operator's page, and its live view for the viewer Foxglove.
-        "console": ["aiohttp>=3.9", "segno>=1.5", "foxglove-sdk>=0.30,<1"],
+        # The operator's page.
+        "console": ["aiohttp>=3.9", "segno>=1.5"],
         # Results of the Python API as tables, rasters and layers: to_dataframe, to_xarray, to_geodataframe.
         "frames": ["pandas>=2.2", "xarray>=2024.1", "geopandas>=1.0"],
         # `colcon test` starts pytest for packages with an extra of this name.

@@ -14,7 +14,7 @@ from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from soilmoist_ros.nodes.system.launching import LastWords, parameter_files, parameters_from, refuse_unknown
+from soilmoist_ros.nodes.launching import LastWords, parameter_files, parameters_from, refuse_unknown
 
 TOPICS = ("counts", "quarantined_counts", "place_doubts", "fix", "pressure", "temperature", "relative_humidity",
           "plan", "plan_markers", "mission", "mission_state", "visits", "robot_pose")  # fmt: skip

@@ -20,18 +20,17 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from soilmoist_ros.exploration.planning.property_names import property_weights
-from soilmoist_ros.nodes.system.launching import (
+from soilmoist_ros.nodes.launching import (
     TOPICS,
     LastWords,
     enclave,
     foxglove_bridge,
-    foxglove_server,
+    foxglove_wanted,
     parameter_files,
     parameters_from,
     property_argument,
     refuse_unknown,
     remappings,
-    tcp_port,
     with_empty_lists,
 )
 from soilmoist_ros.recording.journal import ENTRIES
@@ -69,10 +68,7 @@ PROPERTY = (
 JOURNAL = "folder of the mission's journal, which survives a power cut (empty: as in params_file, or OUT/journal)"
 CONSOLE = "true: the operator's page is served, on port 8050 of this computer unless params_file says otherwise"
 REMAP = "further topics and services by other names: FROM:=TO,FROM:=TO, such as /tf:=tf,/tf_static:=tf_static"
-FOXGLOVE = (
-    "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove; console: the operator's "
-    "page serves it, to look only"
-)
+FOXGLOVE = "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove"
 FOXGLOVE_HOST = "address on which foxglove_bridge listens; 0.0.0.0 for all networks, from where it can steer"
 RESPAWN = (
     "true: nodes that crash start again, with the map and the mission that they had; bad input ends the launch"
@@ -141,9 +137,6 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     if flag("console"):
         values["console"] = parameters_from("console", arguments)
         values["console"] |= {"runs": arguments["out"]} if arguments["out"] else {}
-    viewer = foxglove_server(given("foxglove"), flag("console"))
-    if viewer == "console":
-        values["console"] |= {"foxglove_port": tcp_port(given("foxglove_port"))}
     properties = property_argument(given("property"), "properties", given("properties"))
     if properties:
         values["planner"] |= parameters_from("planner", {"properties": str(properties)})
@@ -174,7 +167,7 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     ends = end_all if flag("exit_when_finished") else None
     return [
         RegisterEventHandler(OnProcessIO(on_stderr=last_words.hear)),
-        *([bridge(context)] if viewer == "bridge" else []),
+        *([bridge(context)] if foxglove_wanted(given("foxglove")) else []),
         *(
             Node(
                 package="soilmoist_ros",

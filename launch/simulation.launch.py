@@ -31,22 +31,21 @@ from launch_ros.actions import Node
 
 from soilmoist_ros.console.invitations import PORT
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.system.demo_configuration import (
+from soilmoist_ros.nodes.demo import (
     DemoSettings,
     node_name,
     shared_mapper,
     write_configuration,
 )
-from soilmoist_ros.nodes.system.launching import (
+from soilmoist_ros.nodes.launching import (
     LastWords,
     enclave,
     foxglove_bridge,
-    foxglove_server,
+    foxglove_wanted,
     parameter_files,
     parameters_from,
     property_argument,
     refuse_unknown,
-    tcp_port,
 )
 from soilmoist_ros.recording.run_folder import CONFIGURATION
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field_names
@@ -89,8 +88,7 @@ MISSION = {
     ),
     "foxglove": (
         "false",
-        "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove; console: the operator's "
-        "page serves it, to look only",
+        "true: foxglove_bridge (ros-jazzy-foxglove-bridge) serves the viewer Foxglove",
     ),
     "foxglove_host": ("127.0.0.1", "address on which foxglove_bridge listens"),
     "foxglove_port": ("8765", "TCP port for Foxglove"),
@@ -175,10 +173,7 @@ def team(
 
     last_words = LastWords()
     nodes: list[LaunchDescriptionEntity] = [RegisterEventHandler(OnProcessIO(on_stderr=last_words.hear))]
-    served = foxglove_server(given("foxglove"), flag("console"))
-    if served == "console":
-        differ["console"] = {"foxglove_port": tcp_port(given("foxglove_port"))}
-    if served == "bridge":
+    if foxglove_wanted(given("foxglove")):
         viewer = foxglove_bridge(given("foxglove_host"), given("foxglove_port"))
         nodes.append(
             Node(

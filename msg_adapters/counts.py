@@ -29,6 +29,7 @@ from typing import Final
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 
 from msg_adapters.point_cloud import (
     FRAME,
@@ -37,9 +38,11 @@ from msg_adapters.point_cloud import (
     points_from_message,
     points_to_message,
     require_frame,
+    to_seconds,
+    to_time,
 )
-from msg_adapters.stamps import to_seconds, to_time
 from soilmoist_ros.foundation import LatLon, LocalFrame, other_datum
+from soilmoist_ros.mapping import Samples
 from soilmoist_ros.recording import REASON, REASONS, STAMP_OFFSET, count_records
 from soilmoist_ros.recording import points as read_points
 from soilmoist_ros.sensing import CountRecord
@@ -164,3 +167,61 @@ def counts_from_message(message: PointCloud2) -> list[CountRecord]:
     """
     check_fields(message, _POINT)
     return count_records(message)
+
+
+# ``samples``: the merged samples as a sensor_msgs/PointCloud2, one point per sample, in the plane z = 0 ---------
+
+# Viewers read x, y and z only as 32-bit floats. Counts and exposures enter the statistics and grow without limit.
+_SAMPLE: Final = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("raw_counts", "<f8"), ("effective_exposure_s", "<f8")]
+)
+_SPREAD: Final = ("spread_xx", "spread_xy", "spread_yy", "footprint_radius_m")
+_AREA: Final = np.dtype([*_SAMPLE.descr, *((name, "<f4") for name in _SPREAD)])
+
+
+def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
+    """Message of samples.
+
+    :param samples: any number, including zero; places and spreads are rounded to 32 bits
+    :param stamp_s: end of the last record in the samples [s since 1970-01-01 UTC]
+    """
+    points = np.zeros(len(samples), _AREA)
+    points["x"], points["y"] = samples.xy.T
+    points["raw_counts"] = samples.counts
+    points["effective_exposure_s"] = samples.exposure_s
+    for name, moments in zip(_SPREAD, samples.spread.T, strict=True):
+        points[name] = moments
+    return points_to_message(points, stamp_s, frame_id)
+
+
+def samples_from_message(message: PointCloud2) -> Samples:
+    """Samples of a message; without spreads in the message the samples are points.
+
+    :raises ValueError: if a field is missing, or a value is impossible
+    """
+    given = [field.name for field in message.fields]
+    known = [name for name in _SPREAD if name in given]  # messages of earlier versions have no footprint
+    kind = np.dtype([*_SAMPLE.descr, *((name, "<f4") for name in known)])
+    points = points_from_message(message, kind).ravel()
+    xy = np.column_stack([points["x"], points["y"]])
+    spread = np.column_stack([points[name] for name in known]) if known else np.zeros(4)
+    return Samples(xy, points["raw_counts"], points["effective_exposure_s"], spread)
+
+
+# Lines of the devices <-> std_msgs/String, so that a replay can start from the bytes ----------------------------
+
+# A ROS string ends at the first zero. Latin-1 lacks this character, so every line is restored exactly.
+_ZERO = "\N{SYMBOL FOR NULL}"
+
+
+def line_to_message(line: bytes) -> String:
+    """Message of a line: each byte is one character."""
+    return String(data=line.decode("latin-1").replace("\0", _ZERO))
+
+
+def line_from_message(message: String) -> bytes:
+    """Line of a message.
+
+    :raises ValueError: if the message is not from :func:`line_to_message`
+    """
+    return str(message.data).replace(_ZERO, "\0").encode("latin-1")

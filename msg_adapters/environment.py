@@ -5,11 +5,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
-from sensor_msgs.msg import FluidPressure, NavSatFix, NavSatStatus, RelativeHumidity, Temperature
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from sensor_msgs.msg import BatteryState, FluidPressure, NavSatFix, NavSatStatus, RelativeHumidity, Temperature
 from std_msgs.msg import Header
 
-from msg_adapters.stamps import to_time
+from msg_adapters.point_cloud import to_time
+from soilmoist_ros.foundation import Health, Level, foreign_text
 from soilmoist_ros.sensing import CovarianceKind, Fix, LoggerRecord
 
 _PA_PER_HPA = 100.0
@@ -64,3 +67,86 @@ def weather_from_message(message: FluidPressure | Temperature | RelativeHumidity
     if isinstance(message, FluidPressure):
         return float(message.fluid_pressure) / _PA_PER_HPA
     return float(message.temperature if isinstance(message, Temperature) else message.relative_humidity)
+
+
+# State of the battery <-> sensor_msgs/BatteryState --------------------------------------------------------------
+
+_PERCENT = 100.0
+
+
+def battery_from_message(message: BatteryState) -> tuple[float, float] | None:
+    """Charge [0..1] and voltage [V] of a message, NaN if unknown; ``None`` without a battery.
+
+    Percent are accepted as well. A charge and a voltage of zero together mean that neither is known.
+    """
+    charge, voltage_v = float(message.percentage), float(message.voltage)
+    if not message.present or (charge == 0 and not voltage_v > 0):
+        return None
+    if not 0 <= charge <= _PERCENT:
+        charge = math.nan
+    if not voltage_v > 0:
+        voltage_v = math.nan
+    return (charge / _PERCENT if charge > 1 else charge), voltage_v
+
+
+def battery_to_message(charge: float, voltage_v: float, stamp_s: float) -> BatteryState:
+    """Message of a battery that is discharging.
+
+    :param charge: charge [0..1], NaN if unknown
+    :param voltage_v: voltage [V], NaN if unknown
+    :param stamp_s: time [s]
+    """
+    message = BatteryState(present=True, percentage=float(charge), voltage=float(voltage_v))
+    message.header.stamp = to_time(stamp_s)
+    message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    for name in ("temperature", "current", "charge", "capacity", "design_capacity"):
+        setattr(message, name, math.nan)
+    return message
+
+
+# States of health <-> diagnostic_msgs ---------------------------------------------------------------------------
+
+
+def diagnostics_to_message(
+    parts: Iterable[Health], stamp_s: float, node: str, hardware_id: str = ""
+) -> DiagnosticArray:
+    """Message for ``/diagnostics``.
+
+    :param parts: states of health
+    :param stamp_s: now, ROS time [s]
+    :param node: name of the node; viewers show ``node: part``
+    :param hardware_id: serial number of the device, empty if there is none
+    """
+    message = DiagnosticArray()
+    message.header.stamp = to_time(stamp_s)
+    message.status = [health_to_status(part, node, hardware_id) for part in parts]
+    return message
+
+
+def diagnostics_from_message(message: DiagnosticArray) -> list[Health]:
+    """States of health of a message, with their full names."""
+    return [health_from_status(status) for status in message.status]
+
+
+def health_to_status(health: Health, node: str = "", hardware_id: str = "") -> DiagnosticStatus:
+    """One state of health as a message.
+
+    :param health: the state
+    :param node: name of the node, put before the name of the part unless empty
+    :param hardware_id: serial number of the device, empty if there is none
+    """
+    return DiagnosticStatus(
+        level=bytes([int(health.level)]),
+        name=f"{node}: {health.name}" if node else str(health.name),
+        message=str(health.message),
+        hardware_id=str(hardware_id),
+        values=[KeyValue(key=str(key), value=str(value)) for key, value in health.values.items()],
+    )
+
+
+def health_from_status(status: DiagnosticStatus) -> Health:
+    """State of health of a message; an unknown level becomes an error."""
+    number = status.level[0] if isinstance(status.level, bytes) and status.level else int(Level.ERROR)
+    level = Level(number) if number in list(Level) else Level.ERROR
+    values = {foreign_text(pair.key): foreign_text(pair.value) for pair in status.values}
+    return Health(foreign_text(status.name), level, foreign_text(status.message), values)

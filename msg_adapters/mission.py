@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters.diagnostics import health_from_status, health_to_status
+from msg_adapters.environment import health_from_status, health_to_status
 from soilmoist_ros.exploration import (
     OTHER_ROBOT,
     MissionEnd,

@@ -4,14 +4,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from msg_adapters.stamps import to_time
 from soilmoist_ros.recording import points
 
 FRAME: Final = "map"
@@ -86,3 +87,25 @@ def check_fields(message: PointCloud2, wanted: np.dtype[Any]) -> None:
             raise ValueError(f"the message has no field {name!r}, only: {', '.join(found) or 'none'}")
         if found[name].datatype != _DATATYPES[wanted[name].str]:
             raise ValueError(f"field {name!r} is of datatype {found[name].datatype}, not {wanted[name].str}")
+
+
+# Seconds since 1970 UTC <-> builtin_interfaces/Time -------------------------------------------------------------
+
+_LAST_SECOND = 2**31 - 1
+
+
+def to_time(stamp_s: float) -> Time:
+    """Message of a time. A time that the message cannot represent becomes zero, which means unknown in ROS.
+
+    :param stamp_s: seconds since 1970 UTC; NaN if unknown
+    """
+    if not (math.isfinite(stamp_s) and 0 <= stamp_s < _LAST_SECOND):
+        return Time()
+    second = math.floor(stamp_s)
+    nanosecond = round((stamp_s - second) * 1e9)  # only the fraction, so that to_seconds restores stamp_s
+    return Time(sec=second + nanosecond // 1_000_000_000, nanosec=nanosecond % 1_000_000_000)
+
+
+def to_seconds(stamp: Time) -> float:
+    """Seconds since 1970 UTC of a message."""
+    return float(stamp.sec + stamp.nanosec * 1e-9)

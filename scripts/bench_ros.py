@@ -42,9 +42,8 @@ import results
 import msg_adapters
 import soilmoist_ros
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
-from soilmoist_ros.nodes.system.demo_configuration import DemoSettings, write_configuration
-from soilmoist_ros.nodes.system.process_group import ProcessGroup
+from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
+from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
 from soilmoist_ros.recording.run_folder import write_parameters
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -140,8 +139,8 @@ def record_to_map(name: str, folder: Path, count: int) -> Row:
         from sensor_msgs.msg import PointCloud2
 
         from msg_adapters.counts import counts_to_message
-        from msg_adapters.stamps import to_seconds
-        from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
+        from msg_adapters.point_cloud import to_seconds
+        from soilmoist_ros.nodes.topics import LATCHED, RECORDS
 
         arrivals: dict[float, float] = {}
 
@@ -312,7 +311,7 @@ def robot(setting: Setting, folder: Path, autostart: bool = True) -> Iterator[Ro
         from diagnostic_msgs.msg import DiagnosticStatus
 
         from msg_adapters.mission import mission_from_message
-        from soilmoist_ros.nodes.runtime.qos import LATCHED
+        from soilmoist_ros.nodes.topics import LATCHED
 
         with ProcessGroup(environment, folder / "log") as group, Observer(domain) as observer:
             for name in ("field_simulator", *NODES):

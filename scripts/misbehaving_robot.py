@@ -33,16 +33,15 @@ from std_msgs.msg import String
 from topological_navigation_msgs.action import GotoNode
 from unique_identifier_msgs.msg import UUID
 
-from msg_adapters.plan import pose_stamped
+from msg_adapters.places import pose_stamped
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
 from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
-from soilmoist_ros.nodes.runtime.qos import DEFAULT, LATCHED
-from soilmoist_ros.nodes.system.process_group import ProcessGroup
+from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED
 from soilmoist_ros.recording.run_folder import write_parameters
 from soilmoist_ros.sensing.formats.robot_logger import TUBES, format_header, format_record
 from soilmoist_ros.sensing.records import LoggerRecord, Position

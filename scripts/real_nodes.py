@@ -40,22 +40,18 @@ from soilmoist_msgs.msg import Visit as VisitMessage
 from soilmoist_msgs.srv import Command
 from std_msgs.msg import Bool
 
-from msg_adapters.battery import battery_to_message
-from msg_adapters.counts import counts_from_message
-from msg_adapters.diagnostics import diagnostics_from_message
+from msg_adapters.counts import counts_from_message, samples_from_message
+from msg_adapters.environment import battery_to_message, diagnostics_from_message
 from msg_adapters.mission import mission_from_message
-from msg_adapters.samples import samples_from_message
-from msg_adapters.soilmoist.command import reply_from_message, request_to_message
-from msg_adapters.soilmoist.visits import visit_from_message
-from msg_adapters.stamps import to_seconds
+from msg_adapters.point_cloud import to_seconds
+from msg_adapters.soilmoist_types import reply_from_message, request_to_message, visit_from_message
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
 from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.nodes.runtime.loopback import loopback_environment
-from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS, SENSOR, VISITS
-from soilmoist_ros.nodes.system.demo_configuration import DemoSettings, write_configuration
-from soilmoist_ros.nodes.system.process_group import ProcessGroup
+from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
+from soilmoist_ros.nodes.process_group import ProcessGroup, loopback_environment
+from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, VISITS
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.sensing.records import CountRecord
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field

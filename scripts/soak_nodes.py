@@ -21,7 +21,7 @@ from real_nodes import ON_ROBOT, NodesSettings, RealNodes
 
 from rehearsal.cases import Fault, Span
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.loopback import free_domain
+from soilmoist_ros.nodes.process_group import free_domain
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 NODES = (*ON_ROBOT, "field_simulator")

@@ -39,7 +39,6 @@ COMES_WITH = {
     "ruamel": "ruamel.yaml",
 }
 OPTIONAL = {
-    "foxglove": "the live view for Foxglove, on request; the console names the package",
     "reverse_geocode": "the nearest town of a field, in messages",
     "pandas": "campaigns, on a laptop",
     "pyarrow": "campaigns, on a laptop",

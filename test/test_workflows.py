@@ -106,9 +106,8 @@ def test_the_container_is_tidy():
 def test_the_development_container_starts_what_is_there():
     content = json.loads((ROOT / ".devcontainer" / "devcontainer.json").read_text(encoding="utf-8"))
     assert (ROOT / content["postCreateCommand"].split()[0]).is_file()
-    assert f"default={content['forwardPorts'][0]}" in (
-        ROOT / "soilmoist_ros/nodes/parameters/console.py"
-    ).read_text(encoding="utf-8")
+    table = (ROOT / "soilmoist_ros/nodes/parameter_tables.py").read_text(encoding="utf-8")
+    assert f'row("port", {content["forwardPorts"][0]},' in table
 
 
 def test_the_citation_is_of_this_version():

@@ -11,7 +11,7 @@ import time
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -24,9 +24,6 @@ from soilmoist_ros.cli.options.names import Name
 from soilmoist_ros.cli.options.output_options import confirmed, output_options, prepare_output, reported_failure
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation import InputError, install, is_installed
-
-if TYPE_CHECKING:
-    from soilmoist_ros.simulation import MissionSettings
 
 DEMO = (
     "field",
@@ -56,10 +53,6 @@ _TYPES = {"goto_node": "topological_navigation_msgs", "navigate_to_pose": "nav2_
 DEFAULTS = {"field": "farm", "hours": 1.0}
 """Settings of a demo that differ from those of a simulated mission; the hour lasts a minute."""
 
-FOXGLOVE_PORT = 8765
-VIEWERS = "viewers"
-"""Folder of the layouts, within that of the run."""
-
 
 @click.command("demo")
 @mission_options(DEMO, DEFAULTS)
@@ -75,9 +68,6 @@ VIEWERS = "viewers"
 )
 @click.option("--console/--no-console", "console", default=True, show_default=True,
               help="Serve the operator's page on this machine.")  # fmt: skip
-@click.option("--foxglove", type=click.IntRange(1, 65535), metavar="[PORT]",
-              is_flag=False, flag_value=FOXGLOVE_PORT,
-              help=f"Serve the viewer Foxglove, and write its layout. Default port: {FOXGLOVE_PORT}.")  # fmt: skip
 @click.option("--autostart/--no-autostart", default=True, show_default=True,
               help="Start the mission at once, or wait for a start on the operator's page.")  # fmt: skip
 @click.option("--exit", "leave", is_flag=True, help="End with the mission, also on a terminal.")
@@ -93,7 +83,6 @@ def command(
     time_factor: float,
     scenario: str,
     console: bool,
-    foxglove: int | None,
     autostart: bool,
     leave: bool,
     earlier: tuple[Path, ...],
@@ -113,10 +102,6 @@ def command(
     package = _TYPES.get(navigator, "rclpy")
     if importlib.util.find_spec(package) is None:
         raise InputError(f"{package} is not installed, and {navigator} needs it", "run scripts/build_interfaces")
-    if foxglove is not None and not console:
-        raise click.UsageError("--foxglove requires the operator's page, which serves it: leave out --no-console")
-    if foxglove is not None and not is_installed("foxglove"):
-        raise InputError("foxglove-sdk is not installed, and --foxglove needs it", install("console"))
     mission = chosen_settings(choices)
     _prepare(out, overwrite)
     from soilmoist_ros.console import PORT, free_port
@@ -134,7 +119,6 @@ def command(
         console = False
         warn(f"console: not served, aiohttp is not installed -> {install('console')}")
     port = free_port(PORT) if console else 0
-    viewer_port = free_port(foxglove) if port and foxglove is not None else 0
     settings = DemoSettings(
         out,
         mission,
@@ -145,16 +129,14 @@ def command(
         earlier=earlier,
         covariates=sources,
         console_port=port,
-        foxglove_port=viewer_port,
     )
     address = f"console    http://127.0.0.1:{port}/"
-    opened = "\n".join([address, *(_foxglove(viewer_port, mission, out) if viewer_port else ())])
     replay = None
     try:
         with ExitStack() as stack:
             stack.enter_context(reported_failure(out))
             with live_view() as show:
-                recorded = stack.enter_context(run_demo(settings, show, partial(say, opened)))
+                recorded = stack.enter_context(run_demo(settings, show, partial(say, address)))
             with progress_bar() as progress:
                 replay = replay_bag(out / "bag", recorded, progress)
                 progress("writing the results", 1.0)
@@ -170,19 +152,6 @@ def command(
             remedy = f"soilmoist replay {out} --out {out}-map maps the recording"
             echo(f"interrupted: all nodes have stopped; {remedy}", err=True)
             sys.exit(130)
-
-
-def _foxglove(port: int, mission: MissionSettings, out: Path) -> list[str]:
-    """Write the layouts of the viewers; what to open in Foxglove."""
-    from soilmoist_ros.reporting import write_layouts
-    from soilmoist_ros.simulation import robot_namespaces, surrogate_field
-
-    field, names = surrogate_field(mission.field_name).field, [one.name for one in mission.properties]
-    lines = [f"foxglove   Open connection, Foxglove WebSocket: ws://127.0.0.1:{port}"]
-    for robot in robot_namespaces(mission.robots):
-        _, layout, _ = write_layouts(field, robot, names, out / VIEWERS / robot)
-        lines.append(f"foxglove   Import layout: {layout}")
-    return lines
 
 
 def _prepare(out: Path, overwrite: bool) -> None:
@@ -202,7 +171,7 @@ def _prepare(out: Path, overwrite: bool) -> None:
     if recorded:
         from soilmoist_ros.reporting import earlier_outputs, remove_earlier
 
-        for name in ("bag", "configuration", "log", VIEWERS):
+        for name in ("bag", "configuration", "log", "viewers"):
             shutil.rmtree(out / name, ignore_errors=True)
         for saved in (out / "map", *out.glob("map_*/")):  # by the mappers
             remove_earlier(saved, earlier_outputs(saved), ())

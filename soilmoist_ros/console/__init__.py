@@ -9,8 +9,6 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     from soilmoist_ros.console.access import Access as Access
     from soilmoist_ros.console.board import Board as Board
-    from soilmoist_ros.console.foxglove_server import BACKLOG as BACKLOG
-    from soilmoist_ros.console.foxglove_server import FoxgloveServer as FoxgloveServer
     from soilmoist_ros.console.invitations import LOOPBACK as LOOPBACK
     from soilmoist_ros.console.invitations import PORT as PORT
     from soilmoist_ros.console.invitations import free_port as free_port
@@ -39,7 +37,6 @@ __getattr__, __dir__, __all__ = open_door(
     {
         "access": "Access",
         "board": "Board",
-        "foxglove_server": "BACKLOG FoxgloveServer",
         "invitations": "LOOPBACK PORT free_port invitation reachable",
         "maps.map_layers": "MapLayers",
         "plan.survey_files": "SurveyFiles",

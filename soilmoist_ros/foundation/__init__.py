@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.foundation.health import Level as Level
     from soilmoist_ros.foundation.lazy import install as install
     from soilmoist_ros.foundation.lazy import is_installed as is_installed
-    from soilmoist_ros.foundation.lazy import load_when_used as load_when_used
     from soilmoist_ros.foundation.lazy import not_installed as not_installed
     from soilmoist_ros.foundation.lazy import optional_module as optional_module
     from soilmoist_ros.foundation.places import HECTARE_M2 as HECTARE_M2
@@ -78,7 +77,7 @@ __getattr__, __dir__, __all__ = open_door(
         "errors": "IllConditionedError InputError Mistake SoilmoistError",
         "geodesy": "LatLon LocalFrame distance_and_bearing floats squared_distances",
         "health": "Health Level",
-        "lazy": "install is_installed load_when_used not_installed optional_module",
+        "lazy": "install is_installed not_installed optional_module",
         "places": "HECTARE_M2 area area_unit coordinates_text direction distance_text duration number other_datum place_text town_distance_m town_text",
         "plain_values": "DAY_S csv_text finite_number foreign_text nan_as_text printable read_json shown_path shown_text text_of_csv",
         "plane_move": "PlaneMove fit_move move_between",

@@ -4,10 +4,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from importlib.util import LazyLoader, find_spec, module_from_spec
+from importlib.util import find_spec
 from typing import Any
 
 from soilmoist_ros.foundation.errors import InputError
@@ -18,7 +17,7 @@ EXTRAS = {
     ),
     **dict.fromkeys(("lz4", "mcap", "rosbags", "zstandard"), "bags"),
     **dict.fromkeys(("distributed", "pyarrow", "pyvrp"), "campaign"),
-    **dict.fromkeys(("aiohttp", "foxglove", "segno"), "console"),
+    **dict.fromkeys(("aiohttp", "segno"), "console"),
     **dict.fromkeys(("geopandas", "pandas", "xarray"), "frames"),
 }
 """Extra of this package that installs a module."""
@@ -40,23 +39,6 @@ def open_door(
         return getattr(import_module(home_of[name]), name)
 
     return load, lambda: sorted(home_of), sorted(home_of)
-
-
-def load_when_used(name: str) -> None:
-    """Put a submodule into its package that is loaded when something of it is used.
-
-    Nothing happens if it is loaded or missing.
-
-    :param name: full name of the submodule
-    """
-    package, _, child = name.rpartition(".")
-    parent, spec = import_module(package), find_spec(name)
-    if name in sys.modules or spec is None or spec.loader is None:
-        return
-    spec.loader = LazyLoader(spec.loader)
-    module = sys.modules[name] = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    setattr(parent, child, module)
 
 
 def optional_module(name: str, extra: str = "") -> Any:

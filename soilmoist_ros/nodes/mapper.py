@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from threading import Lock
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -23,7 +25,9 @@ from std_srvs.srv import Trigger
 from msg_adapters import (
     Model,
     OtherFrameError,
+    change_to_message,
     counts_from_message,
+    counts_to_messages,
     diagnostics_to_message,
     model_to_message,
     require_plane,
@@ -31,21 +35,29 @@ from msg_adapters import (
     soil_map_to_message,
     uncertainty_to_message,
 )
-from soilmoist_ros.foundation import Batches, Health, InputError, Level
-from soilmoist_ros.mapping import MapState, MapWorker, Skip, SoilMap, drifting, map_health
-from soilmoist_ros.nodes.parameters.declaration import Parameters, other_namespaces
-from soilmoist_ros.nodes.parameters.mapper import PARAMETERS
-from soilmoist_ros.nodes.parameters.parameter import Value
-from soilmoist_ros.nodes.parameters.stamps import STAMP_LIMITS, stamp_limits
-from soilmoist_ros.nodes.runtime import qos
-from soilmoist_ros.nodes.runtime.aside import Aside
-from soilmoist_ros.nodes.runtime.run import run
-from soilmoist_ros.nodes.runtime.topic_types import interface_class
-from soilmoist_ros.nodes.wiring.mapper_change import ChangeOutput
-from soilmoist_ros.nodes.wiring.mapper_exchange import MapperExchange
-from soilmoist_ros.pipeline import open_survey
-from soilmoist_ros.recording import START, TEAM_S, MapRecords, MapSources, quarantined_topic, read_earlier
-from soilmoist_ros.reporting import write_outputs
+from soilmoist_ros.foundation import Batches, Health, InputError, Level, foreign_text, other_datum, read_json
+from soilmoist_ros.mapping import Field, MapState, MapWorker, Skip, SoilMap, drifting, map_health
+from soilmoist_ros.nodes.aside import Aside
+from soilmoist_ros.nodes.parameter_tables import MAPPER as PARAMETERS
+from soilmoist_ros.nodes.parameter_tables import STAMP_LIMITS, stamp_limits
+from soilmoist_ros.nodes.parameters import Parameters, Value, other_namespaces
+from soilmoist_ros.nodes.run import run
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, VISITS, interface_class
+from soilmoist_ros.pipeline import FieldSurvey, open_survey, run_change
+from soilmoist_ros.recording import (
+    HELD,
+    LIST_S,
+    MAX_RECORDS,
+    MISSED,
+    START,
+    TEAM_S,
+    MapRecords,
+    MapSources,
+    RecordExchange,
+    quarantined_topic,
+    read_earlier,
+)
+from soilmoist_ros.reporting import change_summary, write_outputs
 from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt
 
 __all__ = ["PARAMETERS", "Mapper", "main"]
@@ -82,11 +94,11 @@ class Mapper(Node):
         self._chosen: dict[str, Any] = {}
         self._refused = ""
         self._guard = threading.Lock()  # records are added in one thread and saved in another
-        self._samples = self.create_publisher(PointCloud2, "samples", qos.LATCHED)
-        self._model = self.create_publisher(String, "model", qos.LATCHED)
-        self._soil_map = self.create_publisher(PointCloud2, "soil_map", qos.LATCHED)
-        self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", qos.LATCHED)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+        self._samples = self.create_publisher(PointCloud2, "samples", LATCHED)
+        self._model = self.create_publisher(String, "model", LATCHED)
+        self._soil_map = self.create_publisher(PointCloud2, "soil_map", LATCHED)
+        self._uncertainty = self.create_publisher(OccupancyGrid, "uncertainty", LATCHED)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         self._publish_summary = self._summary_publisher()
         self._change = ChangeOutput(self, self._survey, self._frame)
         self._worker = MapWorker(self._online.compute, self._publish)
@@ -113,7 +125,7 @@ class Mapper(Node):
         self._arrived = Batches(self._add, "records", _POLL_S)
         for robot, topic in zip(("", *others), topics, strict=True):
             for name in (topic, quarantined_topic(topic)):
-                self.create_subscription(PointCloud2, name, partial(self._put, robot), qos.RECORDS)
+                self.create_subscription(PointCloud2, name, partial(self._put, robot), RECORDS)
         self._aside = Aside(self)  # a save takes seconds
         self._aside.offer(Trigger, "~/reset", self._on_reset)
         self._aside.offer(Trigger, "~/save", self._on_save)
@@ -123,7 +135,7 @@ class Mapper(Node):
         for robot in ("", *others):
             below = f"{robot}/" if robot else above[0] if above else ""
             self.create_subscription(
-                String, f"{below}{DOUBTS}", partial(self._put, robot if others else None), qos.VISITS
+                String, f"{below}{DOUBTS}", partial(self._put, robot if others else None), VISITS
             )
         # Steady time gives one report a second even if simulated time runs fast or stands still.
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -137,7 +149,7 @@ class Mapper(Node):
         except ImportError:
             return
         for robot in below:
-            self.create_subscription(kind, f"{robot}mission_state", partial(self._on_mission, robot), qos.LATCHED)
+            self.create_subscription(kind, f"{robot}mission_state", partial(self._on_mission, robot), LATCHED)
 
     def _on_mission(self, robot: str, message: Any) -> None:
         from msg_adapters import survey_from_message
@@ -260,7 +272,7 @@ class Mapper(Node):
             return lambda _state, _soil_map: None
         from msg_adapters import map_summary_to_message
 
-        summaries = self.create_publisher(kind, "map_summary", qos.LATCHED)
+        summaries = self.create_publisher(kind, "map_summary", LATCHED)
         return lambda state, soil_map: summaries.publish(map_summary_to_message(state, soil_map, self._frame))
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -304,6 +316,179 @@ class Mapper(Node):
         self._worker.close()
         self._change.close()
         self._sources.close()
+
+
+# The change of the field since an earlier survey, while the map grows: the topic ``change`` of a mapper ---------
+
+PAUSE_S: Final = 5.0
+"""Shortest time from one change to the next [s]."""
+SHARE: Final = 20
+"""The pause is at least this multiple of the time that a change takes."""
+PART: Final = "change"
+_Queued = tuple[FieldSurvey, SoilMap | None, float]
+"""A map, the field that it is of, and the end of its last record [s since 1970-01-01 UTC]."""
+
+WAITING: Final = Health(PART, Level.OK, "waiting for enough samples for a map")
+
+
+class ChangeOutput:
+    """Computes the change of the newest map in a thread, and publishes it.
+
+    :param node: the mapper
+    :param survey: the field; without an earlier survey nothing is published
+    :param frame: frame of the message
+    """
+
+    def __init__(self, node: Node, survey: FieldSurvey, frame: str) -> None:
+        self._survey, self._frame = survey, frame
+        self._publisher = node.create_publisher(PointCloud2, "change", LATCHED)
+        self._said = WAITING
+        self._closing = False
+        self._maps: Batches[_Queued] = Batches(self._compute, PART)
+
+    @property
+    def health(self) -> list[Health]:
+        """What has changed, in words; nothing without an earlier survey."""
+        return [self._said] if self._survey.earlier else []
+
+    def use(self, survey: FieldSurvey) -> None:
+        """The maps to come are of another field, or have other earlier surveys."""
+        if self._survey.earlier and not survey.earlier:
+            self._publisher.publish(change_to_message(survey.map.grid, None, 0.0, self._frame))
+        self._survey, self._said = survey, WAITING
+
+    def put(self, soil_map: SoilMap | None, stamp_s: float) -> None:
+        """Compute the change of a map soon; never waits.
+
+        :param soil_map: ``None`` if there is no map any more
+        :param stamp_s: end of its last record [s since 1970-01-01 UTC]
+        """
+        if self._survey.earlier:
+            self._maps.put((self._survey, soil_map, stamp_s))
+
+    def close(self) -> None:
+        """Publish the change of the last map, then end."""
+        self._closing = True
+        self._maps.close()
+
+    def _compute(self, maps: Sequence[_Queued]) -> None:
+        survey, soil_map, stamp_s = maps[-1]
+        began_s = time.monotonic()
+        found = None if soil_map is None else run_change(soil_map, stamp_s, survey.earlier)
+        change = None if found is None else found.change
+        if survey is not self._survey:  # the field was left while the map waited, or meanwhile
+            return
+        self._publisher.publish(change_to_message(survey.map.grid, change, stamp_s, self._frame))
+        if found is not None:
+            self._said = Health(PART, Level.OK, change_summary(found))
+        elif soil_map is not None:
+            self._said = Health(PART, Level.OK, "not computed: the surveys have too many samples")
+        until_s = time.monotonic() + max(PAUSE_S, SHARE * (time.monotonic() - began_s))
+        while time.monotonic() < until_s and not self._closing:
+            time.sleep(0.1)
+
+
+# Exchange of records between the mappers of several robots, so that none misses any for good --------------------
+
+_REPEAT: Final = 6
+"""An unchanged list is published every so many times, for receivers that have lost one."""
+
+
+class MapperExchange:
+    """Lists the records of a map, hears the lists of other mappers, and sends what these lack.
+
+    :param node: node of the topics
+    :param others: namespaces of the other mappers
+    :param records: records of the map
+    :param guard: held while the records change
+    :param field: the field of the map
+    :param frame: frame of the records
+
+    Attributes
+    ----------
+    field : Field
+        the field of the map; may be changed
+    added : int
+        records that came from other mappers and were missing here
+    """
+
+    def __init__(
+        self, node: Node, others: Sequence[str], records: MapRecords, guard: Lock, field: Field, frame: str
+    ) -> None:
+        self.field, self.added = field, 0
+        self._node, self._guard, self._frame = node, guard, frame
+        self._exchange = RecordExchange(records)
+        self._strangers: dict[str, str] = {}
+        self._fields: dict[str, str] = {}  # of mappers that map another field about the same datum
+        self._arrived: list[PointCloud2] = []
+        self._last, self._unchanged = "", 0
+        if not others:
+            return
+        self._held = node.create_publisher(String, HELD, LATCHED)
+        self._missed = node.create_publisher(PointCloud2, MISSED, RECORDS)
+        for name in others:
+            node.create_subscription(String, f"{name}/{HELD}", partial(self._on_held, name), LATCHED)
+            node.create_subscription(PointCloud2, f"{name}/{MISSED}", self._arrived.append, RECORDS)
+        node.create_timer(LIST_S, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def take(self) -> list[PointCloud2]:
+        """Messages of other mappers with records that some mapper lacks, once each."""
+        taken = self._arrived[:]
+        del self._arrived[: len(taken)]
+        return taken
+
+    @property
+    def health(self) -> list[Health]:
+        """Mappers of another field or about another datum, and robots in one namespace."""
+        faults = [f"{name} is not mapped: {fault}" for name, fault in self._strangers.items()]
+        faults += [f"{name} maps the field {field}, not {self.field.name}" for name, field in self._fields.items()]
+        twice = [name for name in (HELD, "counts") if self._node.count_publishers(name) > 1] if self._last else []
+        if twice:
+            topic = self._node.resolve_topic_name(twice[0])
+            faults.append(f"several nodes publish {topic}: give each robot a namespace of its own")
+        if faults:
+            return [Health("others", Level.ERROR, "; ".join(faults))]
+        return [Health("others", Level.OK, f"{self.added} missed records came later")] if self._last else []
+
+    def _list(self) -> dict[str, Any]:
+        with self._guard:
+            self._exchange.update(time.monotonic())
+            held = self._exchange.held()
+        frame = self.field.frame
+        return {"field": self.field.name, "datum": [frame.latitude_deg, frame.longitude_deg], **held}
+
+    def _publish(self) -> None:
+        text = json.dumps(self._list())
+        self._unchanged = self._unchanged + 1 if text == self._last else 0
+        if self._unchanged % _REPEAT == 0:
+            self._held.publish(String(data=text))
+        self._last = text
+
+    def _on_held(self, name: str, message: String) -> None:
+        """Send what another mapper lacks."""
+        try:
+            held = read_json(message.data)
+            latitude, longitude = held["datum"]
+            fault = other_datum((float(latitude), float(longitude)), self.field.frame)
+            if fault:
+                self._strangers[name] = fault
+                return
+            self._strangers.pop(name, None)
+            self._fields.pop(name, None)
+            if (theirs := str(held.get("field", self.field.name))) != self.field.name:
+                self._fields[name] = foreign_text(theirs)
+            now_s = time.monotonic()
+            with self._guard:
+                self._exchange.update(now_s)
+                missed = self._exchange.missed(name, held, now_s)[: 2 * MAX_RECORDS]
+        except (ValueError, TypeError, LookupError, AttributeError) as error:
+            self._node.get_logger().error(f"{name}/{HELD} cannot be read: {error}", once=True)
+            return
+        datum = self.field.frame.latitude_deg, self.field.frame.longitude_deg
+        for part in counts_to_messages(missed, self._frame, datum):
+            self._missed.publish(part)
+        if missed:
+            self._node.get_logger().info(f"{len(missed)} records sent that {name} may have missed")
 
 
 def main() -> None:

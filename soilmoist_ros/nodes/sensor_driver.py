@@ -4,33 +4,49 @@
 
 from __future__ import annotations
 
+import json
+import logging
 import time
 from collections.abc import Callable
-from typing import Any
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from sensor_msgs.msg import NavSatFix
+from rclpy.node import Node
+from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
 from std_msgs.msg import Float64, String
 
-from msg_adapters import diagnostics_to_message
-from soilmoist_ros.foundation import InputError, resource
+from msg_adapters import (
+    counts_from_message,
+    counts_to_message,
+    diagnostics_to_message,
+    fix_to_message,
+    line_to_message,
+    quarantined_to_message,
+    weather_to_messages,
+)
+from soilmoist_ros.foundation import InputError, LatLon, resource
 from soilmoist_ros.mapping import load_field
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.sensor_driver import PARAMETERS, SETTINGS
-from soilmoist_ros.nodes.runtime import qos
-from soilmoist_ros.nodes.runtime.run import run
-from soilmoist_ros.nodes.runtime.soon import Soon
-from soilmoist_ros.nodes.runtime.topic_types import other_type
-from soilmoist_ros.nodes.wiring.driver_outputs import DriverOutputs
+from soilmoist_ros.nodes.aside import Soon
+from soilmoist_ros.nodes.parameter_tables import DRIVER_SETTINGS
+from soilmoist_ros.nodes.parameter_tables import SENSOR_DRIVER as PARAMETERS
+from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.nodes.run import run
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, SENSOR, VISITS, other_type
+from soilmoist_ros.recording import DRIVER, QUARANTINED, RecordLog, write_whole
 from soilmoist_ros.sensing import (
     DOUBTS,
     FIX_TYPE,
+    Batch,
+    CountRecord,
     Doubt,
     Driver,
     DriverSettings,
+    Header,
     LatestIntensity,
     LeverArms,
     Site,
@@ -52,14 +68,14 @@ class SensorDriver(LifecycleNode):
         self._fault: InputError | None = None
         text = self._given.text
         if not text("gnss_uri"):
-            self.create_subscription(NavSatFix, "fix", self._on_fix, qos.SENSOR)
-        self.create_subscription(String, DOUBTS, self._on_doubt, qos.VISITS)
+            self.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
+        self.create_subscription(String, DOUBTS, self._on_doubt, VISITS)
         self._outputs = DriverOutputs(self, self._given)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
         self._intensity = LatestIntensity()
         if topic := text("intensity_topic"):
             # A latched subscription has the value from before this start, but of latched publishers only.
-            for profile in (qos.DEFAULT, qos.LATCHED):
+            for profile in (DEFAULT, LATCHED):
                 self.create_subscription(Float64, topic, self._on_intensity, profile)
         self._arrived = Soon(self, self._step)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
@@ -119,7 +135,7 @@ class SensorDriver(LifecycleNode):
                 "intensity_topic is given, but the site file has no reference for the intensity",
                 "write 'intensity: {reference: 150.0, constant: 150.0}' under 'corrections' in the site file",
             )
-        settings: dict[str, Any] = {name: options[name] for name in SETTINGS}
+        settings: dict[str, Any] = {name: options[name] for name in DRIVER_SETTINGS}
         settings["arms"] = LeverArms.of(options)
         self._driver = Driver(DriverSettings(**settings), sensor, field.frame, self._now_s())
         if self._given.text("intensity_topic"):
@@ -170,6 +186,145 @@ class SensorDriver(LifecycleNode):
             parts = self._driver.health(now_s)
             name = self.get_fully_qualified_name()
             self._diagnostics.publish(diagnostics_to_message(parts, now_s, name, serial))
+
+
+# What the driver publishes and stores: records, fixes, weather and the lines of the devices ---------------------
+
+
+class DriverOutputs:
+    """Publishers of the driver, and its log of records.
+
+    :param node: the node that publishes
+    :param given: parameters of the node
+
+    Attributes
+    ----------
+    datum : tuple[float, float] or None
+        datum of the places of the records [deg]
+    """
+
+    def __init__(self, node: Node, given: Parameters) -> None:
+        self.datum: LatLon | None = None
+        self._node = node
+        self._frames = given.text("frame_id"), given.text("sensor_frame"), given.text("gnss_frame")
+        self._folder = given.text("record_dir")
+        self._logger = given.text("logger_uri"), given.text("logger_format")
+        self._log: RecordLog | None = None
+        self._header: StoredHeader | None = None
+        topics: dict[str, tuple[type, Any]] = {
+            "counts": (PointCloud2, RECORDS),
+            QUARANTINED: (PointCloud2, RECORDS),
+            "pressure": (FluidPressure, SENSOR),
+            "temperature": (Temperature, SENSOR),
+            "relative_humidity": (RelativeHumidity, SENSOR),
+            "raw/logger": (String, RECORDS),
+        }
+        if given.text("gnss_uri"):
+            topics |= {"fix": (NavSatFix, SENSOR), "raw/gnss": (String, RECORDS)}
+        self._publishers = {
+            name: node.create_publisher(kind, name, profile) for name, (kind, profile) in topics.items()
+        }
+
+    def open(self) -> Header | None:
+        """Open the log of records, if there is one.
+
+        :return: the last header of the logger, if it is stored there
+        :raises InputError: if the folder cannot be written
+        """
+        if not self._folder:
+            return None
+        folder = Path(self._folder).expanduser() / DRIVER
+        self._log = RecordLog(folder, self._frames[0])
+        self._header = StoredHeader(folder, *self._logger)
+        if self._header.header is not None:
+            self._node.get_logger().info(f"until the logger sends its header, the one of {folder} is used")
+        return self._header.header
+
+    def close(self) -> None:
+        """Close the log of records."""
+        if self._log is not None:
+            self._log.close()
+            self._log = self._header = None
+
+    def publish(self, batch: Batch) -> None:
+        """Publish what has come; each record is stored before."""
+        (frame, sensor, gnss), datum = self._frames, self.datum
+        for name, lines in (("raw/logger", batch.logger_lines), ("raw/gnss", batch.gnss_lines)):
+            for line in lines:
+                self._publishers[name].publish(line_to_message(line))
+        for fix in batch.fixes:
+            self._publishers["fix"].publish(fix_to_message(fix, gnss))
+        for reading in batch.readings:
+            for name, message in weather_to_messages(reading, sensor).items():
+                self._publishers[name].publish(message)
+        good = [counts_to_message([record], frame, datum) for record in batch.records if not record.quarantine]
+        bad = [quarantined_to_message([record], frame) for record in batch.records if record.quarantine]
+        self._store([record for message in (*good, *bad) for record in counts_from_message(message)], batch.header)
+        for name, messages in (("counts", good), (QUARANTINED, bad)):
+            for message in messages:
+                self._publishers[name].publish(message)
+
+    def _store(self, records: list[CountRecord], header: Header | None) -> None:
+        """Write records as receivers read them. A disk that fails does not stop the survey."""
+        if self._log is None or self._header is None:
+            return
+        try:
+            if records:
+                self._log.write(records)
+            if header is not None:
+                self._header.update(header)
+        except OSError as error:
+            self._node.get_logger().error(
+                f"records or their header are not stored, only published: {error.strerror or error}",
+                throttle_duration_sec=60.0,
+            )
+
+
+# The last header of a logger on the disk: some loggers send it only when they are switched on -------------------
+
+NAME: Final = "header.json"
+
+_log = logging.getLogger(__name__)
+
+
+class StoredHeader:
+    """The header of one logger, stored for a driver that starts again.
+
+    :param folder: where the file is
+    :param logger_uri: address of the logger; the header of another address is not used
+    :param logger_format: its format, likewise
+    """
+
+    def __init__(self, folder: Path, logger_uri: str, logger_format: str) -> None:
+        self._path = folder / NAME
+        self._logger = {"logger_uri": logger_uri, "logger_format": logger_format}
+        self.header = self._read()
+        """The last header, ``None`` if there is none."""
+
+    def update(self, header: Header) -> None:
+        """Store a header, unless it is stored already.
+
+        :raises OSError: if the disk refuses it
+        """
+        if header != self.header:
+            content = {**self._logger, **asdict(header)}
+            del content["stored_s"]  # the time of the file
+            write_whole(self._path, json.dumps(content, indent=1).encode())
+            self.header = header
+
+    def _read(self) -> Header | None:
+        if not self._path.exists():
+            return None
+        try:
+            content = json.loads(self._path.read_bytes())
+            if any(content[key] != value for key, value in self._logger.items()):
+                return None
+            names, units = (tuple(map(str, content[key])) for key in ("names", "units"))
+            values = {str(key): str(value) for key, value in content["values"].items()}
+            return Header(names, units, values, self._path.stat().st_mtime)
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+            _log.warning("%s is ignored, it cannot be read: %s", self._path, error)
+            return None
 
 
 def main() -> None:

@@ -19,23 +19,13 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.exports.registry import export_run as export_run
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings
     from soilmoist_ros.reporting.exports.source import RunSource as RunSource
-    from soilmoist_ros.reporting.failed_outputs import write_failed as write_failed
-    from soilmoist_ros.reporting.figures.run_figures import run_figures as run_figures
-    from soilmoist_ros.reporting.figures.season_figures import season_figures as season_figures
-    from soilmoist_ros.reporting.figures.style import write_figures as write_figures
-    from soilmoist_ros.reporting.files.geojson import write_samples as write_samples
-    from soilmoist_ros.reporting.files.geotiff import write_geotiff as write_geotiff
-    from soilmoist_ros.reporting.files.strict_json import dumps as dumps
-    from soilmoist_ros.reporting.files.strict_json import jsonable as jsonable
-    from soilmoist_ros.reporting.files.summary import summary as summary
-    from soilmoist_ros.reporting.live.layouts import write_layouts as write_layouts
-    from soilmoist_ros.reporting.live.live_mission import LiveMap as LiveMap
-    from soilmoist_ros.reporting.live.live_mission import LiveMission as LiveMission
-    from soilmoist_ros.reporting.live.live_mission import LiveRobot as LiveRobot
-    from soilmoist_ros.reporting.live.terminal import DRY_TO_WET as DRY_TO_WET
-    from soilmoist_ros.reporting.live.terminal import render as render
-    from soilmoist_ros.reporting.mission_report import mission_run as mission_run
-    from soilmoist_ros.reporting.mission_report import write_mission as write_mission
+    from soilmoist_ros.reporting.geotiff import write_geotiff as write_geotiff
+    from soilmoist_ros.reporting.layouts import write_layouts as write_layouts
+    from soilmoist_ros.reporting.live_view import DRY_TO_WET as DRY_TO_WET
+    from soilmoist_ros.reporting.live_view import LiveMap as LiveMap
+    from soilmoist_ros.reporting.live_view import LiveMission as LiveMission
+    from soilmoist_ros.reporting.live_view import LiveRobot as LiveRobot
+    from soilmoist_ros.reporting.live_view import render as render
     from soilmoist_ros.reporting.moisture_steps import at_one_place as at_one_place
     from soilmoist_ros.reporting.moisture_steps import moisture_of_all as moisture_of_all
     from soilmoist_ros.reporting.moisture_steps import moisture_series as moisture_series
@@ -46,30 +36,40 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.output_folder import require_free as require_free
     from soilmoist_ros.reporting.output_folder import require_writable as require_writable
     from soilmoist_ros.reporting.output_folder import results_in as results_in
+    from soilmoist_ros.reporting.outputs import mission_run as mission_run
+    from soilmoist_ros.reporting.outputs import write_failed as write_failed
+    from soilmoist_ros.reporting.outputs import write_mission as write_mission
     from soilmoist_ros.reporting.outputs import write_outputs as write_outputs
-    from soilmoist_ros.reporting.page.covariates import covariate_importance as covariate_importance
-    from soilmoist_ros.reporting.page.earlier_section import change_amount as change_amount
-    from soilmoist_ros.reporting.page.earlier_section import change_since as change_since
-    from soilmoist_ros.reporting.page.earlier_section import change_summary as change_summary
-    from soilmoist_ros.reporting.page.earlier_section import dated as dated
-    from soilmoist_ros.reporting.page.earlier_section import relations as relations
     from soilmoist_ros.reporting.page.frame import render_page as render_page
-    from soilmoist_ros.reporting.page.labels import dwell_text as dwell_text
-    from soilmoist_ros.reporting.page.labels import strategy_text as strategy_text
-    from soilmoist_ros.reporting.page.labels import strategy_traits as strategy_traits
     from soilmoist_ros.reporting.page.notes import notes as notes
+    from soilmoist_ros.reporting.page.numbers import dwell_text as dwell_text
     from soilmoist_ros.reporting.page.numbers import length as length
     from soilmoist_ros.reporting.page.numbers import number as number
     from soilmoist_ros.reporting.page.numbers import percent as percent
     from soilmoist_ros.reporting.page.numbers import plain as plain
+    from soilmoist_ros.reporting.page.numbers import strategy_text as strategy_text
+    from soilmoist_ros.reporting.page.numbers import strategy_traits as strategy_traits
     from soilmoist_ros.reporting.page.report import write_report as write_report
+    from soilmoist_ros.reporting.page.sections import change_amount as change_amount
+    from soilmoist_ros.reporting.page.sections import change_since as change_since
+    from soilmoist_ros.reporting.page.sections import change_summary as change_summary
+    from soilmoist_ros.reporting.page.sections import dated as dated
+    from soilmoist_ros.reporting.page.sections import relations as relations
+    from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance
     from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture
     from soilmoist_ros.reporting.page.statistics import truth_score as truth_score
     from soilmoist_ros.reporting.page.style import robust_range as robust_range
-    from soilmoist_ros.reporting.season.season import SeasonSettings as SeasonSettings
-    from soilmoist_ros.reporting.season.season import make_season as make_season
-    from soilmoist_ros.reporting.season.season_files import estimate_text as estimate_text
-    from soilmoist_ros.reporting.season.season_files import write_season as write_season
+    from soilmoist_ros.reporting.paper_figures import run_figures as run_figures
+    from soilmoist_ros.reporting.paper_figures import season_figures as season_figures
+    from soilmoist_ros.reporting.paper_figures import write_figures as write_figures
+    from soilmoist_ros.reporting.run_summary import summary as summary
+    from soilmoist_ros.reporting.season import SeasonSettings as SeasonSettings
+    from soilmoist_ros.reporting.season import make_season as make_season
+    from soilmoist_ros.reporting.season_outputs import estimate_text as estimate_text
+    from soilmoist_ros.reporting.season_outputs import write_season as write_season
+    from soilmoist_ros.reporting.text_files import dumps as dumps
+    from soilmoist_ros.reporting.text_files import jsonable as jsonable
+    from soilmoist_ros.reporting.text_files import write_samples as write_samples
 
 _open, __dir__, __all__ = open_door(
     __name__,
@@ -77,33 +77,25 @@ _open, __dir__, __all__ = open_door(
         "colours": "RATE UNCERTAIN between colour_ramp palette_png",
         "exports.registry": "EXPORTS Export export_kind export_run",
         "exports.source": "ExportSettings RunSource",
-        "failed_outputs": "write_failed",
-        "figures.run_figures": "run_figures",
-        "figures.season_figures": "season_figures",
-        "figures.style": "write_figures",
-        "files.geojson": "write_samples",
-        "files.geotiff": "write_geotiff",
-        "files.strict_json": "dumps jsonable",
-        "files.summary": "summary",
-        "live.layouts": "write_layouts",
-        "live.live_mission": "LiveMap LiveMission LiveRobot",
-        "live.terminal": "DRY_TO_WET render",
-        "mission_report": "mission_run write_mission",
+        "geotiff": "write_geotiff",
+        "layouts": "write_layouts",
+        "live_view": "DRY_TO_WET LiveMap LiveMission LiveRobot render",
         "moisture_steps": "at_one_place moisture_of_all moisture_series",
         "opened_run": "OpenedRun open_run",
         "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",
-        "outputs": "write_outputs",
-        "page.covariates": "covariate_importance",
-        "page.earlier_section": "change_amount change_since change_summary dated relations",
+        "outputs": "mission_run write_failed write_mission write_outputs",
         "page.frame": "render_page",
-        "page.labels": "dwell_text strategy_text strategy_traits",
         "page.notes": "notes",
-        "page.numbers": "length number percent plain",
+        "page.numbers": "dwell_text length number percent plain strategy_text strategy_traits",
         "page.report": "write_report",
-        "page.statistics": "mean_moisture truth_score",
+        "page.sections": "change_amount change_since change_summary dated relations",
+        "page.statistics": "covariate_importance mean_moisture truth_score",
         "page.style": "robust_range",
-        "season.season": "SeasonSettings make_season",
-        "season.season_files": "estimate_text write_season",
+        "paper_figures": "run_figures season_figures write_figures",
+        "run_summary": "summary",
+        "season": "SeasonSettings make_season",
+        "season_outputs": "estimate_text write_season",
+        "text_files": "dumps jsonable write_samples",
     },
 )
 

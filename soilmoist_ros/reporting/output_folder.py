@@ -22,7 +22,11 @@ PROJECT_NAME = "soilmoist.qgs"
 NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv", PROJECT_NAME)
 MISSION_NAMES = ("series.csv", "visits.csv")
 SERIES_NAME = "moisture.csv"
-_NEEDS = {".tif": ("pyproj", "rasterio"), ".qgs": ("pyproj", "rasterio"), ".html": ("jinja2", "matplotlib")}
+_NEEDS = {
+    ".tif": ("pyproj", "rasterio"),
+    ".qgs": ("pyproj", "rasterio", "jinja2"),
+    ".html": ("jinja2", "matplotlib"),
+}
 """Modules of the extra ``reports`` that write a file, by its ending."""
 _LOG = logging.getLogger(__name__)
 _WORKSHOP = ".writing-"

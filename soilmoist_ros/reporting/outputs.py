@@ -1,23 +1,38 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the output folder of a run: all files are replaced, or none."""
+"""Output folders of runs, of runs without a map, and of simulated missions: all files are replaced, or none."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
-from soilmoist_ros.mapping import FALSE_SHARE, FieldChange
-from soilmoist_ros.pipeline import MapRun
-from soilmoist_ros.recording import SUMMARY, write_records
+import numpy as np
+
+from soilmoist_ros.exploration import property_name
+from soilmoist_ros.foundation import __version__
+from soilmoist_ros.mapping import FALSE_SHARE, FieldChange, FieldMap, FieldMapSettings
+from soilmoist_ros.pipeline import (
+    EARLIER,
+    EarlierRun,
+    FailedRun,
+    LossRow,
+    MapRun,
+    NoteCode,
+    RunChange,
+    run_change,
+    simulated_runs,
+    track_xy,
+)
+from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import PropertyMap
-from soilmoist_ros.reporting.files.cell_raster import CellBand, write_cell_raster
-from soilmoist_ros.reporting.files.geojson import write_samples
-from soilmoist_ros.reporting.files.geotiff import write_geotiff
-from soilmoist_ros.reporting.files.mission_tables import write_series, write_visits
-from soilmoist_ros.reporting.files.summary import write_summary
+from soilmoist_ros.reporting.geotiff import CellBand, write_cell_raster, write_geotiff
 from soilmoist_ros.reporting.moisture_steps import at_one_place, write_moisture
 from soilmoist_ros.reporting.opened_run import OpenedRun
 from soilmoist_ros.reporting.output_folder import (
@@ -28,12 +43,14 @@ from soilmoist_ros.reporting.output_folder import (
     replaced_together,
     writable,
 )
-from soilmoist_ros.reporting.page.report import write_report
+from soilmoist_ros.reporting.page.report import render_failed, write_report
 from soilmoist_ros.reporting.page.statistics import resolution_m
+from soilmoist_ros.reporting.run_summary import SCHEMA, mission_summary, settings_summary, utc_text, write_summary
+from soilmoist_ros.reporting.text_files import jsonable, write_json, write_samples, write_series, write_visits
+from soilmoist_ros.simulation import MissionResult
 
 if TYPE_CHECKING:
     from pyproj import CRS
-
 
 GUESSED = (
     "Soil moisture map from cosmic-ray neutron counts, by Poisson kriging; illustrative calibration: the pattern "
@@ -156,3 +173,232 @@ def _survey_tags(run: MapRun) -> dict[str, str]:
         "SOILMOIST_SURVEY_START_UTC": f"{begin:%Y-%m-%dT%H:%M:%SZ}",
         "SOILMOIST_SURVEY_END_UTC": f"{end:%Y-%m-%dT%H:%M:%SZ}",
     }
+
+
+# The output folder of a run without a map: report, summary and tables -------------------------------------------
+
+
+def write_failed(folder: Path, failed: FailedRun) -> list[Path]:
+    """Write ``summary.json``, ``report.html``, ``records.csv``; a mission adds ``series.csv``, ``visits.csv``.
+
+    Without the extra ``reports`` there is no ``report.html``; a warning says so.
+    Results of an earlier run in the folder are removed: they would pass for those of this one.
+
+    :param folder: output folder; made if missing
+    :returns: the paths, in the order above
+    :raises InputError: if the folder cannot be written
+    """
+    names = writable((SUMMARY, "report.html", RECORDS, *(MISSION_NAMES if failed.mission is not None else ())))
+    with replaced_together(folder, names) as workshop:
+        if "report.html" in names:
+            (workshop / "report.html").write_text(render_failed(failed), encoding="utf-8")
+        write_records(workshop / RECORDS, failed.track)
+        if failed.mission is not None:
+            write_series(workshop / "series.csv", failed.mission)
+            write_visits(workshop / "visits.csv", failed.mission)
+        write_json(workshop / SUMMARY, failed_summary(failed, names))
+    return [folder / name for name in names]
+
+
+def failed_summary(failed: FailedRun, outputs: Sequence[str] = ()) -> dict[str, Any]:
+    """The run as plain JSON values: the known keys of :func:`summary`; ``map`` is ``None``."""
+    content = {
+        "schema": SCHEMA,
+        "software": "soilmoist_ros",
+        "version": __version__,
+        "created_utc": failed.created,
+        "simulated": failed.simulated,
+        "title": failed.title,
+        "site": failed.site,
+        "field": failed.field_name,
+        "survey_start_utc": utc_text(failed.survey_start_utc),
+        "survey_end_utc": utc_text(failed.survey_end_utc),
+        "survey_duration_s": failed.survey_duration_s,
+        "inputs": [asdict(item) for item in failed.inputs],
+        "n_records": len(failed.good),
+        "n_placed_records": len(track_xy(failed.good)),
+        "n_lost": {row.kind: row.count for row in failed.losses if row.consequence == "lost"},
+        "n_quarantined": dict(failed.quarantined),
+        "raw_counts": sum(record.raw_counts for record in failed.good),
+        "exposure_s": float(sum(record.exposure_s for record in failed.good)),
+        "distance_m": failed.travelled_m,
+        "map": None,
+        "mission": None if failed.mission is None else mission_summary(failed.mission),
+        "failure": {
+            "why": failed.why,
+            "what_to_do": list(failed.todo),
+            "troubles": [asdict(trouble) for trouble in failed.troubles],
+        },
+        "warnings": [failed.why],
+        "warning_codes": [NoteCode.NO_MAP],
+        "settings": dict(failed.settings),
+        "outputs": list(outputs),
+    }
+    return dict(jsonable(content))
+
+
+# The output folder of one simulated mission ---------------------------------------------------------------------
+
+_NO_RUNS: Mapping[str, Sequence[EarlierRun]] = MappingProxyType({})
+UNUSED_COUNTS = 0.01
+"""Share of the counts outside the stops up to which there is no note."""
+
+
+def write_mission(
+    folder: Path,
+    result: MissionResult,
+    crs: CRS | str | int | None = None,
+    created_utc: datetime | None = None,
+    run: MapRun | None = None,
+) -> list[Path]:
+    """Write ``summary.json``, ``map.tif``, ``samples.geojson``, ``report.html``, ``records.csv``,
+    ``series.csv``, ``visits.csv``.
+
+    A mission without a map leaves only ``summary.json``, ``report.html``, ``records.csv``, ``series.csv`` and
+    ``visits.csv``; other results of an earlier mission in the folder are removed.
+
+    :param folder: output folder; made if missing
+    :param result: the mission
+    :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
+    :param created_utc: creation time of the outputs; default now
+    :param run: what :func:`mission_run` made of the mission, if known
+    :returns: the paths written; those of simulated earlier surveys are folders of runs
+    :raises InputError: if the folder cannot be written
+    """
+    created = created_utc or (run.created_utc if run else datetime.now(UTC))
+    if result.soil_map is not None:
+        written = write_outputs(folder, run or mission_run(result, created), crs)
+        return [*written, *_write_series(folder, result, crs, created)]
+    return write_failed(folder, failed_mission(result, created))
+
+
+def failed_mission(result: MissionResult, created_utc: datetime) -> FailedRun:
+    """A simulated mission without a map."""
+    settings, stops = result.settings, len(result.visits)
+    time_s = result.series[-1].time_s if result.series else 0.0
+    counted = f"{stops or 'no'} {'stop was' if stops < 2 else 'stops were'} finished"
+    todo = ["Give the mission more time: --hours.", "Count for a shorter time at each stop: --dwell."]
+    if settings.map_from != "records":
+        todo.append("Map what is counted while driving, too: --map-from records.")
+    return FailedRun(
+        why=f"The mission ended after {time_s / 60:.0f} min, before its first map: {counted}. "
+        f"Its end: {result.ended}.",
+        todo=todo,
+        created_utc=created_utc,
+        track=result.records,
+        title="Simulated mission without a map",
+        field_name=result.field_title or settings.field_name,
+        mission=result,
+        simulated=True,
+        settings=settings_summary(settings),
+    )
+
+
+def _write_series(
+    folder: Path, result: MissionResult, crs: CRS | str | int | None, created_utc: datetime
+) -> Iterator[Path]:
+    """Write a run folder for each simulated earlier survey of the mission field; yields the folders."""
+    mapped, settings = result.properties[0], result.settings
+    assert mapped.soil_map is not None
+    grid = mapped.soil_map.grid
+    choices = FieldMapSettings(
+        settings.model,
+        settings.fit,
+        curve=mapped.soil_map.curve,
+        noise=settings.noise,
+        local=settings.local,
+        drift_model=settings.drift_model,
+        footprint_radius_m=settings.footprint_m,
+    )
+    for back, survey in enumerate(mapped.series, 1):
+        field_map = FieldMap(grid, choices)
+        field_map.set_records(survey.records)
+        soil_map = field_map.update()
+        assert soil_map is not None  # there are a hundred samples
+        name = property_name(settings.field_name)
+        run = MapRun(
+            soil_map=soil_map,
+            frame=result.frame,
+            created_utc=created_utc,
+            track=survey.records,
+            title=f"Simulated survey {survey.name}",
+            field_name=result.field_title,
+            simulated=True,
+            version=__version__,
+            truth_rate=grid.to_raster(survey.field.rate_at(grid.cells)),
+            footprint_radius_m=settings.footprint_m,
+            name=name,
+            label=result.field_title or name,
+        )
+        home = folder / EARLIER / f"survey_{back}"
+        write_outputs(home, run, crs)
+        yield home
+
+
+def mission_run(
+    result: MissionResult,
+    created_utc: datetime | None = None,
+    earlier: Mapping[str, Sequence[EarlierRun]] = _NO_RUNS,
+) -> MapRun:
+    """A simulated mission as a mapping run.
+
+    :param created_utc: creation time of its outputs; default now
+    :param earlier: finished runs that informed the maps, by name of the property
+    :raises ValueError: if the mission has no map
+    """
+    if result.soil_map is None:
+        raise ValueError("the mission ended before its first map")
+    settings = result.settings
+    first, name = result.properties[0], property_name(settings.field_name)
+    run = MapRun(
+        soil_map=result.soil_map,
+        frame=result.frame,
+        created_utc=created_utc or datetime.now(UTC),
+        track=result.records,
+        title="Simulated soil moisture mission",
+        field_name=result.field_title or settings.field_name,
+        losses=list(_left_out(result)),
+        simulated=True,
+        version=__version__,
+        settings=settings_summary(settings),
+        truth_rate=result.truth_rate,
+        footprint_radius_m=settings.footprint_m,
+        mission=result,
+        name=name,
+        label=result.field_title or settings.field_name,
+        covariates=first.covariates,
+        earlier=[*simulated_runs(first, result.soil_map), *earlier.get(name, ())],
+    )
+    run = replace(run, change=_change(result, run))
+    others = [
+        replace(
+            run, soil_map=other.soil_map, track=other.records, truth_rate=other.known_truth, losses=(),
+            mission=None, field_name=other.title, name=other.name, label=other.title,
+            covariates=other.covariates,
+            earlier=[*simulated_runs(other, other.soil_map), *earlier.get(other.name, ())],
+        )
+        for other in result.properties[1:]
+        if other.soil_map is not None
+    ]  # fmt: skip
+    others = [replace(one, change=_change(result, one)) for one in others]
+    return replace(run, others=others)
+
+
+def _change(result: MissionResult, run: MapRun) -> RunChange | None:
+    """What has changed since the latest earlier survey."""
+    end_s = result.series[-1].time_s if result.series else 0.0
+    return run_change(run.soil_map, end_s, run.earlier)
+
+
+def _left_out(result: MissionResult) -> Iterator[LossRow]:
+    """Loss row of the records outside the stops; their number is estimated from the exposure."""
+    total = sum(record.raw_counts for record in result.records)
+    left = total - sum(visit.raw_counts for visit in result.visits)
+    if left > UNUSED_COUNTS * total:
+        period_s = float(np.median([record.exposure_s for record in result.records]))
+        at_stops_s = sum(visit.dwell_s for visit in result.visits)
+        count = round((sum(record.exposure_s for record in result.records) - at_stops_s) / period_s)
+        yield LossRow(
+            "counted on the way", max(count, 1), "records while the robot drove between stops", "lost",
+            "none is needed: this mission maps what was counted at stops",
+        )  # fmt: skip

@@ -458,7 +458,7 @@ def test_built_graphs_keep_the_radius_that_the_planner_keeps():
     pytest.importorskip("rclpy")
     from soilmoist_ros.cli.check import command as check
     from soilmoist_ros.cli.graph import command as graph
-    from soilmoist_ros.nodes.parameters.planner import PARAMETERS
+    from soilmoist_ros.nodes.planner_parameters import PARAMETERS
 
     planner = next(row.default for row in PARAMETERS if row.name == "robot_radius_m")
     for command, name in ((graph, "margin"), (check, "robot_radius_m")):

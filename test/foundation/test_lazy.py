@@ -11,10 +11,10 @@ import pytest
 import setuptools  # noqa: F401 - before distutils, which Python 3.12 no longer has
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.lazy import EXTRAS, is_installed, load_when_used, optional_module
+from soilmoist_ros.foundation.lazy import EXTRAS, is_installed, optional_module
 
 ROOT = Path(__file__).resolve().parents[2]
-COMES_WITH = {"foxglove": "foxglove_sdk", "markupsafe": "jinja2"}
+COMES_WITH = {"markupsafe": "jinja2"}
 
 INIT = """from typing import TYPE_CHECKING
 from soilmoist_ros.foundation.lazy import open_door
@@ -49,21 +49,6 @@ def test_other_names_do_not_exist(package):
         _ = __import__(package).other
     with pytest.raises(ImportError, match="other"):
         exec(f"from {package} import other")
-
-
-def test_a_submodule_is_loaded_when_something_of_it_is_used(package):
-    load_when_used(f"{package}.heavy")
-    heavy = __import__(package, fromlist=["heavy"]).heavy
-    assert "answer" not in object.__getattribute__(heavy, "__dict__")
-    assert heavy.answer == 42
-    load_when_used(f"{package}.heavy")
-    assert sys.modules[f"{package}.heavy"] is heavy
-
-
-def test_a_submodule_that_is_missing_stays_missing(package):
-    load_when_used(f"{package}.absent")
-    with pytest.raises(ImportError):
-        __import__(f"{package}.absent")
 
 
 def test_extras_are_those_of_the_package():

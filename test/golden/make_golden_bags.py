@@ -23,18 +23,15 @@ import soilmoist_ros.nodes  # noqa: F401 - one thread, before numpy is imported
 # isort: split
 import numpy as np
 from rclpy.serialization import serialize_message
-from soilmoist_ros.recording.mcap.definitions import find_definition
-from soilmoist_ros.recording.mcap.metadata import Qos, Topic
 
-from msg_adapters.counts import counts_from_message, counts_to_message
+from msg_adapters.counts import counts_from_message, counts_to_message, line_to_message, samples_to_message
 from msg_adapters.mission import mission_to_message
-from msg_adapters.raw_line import line_to_message
-from msg_adapters.samples import samples_to_message
 from msg_adapters.soil_map import soil_map_to_message
 from soilmoist_ros.exploration.mission.actions import Action, Publish
 from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.pipeline.field_survey import open_survey
+from soilmoist_ros.recording.bag.metadata import Qos, Topic, find_definition
 from soilmoist_ros.recording.bag.writer import BagWriter
 from soilmoist_ros.recording.run_folder import write_parameters
 from soilmoist_ros.sensing.formats.logger_reader import parse_log

@@ -28,7 +28,7 @@ from soilmoist_ros.lab.findings import findings
 from soilmoist_ros.lab.mission_store import StoredMission
 from soilmoist_ros.lab.report import mean_sd_text, render_campaign_report, write_campaign_report
 from soilmoist_ros.lab.table import mission_row
-from soilmoist_ros.reporting.page.labels import dwell_text, strategy_text
+from soilmoist_ros.reporting.page.numbers import dwell_text, strategy_text
 from soilmoist_ros.simulation.mission.mission_result import MapErrors, SeriesRow
 
 FAKE = Path(__file__).resolve().parents[1] / "simulation"

@@ -9,11 +9,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 pytest.importorskip("rclpy")
-
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import NavSatFix, NavSatStatus
+from sensor_msgs.msg import BatteryState, NavSatFix, NavSatStatus
 
-from msg_adapters.environment import fix_to_message, weather_from_message, weather_to_messages
+from msg_adapters.environment import (
+    battery_from_message,
+    battery_to_message,
+    diagnostics_from_message,
+    diagnostics_to_message,
+    fix_to_message,
+    health_from_status,
+    health_to_status,
+    weather_from_message,
+    weather_to_messages,
+)
+from soilmoist_ros.foundation.health import Health, Level, worst
+from soilmoist_ros.foundation.plain_values import foreign_text
 from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, diagonal_covariance, fix_from_message
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 
@@ -113,3 +125,80 @@ def test_weather_comes_back_in_the_units_of_the_messages(pressure_hpa, temperatu
 def test_unknown_weather_is_not_said():
     assert weather_to_messages(LoggerRecord(T0, (), ()), "crs") == {}
     assert list(weather_to_messages(LoggerRecord(T0, (), (), temperature_degc=4.0), "crs")) == ["temperature"]
+
+
+# State of the battery <-> message -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("charge", "voltage_v"), [(0.5, 48.0), (math.nan, 24.0), (0.25, math.nan), (0.0, 40.0)])
+def test_there_and_back(charge, voltage_v):
+    found = battery_from_message(battery_to_message(charge, voltage_v, 1.0))
+    assert found == pytest.approx((charge, voltage_v), nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("percentage", "voltage", "found"),
+    [
+        (0.5, 0.0, (0.5, math.nan)),
+        (87.0, 48.0, (0.87, 48.0)),
+        (1.0, 48.0, (1.0, 48.0)),
+        (math.nan, 48.0, (math.nan, 48.0)),
+        (-1.0, 48.0, (math.nan, 48.0)),
+        (250.0, 48.0, (math.nan, 48.0)),
+        (0.0, 0.0, None),
+        (0.0, math.nan, None),
+    ],
+)
+def test_what_drivers_publish(percentage, voltage, found):
+    message = BatteryState(present=True, percentage=percentage, voltage=voltage)
+    assert battery_from_message(message) == (found and pytest.approx(found, nan_ok=True))
+
+
+def test_no_battery():
+    assert battery_from_message(BatteryState(present=False, percentage=0.1, voltage=40.0)) is None
+
+
+# State of the battery <-> message -------------------------------------------------------------------------------
+
+words = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20).map(foreign_text)
+healths = st.builds(Health, words, st.sampled_from(Level), words, st.dictionaries(words, words, max_size=3))
+
+
+@pytest.mark.slow
+@given(st.lists(healths, max_size=3))
+def test_states_of_health_come_back_over_the_wire(parts):
+    sent = diagnostics_to_message(parts, 1.78e9, "driver", "CRS-7")
+    message = deserialize_message(serialize_message(sent), DiagnosticArray)
+    found = diagnostics_from_message(message)
+    assert [(part.level, part.message, part.values) for part in found] == [
+        (part.level, part.message, part.values) for part in parts
+    ]
+    assert [part.name for part in found] == [f"driver: {part.name}" for part in parts]
+    assert {status.hardware_id for status in message.status} <= {"CRS-7"}
+    assert message.header.stamp.sec == 1_780_000_000
+
+
+@given(healths)
+def test_one_state_alone_keeps_its_name(health):
+    assert health_from_status(health_to_status(health)) == health
+
+
+def test_levels_are_those_of_the_message():
+    constants = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
+    for level, constant in zip(Level, constants, strict=True):
+        assert health_to_status(Health("x", level, "")).level == constant
+
+
+def test_a_level_that_does_not_exist_is_an_error():
+    assert health_from_status(DiagnosticStatus(level=b"\x09")).level is Level.ERROR
+
+
+def test_the_worst_level_of_several():
+    assert worst([]) is Level.OK
+    assert worst([Health("a", Level.WARN, ""), Health("b", Level.ERROR, ""), Health("c", Level.OK, "")]) == 2
+
+
+def test_control_characters_of_other_nodes_do_not_come_in():
+    odd = "no\x1b[31mrth\r\n\u202e5\x07"
+    found = health_from_status(health_to_status(Health(odd, Level.WARN, odd, {odd: odd})))
+    assert found == Health("north 5", Level.WARN, "north 5", {"north 5": "north 5"})

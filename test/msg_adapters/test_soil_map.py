@@ -1,5 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Messages of a keep-out mask."""
+
 import dataclasses
 
 import numpy as np
@@ -9,21 +11,23 @@ from hypothesis import strategies as st
 from numpy.lib.recfunctions import repack_fields
 
 pytest.importorskip("rclpy")
-
+pytest.importorskip("nav_msgs")
 from nav_msgs.msg import OccupancyGrid
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.point_cloud import points_to_message
+from msg_adapters.point_cloud import points_to_message, to_seconds
 from msg_adapters.soil_map import (
     BANDS,
     OUTSIDE,
+    filter_info,
+    mask_to_message,
     soil_map_from_message,
     soil_map_to_message,
     uncertainty_from_message,
     uncertainty_to_message,
 )
-from msg_adapters.stamps import to_seconds
+from soilmoist_ros.exploration.guard.keepout import KeepoutMask
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
 from soilmoist_ros.mapping.cells import map_cells
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
@@ -146,3 +150,23 @@ def test_messages_of_another_kind_are_refused():
     occupancy.info.width = 7
     with pytest.raises(ValueError, match="has 42 cells, but 36 values"):
         uncertainty_from_message(occupancy)
+
+
+# Messages of a keep-out mask ------------------------------------------------------------------------------------
+
+
+def test_a_mask_is_an_occupancy_grid():
+    mask = KeepoutMask(np.array([[0, 100, 0], [100, 100, 0]], np.int8), 0.25, (-3.5, 7.25))
+    message = deserialize_message(serialize_message(mask_to_message(mask, 4.5, "navigation")), OccupancyGrid)
+    assert (message.info.width, message.info.height, message.info.resolution) == (3, 2, 0.25)
+    assert (message.info.origin.position.x, message.info.origin.position.y) == (-3.5, 7.25)
+    assert message.info.origin.orientation.w == 1.0
+    assert list(message.data) == [0, 100, 0, 100, 100, 0], "row by row, the lowest y first"
+    assert (message.header.frame_id, message.header.stamp.sec) == ("navigation", 4)
+
+
+def test_the_filter_is_told_where_the_mask_is():
+    kind = pytest.importorskip("nav2_msgs.msg").CostmapFilterInfo
+    message = deserialize_message(serialize_message(filter_info(kind, "/robot/keepout", 4.5, "map")), kind)
+    assert (message.type, message.filter_mask_topic) == (0, "/robot/keepout")
+    assert (message.base, message.multiplier, message.header.frame_id) == (0.0, 1.0, "map")

@@ -24,8 +24,7 @@ from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
-from soilmoist_ros.nodes.runtime.loopback import free_domain, loopback_environment
-from soilmoist_ros.nodes.system.process_group import end_with_parent
+from soilmoist_ros.nodes.process_group import end_with_parent, free_domain, loopback_environment
 
 LIMIT_S = 180.0
 """Longest wait for an immediate event [s]; machines that run tests are busy."""

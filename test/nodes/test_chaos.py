@@ -16,13 +16,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rosgraph_msgs.msg import Clock
 
 from msg_adapters.mission import mission_to_message
-from msg_adapters.stamps import to_seconds, to_time
+from msg_adapters.point_cloud import to_seconds, to_time
 from rehearsal.cases import Fault, Faults, Span
 from rehearsal.judge import Kind
 from soilmoist_ros.exploration.control.operator_request import Reply, ReplyCode
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED
+from soilmoist_ros.nodes.topics import CLOCK, LATCHED
 from soilmoist_ros.recording.map_sources import RecordTail
 from soilmoist_ros.simulation.robot.scenario import Scenario
 

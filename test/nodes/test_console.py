@@ -28,13 +28,13 @@ from std_msgs.msg import String
 from test_commands import Commanded
 from virtual_navigation import START_S, STOPS, VirtualNavigation, World
 
-from msg_adapters.battery import battery_to_message
+from msg_adapters.environment import battery_to_message
 from msg_adapters.point_cloud import points_to_message
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.cells import CELL
-from soilmoist_ros.nodes.runtime.qos import LATCHED, SENSOR
-from soilmoist_ros.nodes.runtime.qos import VISITS as ROSOUT
+from soilmoist_ros.nodes.topics import LATCHED, SENSOR
+from soilmoist_ros.nodes.topics import VISITS as ROSOUT
 
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 LIMIT_MS = 30_000

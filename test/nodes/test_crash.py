@@ -21,11 +21,10 @@ from test_mapper import survey_records
 from test_planner import Planning
 from virtual_navigation import VirtualNavigation, World
 
-from msg_adapters.counts import counts_from_message, counts_to_message
-from msg_adapters.samples import samples_from_message
+from msg_adapters.counts import counts_from_message, counts_to_message, samples_from_message
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
+from soilmoist_ros.nodes.topics import LATCHED, RECORDS
 from soilmoist_ros.pipeline import replay_bag
 from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.bag.info import bag_info

@@ -41,14 +41,14 @@ def test_a_node_listens_on_loopback_only(ros):
 def test_two_processes_talk_without_shared_memory_that_a_crash_would_leave(ros):
     from std_msgs.msg import String
 
-    from soilmoist_ros.nodes.runtime.qos import LATCHED
+    from soilmoist_ros.nodes.topics import LATCHED
 
     script = ros.folder / "talker"
     code = """
 import sys, rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
-from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.nodes.topics import LATCHED
 rclpy.init(args=sys.argv)
 node = Node("talker")
 publisher = node.create_publisher(String, "greeting", LATCHED)

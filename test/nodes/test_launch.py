@@ -21,8 +21,8 @@ from rclpy.node import Node
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.system.launching import parameters_from
+from soilmoist_ros.nodes.launching import parameters_from
+from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.recording.map_sources import SESSION
 from soilmoist_ros.sensing.moisture.site import load_site
 
@@ -228,21 +228,11 @@ def test_a_missing_foxglove_bridge_is_named_with_its_package(monkeypatch):
     assert not any(one.package == "foxglove_bridge" for one in stand_in.start(ROBOT, monkeypatch, {}))
 
 
-def test_the_console_serves_foxglove_on_demand(tmp_path, monkeypatch, seen):
-    for path, more in ((ROBOT, {}), (SIMULATION, {"robots": "2"}), (SIMULATION, {})):
-        given = {
-            "foxglove": "console",
-            "console": "true",
-            "out": str(tmp_path / f"run{len(more)}{path.name}"),
-            **more,
-        }
-        actions = stand_in.start(path, monkeypatch, given)
-        assert not any(one.package == "foxglove_bridge" for one in actions)
-        assert seen(by_name(actions)["console"])["foxglove_port"] == 8765
-        with pytest.raises(InputError, match="needs the operator's page"):
-            stand_in.start(path, monkeypatch, {**given, "console": "false"})
-        with pytest.raises(InputError, match="'yes' is no choice"):
-            stand_in.start(path, monkeypatch, {**given, "foxglove": "yes"})
+@pytest.mark.parametrize("choice", ["console", "yes"])
+def test_only_foxglove_bridge_serves_foxglove(tmp_path, monkeypatch, choice):
+    for path, more in ((ROBOT, {}), (SIMULATION, {"robots": "2", "out": str(tmp_path / "run")})):
+        with pytest.raises(InputError, match=f"'{choice}' is no choice -> choose true .the node foxglove_bridge"):
+            stand_in.start(path, monkeypatch, {"foxglove": choice, "console": "true", **more})
 
 
 def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_path):

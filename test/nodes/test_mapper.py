@@ -8,7 +8,11 @@ import csv
 import json
 import os
 import signal
+import threading
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -21,21 +25,25 @@ from soilmoist_msgs.msg import MapSummary, Mission
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from msg_adapters.counts import counts_from_message, counts_to_message
-from msg_adapters.diagnostics import diagnostics_from_message
+from msg_adapters.counts import counts_from_message, counts_to_message, samples_from_message
+from msg_adapters.environment import diagnostics_from_message
 from msg_adapters.model import model_from_message
-from msg_adapters.point_cloud import FRAME
-from msg_adapters.samples import samples_from_message
+from msg_adapters.point_cloud import FRAME, to_seconds
 from msg_adapters.soil_map import change_from_message, soil_map_from_message, uncertainty_from_message
-from msg_adapters.soilmoist.map_summary import map_summary_to_message
-from msg_adapters.stamps import to_seconds
+from msg_adapters.soilmoist_types import map_summary_to_message
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.cells import map_cells
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.nodes.runtime import qos
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
+from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.soil_map import make_soil_map
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.nodes.mapper import ChangeOutput
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS
 from soilmoist_ros.pipeline.earlier_runs import run_change
 from soilmoist_ros.pipeline.field_survey import open_survey
-from soilmoist_ros.reporting import write_outputs
+from soilmoist_ros.pipeline.run import EarlierRun
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 BEGIN_S = 1.78e9
@@ -71,10 +79,10 @@ class Outputs:
     """Messages of the mapper that the observer receives."""
 
     def __init__(self, ros):
-        self.samples = ros.collect(PointCloud2, "samples", qos.LATCHED)
-        self.model = ros.collect(String, "model", qos.LATCHED)
-        self.soil_map = ros.collect(PointCloud2, "soil_map", qos.LATCHED)
-        self.uncertainty = ros.collect(OccupancyGrid, "uncertainty", qos.LATCHED)
+        self.samples = ros.collect(PointCloud2, "samples", LATCHED)
+        self.model = ros.collect(String, "model", LATCHED)
+        self.soil_map = ros.collect(PointCloud2, "soil_map", LATCHED)
+        self.uncertainty = ros.collect(OccupancyGrid, "uncertainty", LATCHED)
 
     def complete(self, stamp_s):
         """Whether the last messages of all topics belong to the map that ends with the record of this time."""
@@ -102,7 +110,7 @@ def start(ros, field, tmp_path):
             "field": str(field), "site": site, "save_dir": str(tmp_path / "saved"), "use_sim_time": True, **params,
         }  # fmt: skip
         process = ros.start("mapper", params=params)
-        publisher = ros.node.create_publisher(PointCloud2, "counts", qos.RECORDS)
+        publisher = ros.node.create_publisher(PointCloud2, "counts", RECORDS)
         ros.wait_for(publisher.get_subscription_count, message="the mapper")
         return process, publisher
 
@@ -129,7 +137,7 @@ def surveyed(field, records, **options):
 def test_maps_are_those_of_the_core_bit_for_bit(ros, start, field):
     records = survey_records()
     outputs = Outputs(ros)
-    summaries = ros.collect(MapSummary, "map_summary", qos.LATCHED)
+    summaries = ros.collect(MapSummary, "map_summary", LATCHED)
     _, publisher = start()
     publish(publisher, records)
     ros.wait_for(lambda: outputs.complete(records[-1].stamp_s), message="the last map")
@@ -197,7 +205,7 @@ def test_bad_records_do_no_harm_and_are_counted_by_reason(ros, start):
     good = survey_records(4)
     outputs = Outputs(ros)
     _, publisher = start()
-    health = ros.collect(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+    health = ros.collect(DiagnosticArray, "/diagnostics", DEFAULT)
     publish(publisher, good[:3])
     broken = counts_to_message([good[0]])
     broken.data = broken.data[:-4]
@@ -233,7 +241,7 @@ def test_bad_records_do_no_harm_and_are_counted_by_reason(ros, start):
 
 def test_a_driver_of_another_field_is_a_warning(ros, start):
     _, publisher = start()
-    health = ros.collect(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+    health = ros.collect(DiagnosticArray, "/diagnostics", DEFAULT)
     publish(publisher, [record(i, 4000.0, 10.0) for i in range(3)])
 
     def warned():
@@ -279,9 +287,9 @@ def test_an_earlier_survey_informs_the_map_and_the_report_names_it(ros, field, s
     before = open_survey(str(field), "example")
     for one in survey_records(48, seed=7):
         before.map.add(replace(one, stamp_s=one.stamp_s - 7 * 86400))
-    write_outputs(tmp_path / "may", before.run(before.map.snapshot()))
+    before.save(tmp_path / "may", before.map.snapshot())
     records, outputs = survey_records(16), Outputs(ros)
-    changes = ros.collect(PointCloud2, "change", qos.LATCHED)
+    changes = ros.collect(PointCloud2, "change", LATCHED)
     _, publisher = start(earlier=[str(tmp_path / "may")])
     publish(publisher, records)
     ros.wait_for(lambda: outputs.complete(records[-1].stamp_s))
@@ -308,7 +316,7 @@ def test_the_map_of_a_property_is_of_the_field_that_is_chosen_at_its_planner(ros
     chosen.write_text(field.read_text().replace("Test field", "Chosen field"))
     params = {"field": str(field), "start_property": "salt"}
     mapper = ros.start("mapper", params=params, namespace="/r1/salt")
-    states = ros.node.create_publisher(Mission, "/r1/mission_state", qos.LATCHED)
+    states = ros.node.create_publisher(Mission, "/r1/mission_state", LATCHED)
     states.publish(Mission(field=str(chosen)))
     ros.wait_for(lambda: "the map is of Chosen field now" in mapper.output())
     states.publish(Mission(field=str(tmp_path / "gone.yaml")))
@@ -366,8 +374,8 @@ def test_reset_forgets_everything_also_for_who_comes_late(ros, start):
 
 def test_names_follow_the_namespace(ros, field):
     process = ros.start("mapper", params={"field": str(field)}, namespace="/robot1")
-    outputs = ros.collect(PointCloud2, "/robot1/samples", qos.LATCHED)
-    publisher = ros.node.create_publisher(PointCloud2, "/robot1/counts", qos.RECORDS)
+    outputs = ros.collect(PointCloud2, "/robot1/samples", LATCHED)
+    publisher = ros.node.create_publisher(PointCloud2, "/robot1/counts", RECORDS)
     ros.wait_for(publisher.get_subscription_count)
     publish(publisher, survey_records(1))
     ros.wait_for(lambda: outputs)
@@ -400,10 +408,10 @@ def test_a_mapper_gets_the_records_of_another_robot_that_it_has_missed(ros, fiel
     names, stops = ["/robot_1", "/robot_2"], survey_records(24)
     params = {"field": str(field), "site": "example", "use_sim_time": True, "others": names}
     records = [replace(stops[i % 24], stamp_s=BEGIN_S + 10 * i) for i in range(500)]
-    publisher = ros.node.create_publisher(PointCloud2, "/robot_1/counts", qos.RECORDS)
-    samples = {name: ros.collect(PointCloud2, f"{name}/samples", qos.LATCHED) for name in names}
-    maps = {name: ros.collect(PointCloud2, f"{name}/soil_map", qos.LATCHED) for name in names}
-    sent = ros.collect(PointCloud2, "/robot_1/missed_counts", qos.RECORDS)
+    publisher = ros.node.create_publisher(PointCloud2, "/robot_1/counts", RECORDS)
+    samples = {name: ros.collect(PointCloud2, f"{name}/samples", LATCHED) for name in names}
+    maps = {name: ros.collect(PointCloud2, f"{name}/soil_map", LATCHED) for name in names}
+    sent = ros.collect(PointCloud2, "/robot_1/missed_counts", RECORDS)
 
     def counts(name):
         return int(samples_from_message(samples[name][-1]).counts.sum()) if samples[name] else 0
@@ -433,10 +441,10 @@ def test_records_about_another_datum_and_robots_in_one_namespace_are_named_and_n
     params = {"field": str(field), "site": "example", "use_sim_time": True, "others": ["/robot_1", "/robot_2"]}
     process = ros.start("mapper", params=params, namespace="/robot_1")
     publishers = {
-        name: ros.node.create_publisher(PointCloud2, f"{name}/counts", qos.RECORDS)
+        name: ros.node.create_publisher(PointCloud2, f"{name}/counts", RECORDS)
         for name in ("/robot_1", "/robot_2")
     }
-    held = ros.node.create_publisher(String, "/robot_2/held_records", qos.LATCHED)
+    held = ros.node.create_publisher(String, "/robot_2/held_records", LATCHED)
     for publisher in publishers.values():
         ros.wait_for(publisher.get_subscription_count)
     here, there = (53.268, -0.5245), (53.368, -0.5245)
@@ -445,7 +453,7 @@ def test_records_about_another_datum_and_robots_in_one_namespace_are_named_and_n
         publishers["/robot_1"].publish(counts_to_message([one], datum=here))
         publishers["/robot_2"].publish(counts_to_message([replace(one, x_m=1.0 + number)], datum=there))
     held.publish(String(data=json.dumps({"field": "other", "datum": there})))
-    own = ros.node.create_publisher(PointCloud2, "/robot_1/counts", qos.RECORDS)
+    own = ros.node.create_publisher(PointCloud2, "/robot_1/counts", RECORDS)
 
     def values(name):
         found = [status for message in said for status in message.status if status.name.endswith(name)]
@@ -459,3 +467,34 @@ def test_records_about_another_datum_and_robots_in_one_namespace_are_named_and_n
         lambda: "several nodes publish /robot_1/counts" in values(": others")[0], message=process.output()
     )
     ros.node.destroy_publisher(own)
+
+
+# The change of a mapper's field since an earlier survey ---------------------------------------------------------
+
+SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])
+EARLIER = EarlierRun(EarlierSurvey("may", 0.0, SAMPLES), Path("may"), 0.0, [])
+
+
+def survey(west_m):
+    """A field with an earlier survey."""
+    east_m = west_m + 20
+    grid = FieldGrid.from_polygon([(west_m, 0), (east_m, 0), (east_m, 20), (west_m, 20)], cell_m=5.0)
+    return SimpleNamespace(earlier=[EARLIER], map=SimpleNamespace(grid=grid))
+
+
+def soil_map(of):
+    return make_soil_map(SAMPLES, of.map.grid, Variogram("matern32", 0.01, 10.0, 0.3))
+
+
+def test_a_map_that_waits_when_its_field_is_left_has_no_change():
+    left, chosen, first, published = survey(0), survey(100), threading.Event(), []
+    node = MagicMock()
+    node.create_publisher.return_value.publish = lambda message: (published.append(message), first.set())
+    output = ChangeOutput(node, left, "map")
+    output.put(soil_map(left), 1e6)
+    assert first.wait(20.0)
+    output.put(soil_map(left), 2e6)  # waits until the pause after the first is over
+    output.use(chosen)
+    output.close()
+    assert [message.header.stamp.sec for message in published] == [1_000_000]
+    assert np.isfinite(change_from_message(published[0])["change_rate"]).all()

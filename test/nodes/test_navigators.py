@@ -28,10 +28,8 @@ from soilmoist_ros.exploration.navigation.track import Track
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.navigation.action_navigator import KEPT_GOALS, action_class
-from soilmoist_ros.nodes.navigation.goal_pose import GoalPoseNavigator
-from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator
-from soilmoist_ros.nodes.navigation.navigate_to_pose import NavigateToPoseNavigator
+from soilmoist_ros.nodes.action_navigator import KEPT_GOALS, action_class
+from soilmoist_ros.nodes.navigators import GoalPoseNavigator, GotoNodeNavigator, NavigateToPoseNavigator
 
 # rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -21,8 +21,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from soilmoist_ros.nodes.parameters.declaration import Parameters
-from soilmoist_ros.nodes.parameters.parameter import Parameter, check_values
+from soilmoist_ros.nodes.parameters import Parameter, Parameters, check_values
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 SCRIPT = ROOT / "scripts" / "parameter_tables"

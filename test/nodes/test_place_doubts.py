@@ -14,10 +14,10 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from virtual_navigation import FIELD, VirtualNavigation, World
 
+from msg_adapters.counts import samples_from_message
 from msg_adapters.mission import mission_from_message
-from msg_adapters.samples import samples_from_message
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.qos import LATCHED, VISITS
+from soilmoist_ros.nodes.topics import LATCHED, VISITS
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
 
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

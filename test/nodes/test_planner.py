@@ -21,15 +21,14 @@ from topological_navigation_msgs.action import GotoNode
 from virtual_navigation import FIELD, STOPS, VirtualNavigation, World, make_map
 from visualization_msgs.msg import MarkerArray
 
-from msg_adapters.counts import counts_to_message
+from msg_adapters.counts import counts_to_message, samples_from_message
 from msg_adapters.mission import mission_from_message, mission_to_message
-from msg_adapters.plan import path_to_places
-from msg_adapters.samples import samples_from_message
+from msg_adapters.places import path_to_places
 from soilmoist_ros.exploration.mission.journal import VISIT
 from soilmoist_ros.exploration.mission.stored import visit_from_dict
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.mission.visit import VisitEnd
-from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS, VISITS
+from soilmoist_ros.nodes.topics import LATCHED, RECORDS, VISITS
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.journal import load_journal
 from soilmoist_ros.sensing.records import CountRecord
@@ -47,7 +46,7 @@ class Planning:
         given = {
             "use_sim_time": True, "field": str(folder / "field.yaml"), "dwell": "fmi:20", "hours": 0.1,
             "speed_mps": 1.0, "stop_overhead_s": 2.0, "min_dwell_s": 20.0, "return_margin_s": 10.0,
-            "strategy": "greedy", "arrival_radius_m": 2.0, "cancel_limit_s": 120.0, "fix_frozen_s": 0.0, **params,
+            "strategy": "greedy", "arrival_radius_m": 2.0, "fix_frozen_s": 0.0, **params,
         }  # fmt: skip
         self.messages = ros.collect(DiagnosticStatus, f"{namespace}/mission", LATCHED)
         self.process = ros.start("planner", params=given, namespace=namespace, remaps=remaps)
@@ -128,7 +127,7 @@ def test_abort_is_not_behind_a_flood_of_records(ros, tmp_path):
 def test_every_visit_is_published_and_recorded_as_the_mission_had_it(ros, tmp_path):
     from soilmoist_msgs.msg import Visit as VisitMessage
 
-    from msg_adapters.soilmoist.visits import visit_from_message
+    from msg_adapters.soilmoist_types import visit_from_message
 
     recorder = ros.start("recorder", params={"out": str(tmp_path), "name": "bag"}, namespace="/robot_1")
     published = ros.collect(VisitMessage, "/robot_1/visits", VISITS)
@@ -220,7 +219,7 @@ def test_pause_resume_skip_and_abort(ros, tmp_path):
 def test_stops_that_cannot_be_reached_are_ruled_out(ros, tmp_path):
     with World(ros) as world, VirtualNavigation(ros, world) as navigation:
         navigation.blocked = {stop.name for stop in STOPS if stop.name not in ("n00", "n31")}
-        planning = Planning(ros, tmp_path, strategy="random", seed=3, failures_to_pause=100, hours=2.0, retries=0)
+        planning = Planning(ros, tmp_path, strategy="random", seed=3, failures_to_pause=100, hours=2.0)
         planning.wait(lambda status: "waiting for start" in status.reason)
         planning.call("start")
         planning.wait(lambda status: status.samples >= 1)

@@ -15,7 +15,7 @@ from virtual_navigation import FIELD, START_S, World
 from msg_adapters.counts import counts_to_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.model import model_from_message
-from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
+from soilmoist_ros.nodes.topics import LATCHED, RECORDS
 from soilmoist_ros.sensing.records import CountRecord
 
 CORNERS = [(x, y) for x in (4.0, 12.0, 20.0, 28.0, 36.0) for y in (5.0, 15.0, 25.0)]

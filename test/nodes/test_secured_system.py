@@ -31,7 +31,7 @@ from test_system import Robot
 
 from msg_adapters.mission import mission_from_message
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.nodes.runtime.loopback import FIRST_PORT, PORTS_EACH
+from soilmoist_ros.nodes.process_group import FIRST_PORT, PORTS_EACH
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 
 # rclpy warns when nodes of the system disappear during an answer.
@@ -46,7 +46,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
-from soilmoist_ros.nodes.runtime.qos import LATCHED, RECORDS
+from soilmoist_ros.nodes.topics import LATCHED, RECORDS
 found = {"counts": 0, "answered": False, "refused": ""}
 try:
     rclpy.init()

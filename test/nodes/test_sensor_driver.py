@@ -5,6 +5,7 @@
 import contextlib
 import itertools
 import math
+import os
 import socket
 import threading
 import time
@@ -22,16 +23,15 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumidity, Temperature
 from std_msgs.msg import Float64, String
 
-from msg_adapters.counts import counts_from_message, counts_to_message
-from msg_adapters.diagnostics import diagnostics_from_message
-from msg_adapters.environment import fix_to_message, weather_from_message
-from msg_adapters.raw_line import line_from_message
-from msg_adapters.stamps import to_seconds, to_time
+from msg_adapters.counts import counts_from_message, counts_to_message, line_from_message
+from msg_adapters.environment import diagnostics_from_message, fix_to_message, weather_from_message
+from msg_adapters.point_cloud import to_seconds, to_time
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.nodes.runtime import qos
-from soilmoist_ros.nodes.wiring.driver_header import NAME
+from soilmoist_ros.nodes.sensor_driver import NAME, StoredHeader
+from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS, SENSOR, VISITS
 from soilmoist_ros.recording.map_sources import DRIVER, RecordTail
+from soilmoist_ros.sensing.formats.log_header import Header
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
@@ -114,15 +114,15 @@ class Outputs:
     """Messages of the driver."""
 
     def __init__(self, ros):
-        self.counts = ros.collect(PointCloud2, "counts", qos.RECORDS)
-        self.quarantined = ros.collect(PointCloud2, "quarantined_counts", qos.RECORDS)
-        self.fix = ros.collect(NavSatFix, "fix", qos.SENSOR)
-        self.pressure = ros.collect(FluidPressure, "pressure", qos.SENSOR)
-        self.temperature = ros.collect(Temperature, "temperature", qos.SENSOR)
-        self.humidity = ros.collect(RelativeHumidity, "relative_humidity", qos.SENSOR)
-        self.raw_logger = ros.collect(String, "raw/logger", qos.RECORDS)
-        self.raw_gnss = ros.collect(String, "raw/gnss", qos.RECORDS)
-        self.diagnostics = ros.collect(DiagnosticArray, "/diagnostics", qos.DEFAULT)
+        self.counts = ros.collect(PointCloud2, "counts", RECORDS)
+        self.quarantined = ros.collect(PointCloud2, "quarantined_counts", RECORDS)
+        self.fix = ros.collect(NavSatFix, "fix", SENSOR)
+        self.pressure = ros.collect(FluidPressure, "pressure", SENSOR)
+        self.temperature = ros.collect(Temperature, "temperature", SENSOR)
+        self.humidity = ros.collect(RelativeHumidity, "relative_humidity", SENSOR)
+        self.raw_logger = ros.collect(String, "raw/logger", RECORDS)
+        self.raw_gnss = ros.collect(String, "raw/gnss", RECORDS)
+        self.diagnostics = ros.collect(DiagnosticArray, "/diagnostics", DEFAULT)
 
     @property
     def records(self):
@@ -329,7 +329,7 @@ def test_another_type_on_the_topic_of_fixes_is_named(ros, start, outputs):
     context.init(domain_id=ros.node.context.get_domain_id())
     other = Node("other", context=context)
     try:
-        other.create_publisher(String, "fix", qos.SENSOR)
+        other.create_publisher(String, "fix", SENSOR)
         start()
         ros.wait_for(lambda: outputs.diagnostics and "std_msgs/msg/String" in outputs.health("GNSS").message)
         expected = "no fix yet: the topic fix has std_msgs/msg/String, not sensor_msgs/msg/NavSatFix"
@@ -340,7 +340,7 @@ def test_another_type_on_the_topic_of_fixes_is_named(ros, start, outputs):
 
 
 def test_fixes_come_by_topic_if_no_receiver_is_given(ros, start, outputs, logger):
-    publisher = ros.node.create_publisher(NavSatFix, "fix", qos.SENSOR)
+    publisher = ros.node.create_publisher(NavSatFix, "fix", SENSOR)
     start(fix_wait_s=30.0)
     ros.wait_for(publisher.get_subscription_count)
     logger.send(line(1))
@@ -359,7 +359,7 @@ def test_fixes_come_by_topic_if_no_receiver_is_given(ros, start, outputs, logger
 
 def test_records_of_a_place_that_the_planner_doubts_are_quarantined(ros, start, outputs, logger, receiver):
     start(receiver)
-    doubts = ros.node.create_publisher(String, DOUBTS, qos.VISITS)
+    doubts = ros.node.create_publisher(String, DOUBTS, VISITS)
     for doubt in (Doubt(T0 + 25.0), Doubt(T0 + 25.0, T0 + 45.0, Outcome.LOST)):
         doubts.publish(String(data=doubt.to_text()))
     doubts.publish(String(data="no doubt"))
@@ -379,7 +379,7 @@ def test_records_of_a_place_that_the_planner_doubts_are_quarantined(ros, start, 
 def test_intensity_comes_by_topic(ros, start, outputs, logger, tmp_path):
     site = tmp_path / "site.yaml"
     site.write_text("corrections: {pressure: null, humidity: null, intensity: {reference: 150, constant: 150}}\n")
-    publisher = ros.node.create_publisher(Float64, "monitor", qos.DEFAULT)
+    publisher = ros.node.create_publisher(Float64, "monitor", DEFAULT)
     process = start(fix_wait_s=0.0, site=str(site), intensity_topic="monitor")
     logger.send(line(1))
     ros.wait_for(lambda: outputs.counts)
@@ -395,7 +395,7 @@ def test_intensity_comes_by_topic(ros, start, outputs, logger, tmp_path):
 def test_the_last_intensity_of_a_latched_publisher_is_known_after_a_start(ros, start, outputs, logger, tmp_path):
     site = tmp_path / "site.yaml"
     site.write_text("corrections: {pressure: null, humidity: null, intensity: {reference: 150, constant: 150}}\n")
-    ros.node.create_publisher(Float64, "monitor", qos.LATCHED).publish(Float64(data=100.0))
+    ros.node.create_publisher(Float64, "monitor", LATCHED).publish(Float64(data=100.0))
     start(fix_wait_s=0.0, site=str(site), intensity_topic="monitor")
     numbers = itertools.count(1)
 
@@ -417,7 +417,7 @@ def test_recordings_are_played_like_devices(ros, start, outputs, tmp_path):
 
 
 def test_it_uses_simulated_time(ros, start, outputs, logger):
-    clock = ros.node.create_publisher(Clock, "/clock", qos.CLOCK)
+    clock = ros.node.create_publisher(Clock, "/clock", CLOCK)
     start(use_sim_time=True, fix_wait_s=0.0)
     ros.wait_for(clock.get_subscription_count)
 
@@ -504,3 +504,51 @@ def test_a_record_comes_back_from_its_message(x_m, counts, exposure_s, factor):
     assert (found.effective_exposure_s, found.f_pressure) == (exposure_s / factor, factor)
     assert found.x_m == pytest.approx(x_m, rel=1e-6)
     assert math.isnan(found.y_m)
+
+
+# The last header of a logger, for a driver that starts again ----------------------------------------------------
+
+LOGGER = ("tcp://192.168.1.20:5000", "hydroinnova_rover")
+STORED = Header(("RecordNum", "Temp °C"), ("", "°C"), {"Recordperiod": "1 minutes."})
+
+
+def test_a_header_comes_back_for_the_same_logger_only(tmp_path):
+    stored = StoredHeader(tmp_path, *LOGGER)
+    assert stored.header is None
+    stored.update(STORED)
+    assert StoredHeader(tmp_path, *LOGGER).header == STORED
+    os.utime(tmp_path / NAME, (1.75e9, 1.75e9))
+    assert StoredHeader(tmp_path, *LOGGER).header.stored_s == 1.75e9
+    assert StoredHeader(tmp_path, "serial:///dev/ttyUSB0", LOGGER[1]).header is None
+    assert StoredHeader(tmp_path, LOGGER[0], "toa5").header is None
+
+
+def test_a_header_is_written_once_and_replaced_by_another(tmp_path):
+    stored = StoredHeader(tmp_path, *LOGGER)
+    stored.update(STORED)
+    (tmp_path / NAME).unlink()
+    stored.update(STORED)
+    assert not (tmp_path / NAME).exists()
+    stored.update(Header(("RecordNum",)))
+    assert StoredHeader(tmp_path, *LOGGER).header == Header(("RecordNum",))
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"1", b"\xff", b"[" * 100_000])
+def test_a_damaged_file_is_ignored(content, tmp_path, caplog):
+    (tmp_path / NAME).write_bytes(content)
+    stored = StoredHeader(tmp_path, *LOGGER)
+    assert stored.header is None
+    assert NAME in caplog.text
+    stored.update(STORED)
+    assert StoredHeader(tmp_path, *LOGGER).header == STORED
+
+
+def test_a_file_with_parts_of_another_type_is_ignored(tmp_path):
+    StoredHeader(tmp_path, *LOGGER).update(STORED)
+    path = tmp_path / NAME
+    path.write_text(path.read_text().replace('"1 minutes."', "1").replace('"RecordNum"', "null"))
+    assert StoredHeader(tmp_path, *LOGGER).header == Header(
+        ("None", "Temp °C"), STORED.units, {"Recordperiod": "1"}
+    )
+    path.write_text(path.read_text().replace('"units": [', '"units": 5, "others": ['))
+    assert StoredHeader(tmp_path, *LOGGER).header is None

@@ -18,14 +18,13 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters.counts import counts_from_message
-from msg_adapters.diagnostics import diagnostics_from_message
+from msg_adapters.counts import counts_from_message, samples_from_message
+from msg_adapters.environment import diagnostics_from_message
 from msg_adapters.mission import mission_from_message
-from msg_adapters.samples import samples_from_message
-from msg_adapters.stamps import to_seconds
+from msg_adapters.point_cloud import to_seconds
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.mapping.record_check import Skip
-from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS
+from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field

@@ -30,8 +30,8 @@ from soilmoist_ros.exploration.navigation.goal_client import GoalClient
 from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.exploration.navigation.track import Track
 from soilmoist_ros.exploration.travel.way import Way
-from soilmoist_ros.nodes.navigation.goto_node import GotoNodeNavigator
-from soilmoist_ros.nodes.runtime.qos import LATCHED
+from soilmoist_ros.nodes.navigators import GotoNodeNavigator
+from soilmoist_ros.nodes.topics import LATCHED
 
 # rclpy warns when a server of the test disappears during an answer.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")]

@@ -57,7 +57,8 @@ def fields():
     pytest.importorskip("rclpy")
     import numpy as np
 
-    from msg_adapters import counts, samples
+    from msg_adapters import counts
+    from msg_adapters import counts as samples
     from msg_adapters.soil_map import soil_map_to_message
     from soilmoist_ros.mapping.grid import FieldGrid
     from soilmoist_ros.mapping.samples.samples import Samples

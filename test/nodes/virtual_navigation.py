@@ -25,10 +25,9 @@ from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
 from std_msgs.msg import String
 from topological_navigation_msgs.action import GotoNode
 
-from msg_adapters.counts import counts_to_message
+from msg_adapters.counts import counts_to_message, samples_to_message
 from msg_adapters.model import Model, model_to_message
-from msg_adapters.samples import samples_to_message
-from msg_adapters.stamps import to_time
+from msg_adapters.point_cloud import to_time
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
@@ -37,7 +36,7 @@ from soilmoist_ros.foundation.plane_move import PlaneMove
 from soilmoist_ros.mapping.samples.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.nodes.runtime.qos import CLOCK, LATCHED, RECORDS, SENSOR
+from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR
 from soilmoist_ros.sensing.records import CountRecord
 
 FRAME = LocalFrame(53.268, -0.5245)

@@ -35,8 +35,7 @@ from soilmoist_ros.recording.bag.writer import BagWriter
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.recording.stored_records import write_records
-from soilmoist_ros.reporting.failed_outputs import write_failed
-from soilmoist_ros.reporting.outputs import write_outputs
+from soilmoist_ros.reporting.outputs import write_failed, write_outputs
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
 from soilmoist_ros.sensing.records import CountRecord
 from virtual_survey import write_survey

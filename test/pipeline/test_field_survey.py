@@ -16,7 +16,7 @@ from soilmoist_ros.mapping.record_check import Skip
 from soilmoist_ros.pipeline.field_survey import make_run, open_survey
 from soilmoist_ros.recording.stored_records import read_earlier
 from soilmoist_ros.reporting import write_outputs
-from soilmoist_ros.reporting.files.summary import summary
+from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.moisture.footprint import Footprint
 from soilmoist_ros.sensing.moisture.site import Site

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A run without a map: failed_run.py, failed_outputs.py and failed.py of the page."""
+"""A run without a map, its folder and its page."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import pytest
 
 from soilmoist_ros.pipeline.run import FailedRun, InputFile, LossRow, NoMapError, Trouble
 from soilmoist_ros.recording.stored_records import read_records
-from soilmoist_ros.reporting.failed_outputs import write_failed
-from soilmoist_ros.reporting.page.failed import failed_facts, render_failed
+from soilmoist_ros.reporting.outputs import write_failed
+from soilmoist_ros.reporting.page.report import failed_facts, render_failed
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)

@@ -13,10 +13,12 @@ import pytest
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, SoilMap, Variogram, make_soil_map
 from soilmoist_ros.pipeline.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
-from soilmoist_ros.reporting.page import style
+from soilmoist_ros.reporting.outputs import write_mission
+from soilmoist_ros.reporting.season import SeasonSettings, make_season
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.sensing.moisture.footprint import SensedSoil
 from soilmoist_ros.sensing.records import NAN, CountRecord
+from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 CURVE = CalibrationCurve(7.0, 1.4, lattice_water=0.02, n0_sd_cps=0.1)
 OUTLINE = [(-20.0, -15.0), (20.0, -15.0), (20.0, 10.0), (5.0, 15.0), (-20.0, 15.0)]
@@ -40,12 +42,6 @@ def track(soil: SoilMap) -> list[CountRecord]:
         )
     ]
     return [*records, dataclasses.replace(records[-1], stamp_s=1.77e9, x_m=NAN, y_m=NAN)]
-
-
-@pytest.fixture(autouse=True)
-def _quick_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Coarse images; module-wide fixtures still render at full resolution."""
-    monkeypatch.setattr(style, "PNG_DPI", 30)
 
 
 @pytest.fixture(scope="session")
@@ -96,3 +92,19 @@ def steep() -> SoilMap:
 @pytest.fixture(scope="session")
 def map_of() -> Callable[..., SoilMap]:
     return soil_map
+
+
+@pytest.fixture(scope="session")
+def runs(tmp_path_factory):
+    """The folder of a mission with two earlier surveys in it."""
+    folder = tmp_path_factory.mktemp("season") / "run"
+    settings = MissionSettings(
+        field="synthetic-low", hours=0.15, cell_m=6.0, strategy="random", earlier_surveys=2, persistence=0.95
+    )
+    write_mission(folder, simulate_mission(settings))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def season(runs):
+    return make_season([runs, runs / "earlier"], SeasonSettings())

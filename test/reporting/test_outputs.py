@@ -1,17 +1,38 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+
 from __future__ import annotations
 
+import csv
+import dataclasses
 import json
+import re
 import subprocess
 import sys
+from datetime import UTC, datetime
+from pathlib import Path
 
+import numpy as np
 import pytest
 import rasterio
 
+from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.mapping import make_soil_map
 from soilmoist_ros.recording import read_records
 from soilmoist_ros.reporting import outputs, write_outputs
+from soilmoist_ros.reporting.outputs import mission_run, write_mission
+from soilmoist_ros.reporting.page import report
+from soilmoist_ros.reporting.page.irrigation import irrigation
+from soilmoist_ros.reporting.page.notes import notes
+from soilmoist_ros.reporting.page.report import render_report
+from soilmoist_ros.reporting.page.sections import course_charts, mission_part
+from soilmoist_ros.reporting.page.viewer import viewer_data
+from soilmoist_ros.reporting.page.wording import facts, headline
+from soilmoist_ros.reporting.run_summary import mission_summary
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
+from soilmoist_ros.simulation.mission.mission_result import MapErrors, SeriesRow, TimedForecast
+from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html", "records.csv", "soilmoist.qgs"]
 
@@ -60,3 +81,237 @@ def test_import_is_light():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+# Outputs of a mission: mission_report.py, and mission_section.py of the page ------------------------------------
+
+FAKE = Path(__file__).resolve().parents[1] / "simulation"
+MISSION_FILES = [
+    "summary.json", "map.tif", "samples.geojson", "report.html", "records.csv", "soilmoist.qgs", "series.csv",
+    "visits.csv",
+]  # fmt: skip
+NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
+
+
+@pytest.fixture
+def mission(monkeypatch):
+    monkeypatch.syspath_prepend(str(FAKE))
+    import fake_mission
+
+    return fake_mission.simulate(MissionSettings(hours=1.0, preset="paper"))
+
+
+def with_own(mission, **changes):
+    return dataclasses.replace(mission, properties=[dataclasses.replace(mission.properties[0], **changes)])
+
+
+@pytest.mark.slow
+def test_all_files(mission, tmp_path):
+    paths = write_mission(tmp_path / "out", mission, created_utc=NOW)
+    assert [path.name for path in paths] == MISSION_FILES
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(MISSION_FILES)
+    about = json.loads(paths[0].read_text(encoding="utf-8"))
+    assert about["simulated"] is True
+    assert about["outputs"] == MISSION_FILES
+    assert about["created_utc"] == "2026-06-01T12:00:00Z"
+    assert about["mission"]["settings"]["strategy"] == "greedy"
+    assert about["mission"]["final"]["mse"] == mission.series[-1].mse
+    assert about["distance_m"] == mission.series[-1].distance_m
+    assert about["truth"]["rmse_cps"] > 0
+    with rasterio.open(paths[1]) as raster:
+        assert raster.tags()["SOILMOIST_SIMULATED"] == "yes"
+    html = paths[3].read_text(encoding="utf-8")
+    for anchor in ("course-error", "course-coverage", "course-distance", "mission"):
+        assert f'id="{anchor}"' in html
+    assert 'value="truth"' in html
+    assert "SIMULATED DATA" in html
+    assert "series.csv" in html
+    assert "https://" not in html
+
+
+@pytest.mark.slow
+def test_several_robots_are_told_apart(mission, tmp_path):
+    half = len(mission.visits) // 2
+    visits = [dataclasses.replace(visit, robot=1 + (n >= half)) for n, visit in enumerate(mission.visits)]
+    tracks = (np.array([(0.0, 0.0), (3.0, 4.0)]), np.array([(0.0, 0.0), (0.0, 6.0), (8.0, 6.0)]))
+    settings = dataclasses.replace(mission.settings, robots=2)
+    team = dataclasses.replace(mission, settings=settings, visits=visits, tracks=tracks)
+    write_mission(tmp_path, team)
+    about = json.loads((tmp_path / "summary.json").read_text())["mission"]
+    assert about["robot_distances_m"] == [5.0, 14.0]
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "There were 2 robots, which drove 5" in html
+    assert "robot 1 blue, robot 2 orange" in html
+    assert '<th scope="col" class="n">Robot</th>' in html
+    shapes = json.loads((tmp_path / "samples.geojson").read_text())["features"]
+    (line,) = [shape["geometry"] for shape in shapes if shape["properties"]["kind"] == "track"]
+    assert line["type"] == "MultiLineString"
+    assert [len(track) for track in line["coordinates"]] == [2, 3]
+    with (tmp_path / "visits.csv").open(newline="") as stream:
+        assert [int(row["robot"]) for row in csv.DictReader(stream)] == [visit.robot for visit in visits]
+
+
+@pytest.mark.slow
+def test_tables(mission, tmp_path):
+    write_mission(tmp_path, mission)
+    with (tmp_path / "series.csv").open(newline="") as stream:
+        series = list(csv.reader(stream))
+    names = ["time_s", "distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_s"]
+    assert series[0] == names
+    assert series[1] == ["0", "0", "0", "", "", "", "", "0"]
+    assert [float(value) for value in series[-1]] == pytest.approx(
+        [column[-1] for column in mission.columns.values()]
+    )
+    with (tmp_path / "visits.csv").open(newline="") as stream:
+        visits = list(csv.DictReader(stream))
+    assert [row["raw_counts"] for row in visits] == [str(visit.raw_counts) for visit in mission.visits]
+    assert visits[0]["reason"] == "largest variance"
+
+
+@pytest.mark.slow
+def test_a_mission_without_a_map(mission, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    write_mission(tmp_path, mission)
+    short = dataclasses.replace(
+        with_own(mission, soil_map=None), series=mission.series[:3], visits=[], ended="no time"
+    )
+    paths = write_mission(tmp_path, short)
+    assert [path.name for path in paths] == [
+        "summary.json",
+        "report.html",
+        "records.csv",
+        "series.csv",
+        "visits.csv",
+    ]
+    assert {path.name for path in tmp_path.iterdir()} == {*(path.name for path in paths), "notes.txt"}
+    about = json.loads(paths[0].read_text(encoding="utf-8"))
+    assert about["map"] is None
+    assert about["mission"]["ended"] == "no time"
+    with pytest.raises(ValueError, match="before its first map"):
+        mission_run(short, NOW)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_mission(tmp_path / "file", short)
+    assert about["failure"]["why"].endswith("before its first map: no stop was finished. Its end: no time.")
+
+
+@pytest.mark.slow
+def test_words(mission):
+    part = mission_part(mission_run(mission, NOW))
+    assert f"{len(mission.visits)} measurements in 1 h 00 min" in part.text
+    assert "counts/10 s" in part.text
+    assert part.text.endswith("The mission ended: time is up.")
+    assert part.hidden == 0
+    logged = dataclasses.replace(mission, log=["       0 s  start by <Ada>: started"])
+    assert mission_part(mission_run(logged, NOW)).log == tuple(logged.log)
+    assert "0 s  start by &lt;Ada&gt;: started" in render_report(mission_run(logged, NOW))
+    travelled = [fact for fact in facts(mission_run(mission, NOW)) if fact.meaning == "travelled"]
+    assert travelled[0].value == f"{mission.series[-1].distance_m:.0f}"
+    many = dataclasses.replace(mission, visits=mission.visits * 30)
+    assert mission_part(mission_run(many, NOW)).hidden == len(many.visits) - 100
+
+
+def test_counts_on_the_way_are_accounted_for(mission):
+    assert not mission_run(mission, NOW).losses
+    driving = [dataclasses.replace(record, exposure_s=10.0, raw_counts=40) for record in mission.records[:5] * 8]
+    (loss,) = mission_run(with_own(mission, records=[*mission.records, *driving]), NOW).losses
+    assert loss.kind == "counted on the way"
+    assert loss.count >= 1
+
+
+def test_stops_of_the_map_are_in_order(mission):
+    run = mission_run(mission, NOW)
+    shown = viewer_data(run, irrigation(run))["visits"]
+    assert [row[2] for row in shown] == [visit.name for visit in mission.visits]
+    assert [row[4] for row in shown] == [visit.raw_counts for visit in mission.visits]
+
+
+@pytest.mark.slow
+def test_only_a_sensor_with_a_footprint_smooths(mission):
+    assert "patches are smoothed" not in render_report(mission_run(mission, NOW))
+    wide = dataclasses.replace(mission, settings=dataclasses.replace(mission.settings, footprint_m=10.0))
+    assert "within about 10 m to a depth" in render_report(mission_run(wide, NOW))
+
+
+@pytest.mark.parametrize("n0_cps", [6.3, 12.0, 30.0])
+def test_a_simulation_gives_no_advice_about_its_sensor(mission, n0_cps):
+    """Missions with wrong moisture in part, in most, and in all of the field."""
+    run = mission_run(with_own(mission, soil_map=with_n0(mission.soil_map, n0_cps)), NOW)
+    advice = re.compile("N0, the bulk|check N0|tubes", re.IGNORECASE)
+    assert not advice.search(" ".join([*headline(run), *map(str, notes(run))]))
+    real = dataclasses.replace(run, simulated=False)
+    assert advice.search(" ".join([*headline(real), *map(str, notes(real))]))
+
+
+def with_n0(soil_map, n0_cps):
+    curve = CalibrationCurve(n0_cps, 1.4)
+    return make_soil_map(soil_map.samples, soil_map.grid, soil_map.variogram, curve)
+
+
+def test_course_without_any_map():
+    rows = [SeriesRow(t, t, 0, 0.0) for t in (0.0, 60.0)]
+    assert [chart.key for chart in course_charts(rows)] == ["course-distance"]
+
+
+@pytest.mark.slow
+def test_only_missions_have_the_section(make_run):
+    assert mission_part(make_run()) is None
+    html = render_report(make_run())
+    assert 'id="mission"' not in html
+    assert "series.csv" not in html
+    assert report.mission_part is mission_part
+
+
+@pytest.mark.slow
+def test_without_a_truth_the_course_is_the_distance(mission):
+    rows = [dataclasses.replace(row, errors=(MapErrors(),)) for row in mission.series]
+    unknown = with_own(mission, truth_rate=np.full_like(mission.truth_rate, np.nan))
+    unknown = dataclasses.replace(unknown, series=rows)
+    (chart,) = course_charts(rows, has_truth=False)
+    assert chart.y_label == "Distance [m]"
+    assert mission_part(mission_run(unknown, NOW)).charts[0].key == chart.key
+
+
+def forecasts(*times_s, planned_s=3600.0):
+    def made(time_s):
+        sd, left_s = 0.1 * (1 + time_s / 600) ** -0.5, planned_s - time_s
+        if left_s <= 0:
+            return Forecast(sd, (), (), (), sd, 4.0)
+        ahead = (left_s / 2, left_s)
+        return Forecast(sd, ahead, (0.9 * sd, 0.8 * sd), (1.1, 1.2), 0.95 * sd, 4.0, is_guess=time_s == 0)
+
+    return tuple(TimedForecast(time_s, made(time_s)) for time_s in times_s)
+
+
+@pytest.mark.slow
+def test_the_forecast_is_compared_with_what_was_reached(mission):
+    known = dataclasses.replace(mission, forecasts=forecasts(0.0, 500.0, 1000.0, 1900.0, 2800.0, 3600.0))
+    part = mission_part(mission_run(known, NOW))
+    assert [chart.key for chart in part.charts][-1] == "course-sd"
+    names = [name for _, name in part.charts[-1].names]
+    assert names == ["forecast at the start", "forecast after a quarter", "forecast after half", "reached"]
+    assert "±3.8 % of the rate reached; forecast ±8.0 % (6.7 to 9.6) at the start" in part.text
+    about = mission_summary(known)["forecast"]
+    assert [one["time_s"] for one in about["made"]] == [0.0, 1000.0, 1900.0, 2800.0]
+    assert {one["end_s"] for one in about["made"]} == {3600.0}
+    assert about["reached"]["time_s"] == 3600.0
+    assert about["unit"] == "share of the mean rate"
+
+
+def test_a_mission_without_forecasts_has_none(mission):
+    for some in ((), forecasts(0.0), forecasts(0.0, 600.0)):
+        known = dataclasses.replace(mission, forecasts=some)
+        part = mission_part(mission_run(known, NOW))
+        assert "course-sd" not in {chart.key for chart in part.charts}
+        assert (mission_summary(known)["forecast"] is None) == (len(some) < 2)
+        assert ("Standard deviation of the map" in part.text) == (len(some) > 1)
+
+
+def test_an_early_end_has_the_forecasts_until_then(mission):
+    early = forecasts(0.0, 300.0, 1000.0)
+    early = (
+        *early[:-1],
+        TimedForecast(1000.0, dataclasses.replace(early[-1].forecast, times_s=(), sds=(), factors=())),
+    )
+    about = mission_summary(dataclasses.replace(mission, forecasts=early))["forecast"]
+    assert [one["time_s"] for one in about["made"]] == [0.0]

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 import rasterio
 
-from soilmoist_ros.reporting.mission_report import mission_run, write_mission
-from soilmoist_ros.reporting.outputs import MISSION_NAMES, NAMES
+from soilmoist_ros.reporting.outputs import MISSION_NAMES, NAMES, mission_run, write_mission
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 

@@ -1,33 +1,164 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A QGIS project: the GeoPackage, the maps with their styles, and a project file that shows all of it."""
+"""QGIS: styles of maps and layers (QML), the GeoPackage of all layers with their styles, and project files."""
 
 from __future__ import annotations
 
 import shutil
 import zipfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
-from xml.etree import ElementTree as ET
+from typing import Any, Final
+
+import numpy as np
 
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
-from soilmoist_ros.reporting.exports.qml import VERSION, map_pipe, map_style, style_elements
-from soilmoist_ros.reporting.exports.source import ExportSettings, PropertyMap, RunSource, transformed
-from soilmoist_ros.reporting.exports.vector_files import FILE, run_layers, write_package
-from soilmoist_ros.reporting.exports.vectors import Layer
+from soilmoist_ros.reporting.colours import UNCERTAIN, colour_ramp, hex_ramp
+from soilmoist_ros.reporting.exports.layers import (
+    Layer,
+    contours_layer,
+    field_layer,
+    no_go_layer,
+    records_layers,
+    samples_layer,
+    texts,
+    track_layer,
+    visits_layer,
+    write_layers,
+    zones_layer,
+)
+from soilmoist_ros.reporting.exports.source import (
+    MOISTURE,
+    RATE,
+    ExportSettings,
+    PropertyMap,
+    RunSource,
+    transformed,
+)
+from soilmoist_ros.reporting.exports.zones import shown_range
+from soilmoist_ros.reporting.page.frame import fill_template
 
-if TYPE_CHECKING:
-    from pyproj import CRS
-
-PROJECT = "soilmoist"
+FILE, PROJECT = "soilmoist.gpkg", "soilmoist"
+RAMP_ITEMS = 9
 HIDDEN = ("records", "contours", "zones", "visits")
 """Kinds of layers that are in the project but hidden at first, as samples of further properties are."""
 RUN_LAYERS = (("field", "Polygon"), ("no_go", "Polygon"), ("track", "LineString"))
 """Layers of ``samples.geojson`` other than the samples, those to draw below first, and their geometry."""
 _OF_MOISTURE = ("samples", "zones", "contours")
-GEOMETRY = {"Point": "Point", "LineString": "Line", "Polygon": "Polygon", "MultiPolygon": "Polygon"}
+_GEOMETRY = {"LineString": "Line", "MultiPolygon": "Polygon"}
+_INK, _WARNING, _WHITE, _GREY = "34,48,60,255", "213,94,0,255", "255,255,255,255", "93,107,120,160"
+_UNITS = dict.fromkeys(("outline_width_unit", "size_unit", "line_width_unit"), "MM")
+_CLASSES = {"fill": "SimpleFill", "line": "SimpleLine", "marker": "SimpleMarker"}
+_SYMBOLS: Final[dict[str, tuple[str, dict[str, str]]]] = {
+    "field": ("fill", {"color": "0,0,0,0", "outline_color": _INK, "outline_width": "0.5"}),
+    "no_go": ("fill", {"color": _WARNING, "style": "b_diagonal", "outline_color": _WARNING}),
+    "track": ("line", {"line_color": _GREY, "line_width": "0.3"}),
+    "records": ("marker", {"name": "circle", "color": _GREY, "size": "0.8", "outline_style": "no"}),
+    "quarantined": ("marker", {"name": "cross2", "color": _WARNING, "size": "2.4", "outline_color": _WARNING,
+                               "outline_width": "0.5"}),
+    # White with a dark edge, as in the report: coloured ones cannot be told from the map below them.
+    "samples": ("marker", {"name": "circle", "color": _WHITE, "size": "2", "outline_color": _INK,
+                           "outline_width": "0.3"}),
+    "visits": ("marker", {"name": "triangle", "color": _WHITE, "size": "2.6", "outline_color": _INK}),
+    "contours": ("line", {"line_color": _INK, "line_width": "0.35"}),
+    "zones": ("fill", {"color": "", "outline_color": _WHITE, "outline_width": "0.3"}),
+}  # fmt: skip
+"""Kind of the symbol of each kind of layer, and its options."""
+
+
+def map_look(one: PropertyMap, sd: bool = False) -> dict[str, Any]:
+    """Colours of the first band or its standard deviation between the quantiles 0.02 and 0.98, interpolated."""
+    quantity = one.quantity
+    low, high = (edge / quantity.scale for edge in shown_range(one.sd if sd else one.values))
+    values = np.linspace(low, high, RAMP_ITEMS).tolist()
+    colours = hex_ramp(UNCERTAIN if sd else quantity.colours, RAMP_ITEMS)
+    return {
+        "band": 1 + list(one.bands).index(f"{quantity.band}_sd" if sd else quantity.band),
+        "low": repr(low),
+        "high": repr(high),
+        "items": [
+            (repr(value), colour, f"{value * quantity.scale:.3g} {one.unit}")
+            for value, colour in zip(values, colours, strict=True)
+        ],
+    }
+
+
+def layer_look(layer: Layer) -> dict[str, Any]:
+    """Symbol, labels and categories of a layer, by its name and columns."""
+    name = "no_go" if layer.name.startswith("no_go") else layer.name.split("_")[0]
+    kind, options = _SYMBOLS[name]
+    return {
+        "kind": kind,
+        "class": _CLASSES[kind],
+        "options": {**_UNITS, **options},
+        "label": "LABEL" if name == "contours" else "",
+        "categories": list(_zone_categories(layer)) if name == "zones" else [],
+    }
+
+
+def _zone_categories(layer: Layer) -> Iterable[tuple[int, str, str]]:
+    """Number, label and colour of each class of zones."""
+    columns = layer.columns
+    quantity = MOISTURE if MOISTURE.column in columns else RATE
+    guessed = f", {ILLUSTRATIVE}" if ILLUSTRATIVE in columns["CALIBRATED"] else ""
+    numbers = np.unique(columns["ZONE"]).tolist()
+    for number, colour in zip(numbers, colour_ramp(quantity.colours, len(numbers)).tolist(), strict=True):
+        own = columns["ZONE"] == number
+        areas = columns["AREA_HA"][own]
+        mean = np.average(columns[quantity.column][own], weights=np.maximum(areas, 1e-9))
+        name = columns["NAME"][own][0] if "NAME" in columns else "zone"
+        label = f"{name} {number}: {mean:.1f} {quantity.unit}{guessed}, {areas.sum():.2f} ha"
+        yield number, label, ",".join(map(str, (*colour, 200)))
+
+
+def _style(look: dict[str, Any]) -> str:
+    return fill_template("qgis.xml.j2", look=look)
+
+
+def run_layers(source: RunSource, settings: ExportSettings) -> list[Layer]:
+    """All layers that the run has, the ones to draw below first, each with its style.
+
+    :raises InputError: if the settings are out of range
+    """
+    layers = [field_layer(source)]
+    for one in source.properties:
+        layers += [zones_layer(source, one, settings), contours_layer(source, one, settings)]
+    layers += [no_go_layer(source), track_layer(source)]
+    for one in source.properties:
+        layers += [*records_layers(one), samples_layer(source, one)]
+    layers.append(visits_layer(source))
+    return [replace(layer, style=_style(layer_look(layer))) for layer in layers if len(layer.shapes)]
+
+
+def write_geopackage(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
+    """Write ``soilmoist.gpkg`` in the reference system of the map, with the styles of its layers.
+
+    :raises InputError: if pyogrio is not installed, or the settings are out of range
+    """
+    return [_write_package(source, folder, run_layers(source, settings))]
+
+
+def _write_package(source: RunSource, folder: Path, layers: Sequence[Layer]) -> Path:
+    """Write layers and the table from which QGIS takes the style of a layer when it is opened."""
+    blank, names = texts([""] * len(layers)), texts([layer.name for layer in layers])
+    columns = {
+        "f_table_catalog": blank,
+        "f_table_schema": blank,
+        "f_table_name": names,
+        "f_geometry_column": texts(["geom"] * len(layers)),
+        "styleName": names,
+        "styleQML": texts([layer.style for layer in layers]),
+        "styleSLD": blank,
+        "useAsDefault": np.ones(len(layers), bool),
+        "description": texts([layer.description for layer in layers]),
+        "owner": blank,
+        "ui": blank,
+        "update_time": np.full(len(layers), np.datetime64("now", "ms")),
+    }
+    crs, styles = source.properties[0].crs, Layer("layer_styles", "", (), columns)
+    # Version 1.3 is read by older programs too.
+    return write_layers(folder / FILE, [*layers, styles], source.frame, crs, "GPKG", {"VERSION": "1.3"})
 
 
 def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> list[Path]:
@@ -38,19 +169,17 @@ def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> lis
     :raises InputError: if pyogrio is not installed, or the settings are out of range
     """
     layers = run_layers(source, settings)
-    written = [write_package(source, folder, layers)]
+    written = [_write_package(source, folder, layers)]
     for one in source.properties:
-        name = f"map{one.suffix}"
-        copy = folder / f"{name}.tif"
+        copy, style = folder / f"map{one.suffix}.tif", folder / f"map{one.suffix}.qml"
         shutil.copyfile(source.run.folder / copy.name, copy)
-        style = folder / f"{name}.qml"
-        style.write_text(map_style(one), encoding="utf-8")
+        style.write_text(_style(map_look(one)), encoding="utf-8")
         written += [copy, style]
     crs = source.properties[0].crs
-    shown = [_Shown(layer, f"./{FILE}|layername={layer.name}", crs) for layer in layers]
+    shown = [(layer, f"./{FILE}|layername={layer.name}") for layer in layers]
     path = folder / f"{PROJECT}.qgz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(f"{PROJECT}.qgs", _project(source.title, source.properties, shown))
+        archive.writestr(f"{PROJECT}.qgs", _project(source.title, source.properties, shown, crs))
     return [*written, path]
 
 
@@ -64,92 +193,39 @@ def write_run_project(path: Path, title: str, maps: Sequence[PropertyMap]) -> Pa
     """
     import pyproj
 
-    geographic = pyproj.CRS.from_epsg(4326)
-    layers = [Layer(*parts, [], {}) for parts in RUN_LAYERS]
-    layers += [Layer(f"samples{one.suffix}", "Point", [], {}) for one in maps]
+    layers = [*RUN_LAYERS, *((f"samples{one.suffix}", "Point") for one in maps)]
     shown = []
-    for layer in layers:
-        file, kind = (layer.name, "sample") if layer.name.startswith("samples") else ("samples", layer.name)
-        source = f"./{file}.geojson|layername={file}|geometrytype={layer.kind}|subset=kind = '{kind}'"
-        shown.append(_Shown(layer, source, geographic))
-    path.write_text(_project(title, maps, shown), encoding="utf-8")
+    for name, geometry in layers:
+        file, kind = (name, "sample") if name.startswith("samples") else ("samples", name)
+        source = f"./{file}.geojson|layername={file}|geometrytype={geometry}|subset=kind = '{kind}'"
+        shown.append((Layer(name, geometry, [], {}), source))
+    path.write_text(_project(title, maps, shown, pyproj.CRS.from_epsg(4326)), encoding="utf-8")
     return path
 
 
-@dataclass(frozen=True, eq=False)
-class _Shown:
-    """A layer of points, lines or areas, and where QGIS finds it."""
+def _project(title: str, maps: Sequence[PropertyMap], layers: Sequence[tuple[Layer, str]], crs: Any) -> str:
+    """The project; its layers, the first at the bottom, lie above the maps.
 
-    layer: Layer
-    source: str
-    crs: CRS
-
-
-def _project(title: str, properties: Sequence[PropertyMap], layers: Sequence[_Shown]) -> str:
-    """The project; its layers, the first at the bottom, lie above the maps."""
-    crs = properties[0].crs
-    root = ET.Element("qgis", projectname=title, version=VERSION)
-    ET.SubElement(root, "title").text = title
-    ET.SubElement(root, "projectCrs").append(_srs(crs))
-    tree = ET.SubElement(root, "layer-tree-group")
-    maps = ET.SubElement(root, "projectlayers")
-    for one in reversed(layers):
-        name = one.layer.name
-        shown = name.split("_")[0] not in HIDDEN and not name.startswith("samples_")
-        guessed = name.startswith(_OF_MOISTURE) and properties[0].calibration == ILLUSTRATIVE
-        title = f"{name} ({ILLUSTRATIVE})" if guessed else name
-        _entry(tree, name, shown, "ogr", one.source, title)
-        element = _layer(maps, name, title, one.source, "ogr", one.crs)
-        element.set("type", "vector")
-        element.set("geometry", GEOMETRY[one.layer.kind])
-        element.set("labelsEnabled", "1")
-        element.extend(style_elements(one.layer))
-    for number, each in enumerate(properties):
-        file = f"map{each.suffix}"
-        for key, name, sd in ((file, each.title, False), (f"{file}_sd", f"{each.title}, SD", True)):
-            _entry(tree, key, number == 0 and not sd, "gdal", f"./{file}.tif", name)
-            element = _layer(maps, key, name, f"./{file}.tif", "gdal", each.crs)
-            element.set("type", "raster")
-            element.append(map_pipe(each, sd))
-    settings = ET.SubElement(root, "properties")
-    reference = ET.SubElement(settings, "SpatialRefSys")
-    ET.SubElement(reference, "ProjectionsEnabled", type="int").text = "1"
-    ET.SubElement(ET.SubElement(settings, "Paths"), "Absolute", type="bool").text = "false"
-    view = ET.SubElement(ET.SubElement(root, "ProjectViewSettings", UseProjectScales="0"),
-                         "DefaultViewExtent", _extent(properties[0]))  # fmt: skip
-    view.append(_srs(crs))
-    return f"<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n{ET.tostring(root, encoding='unicode')}\n"
-
-
-def _entry(tree: ET.Element, key: str, shown: bool, provider: str, source: str, name: str = "") -> None:
-    ET.SubElement(
-        tree, "layer-tree-layer", id=f"{PROJECT}_{key}", name=name or key,
-        checked="Qt::Checked" if shown else "Qt::Unchecked", expanded="1" if shown else "0",
-        providerKey=provider, source=source,
-    )  # fmt: skip
-
-
-def _layer(parent: ET.Element, key: str, name: str, source: str, provider: str, crs: CRS) -> ET.Element:
-    element = ET.SubElement(parent, "maplayer", hasScaleBasedVisibilityFlag="0", autoRefreshEnabled="0")
-    texts = {"id": f"{PROJECT}_{key}", "datasource": source, "layername": name, "provider": provider}
-    for tag, text in texts.items():
-        ET.SubElement(element, tag).text = text
-    ET.SubElement(element, "srs").append(_srs(crs))
-    return element
-
-
-def _srs(crs: CRS) -> ET.Element:
-    element = ET.Element("spatialrefsys", nativeFormat="Wkt")
-    ET.SubElement(element, "wkt").text = crs.to_wkt()
-    if crs.to_epsg() is not None:
-        ET.SubElement(element, "authid").text = f"EPSG:{crs.to_epsg()}"
-    ET.SubElement(element, "description").text = crs.name
-    return element
-
-
-def _extent(one: PropertyMap) -> dict[str, str]:
-    """Box of the map, a tenth wider."""
-    height, width = one.values.shape
-    x, y = transformed(one.transform, (-0.05 * width, 1.05 * width), (1.05 * height, -0.05 * height))
-    (x0, x1), (y0, y1) = x.tolist(), y.tolist()
-    return {"xmin": repr(x0), "ymin": repr(y0), "xmax": repr(x1), "ymax": repr(y1)}
+    :param layers: each layer, and where QGIS finds it
+    :param crs: reference system of the layers
+    """
+    first, shown = maps[0], []
+    for layer, source in reversed(layers):
+        key = layer.name
+        guessed = key.startswith(_OF_MOISTURE) and first.calibration == ILLUSTRATIVE
+        shown.append({
+            "key": key, "name": f"{key} ({ILLUSTRATIVE})" if guessed else key, "source": source, "crs": crs,
+            "visible": key.split("_")[0] not in HIDDEN and not key.startswith("samples_"),
+            "geometry": _GEOMETRY.get(layer.kind, layer.kind), "look": layer_look(layer),
+        })  # fmt: skip
+    for number, one in enumerate(maps):
+        for end, sd in (("", False), ("_sd", True)):
+            shown.append({
+                "key": f"map{one.suffix}{end}", "name": one.title + (", SD" if sd else ""),
+                "source": f"./map{one.suffix}.tif", "crs": one.crs, "visible": number == 0 and not sd,
+                "geometry": "", "look": map_look(one, sd),
+            })  # fmt: skip
+    height, width = first.values.shape
+    x, y = transformed(first.transform, (-0.05 * width, 1.05 * width), (1.05 * height, -0.05 * height))
+    extent = [repr(float(edge)) for edge in (x[0], y[0], x[1], y[1])]  # a tenth wider than the map
+    return fill_template("qgis.xml.j2", title=title, crs=first.crs, shown=shown, extent=extent)

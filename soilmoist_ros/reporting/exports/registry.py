@@ -55,27 +55,27 @@ BUILT_IN = {
         "everything in one project with styles; double-click soilmoist.qgz", ".qgz",
     ),
     "gpkg": Export(
-        _built_in("vector_files", "write_geopackage"), "GeoPackage",
+        _built_in("qgis", "write_geopackage"), "GeoPackage",
         "field, no-go areas, samples, records, track, visits, contours and zones for any GIS", ".gpkg",
     ),
     "styled": Export(
-        _built_in("styled_geotiff", "write_styled"), "coloured GeoTIFF",
+        _built_in("rasters", "write_styled"), "coloured GeoTIFF",
         "one band with a colour table, for farm software that shows pictures", ".tif",
     ),
     "zones": Export(
-        _built_in("vector_files", "write_zones"), "management zones",
+        _built_in("layers", "write_zones"), "management zones",
         "polygons with area, mean moisture and water, for variable-rate terminals (zipped shapefile)", ".zip",
     ),
     "contours": Export(
-        _built_in("vector_files", "write_contours"), "contour lines",
+        _built_in("layers", "write_contours"), "contour lines",
         "lines of equal moisture at round values (zipped shapefile)", ".zip",
     ),
     "kmz": Export(
-        _built_in("kmz", "write_kmz"), "KMZ",
+        _built_in("rasters", "write_kmz"), "KMZ",
         "map and samples for Google Earth on a phone, without network", ".kmz",
     ),
     "netcdf": Export(
-        _built_in("netcdf", "write_netcdf"), "NetCDF",
+        _built_in("rasters", "write_netcdf"), "NetCDF",
         "maps by the CF conventions, for models and archives", ".nc",
     ),
 }  # fmt: skip

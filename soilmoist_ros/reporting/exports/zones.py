@@ -1,26 +1,144 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Management zones: classes of a map as workable polygons that share their borders and cover the field."""
+"""Management zones and contour lines of a map, and the round values at which they lie."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, install
 from soilmoist_ros.reporting.certainty import Certainty, certainty
-from soilmoist_ros.reporting.exports.classes import zone_limits
-from soilmoist_ros.reporting.exports.contours import PAD, continued, level_lines
 from soilmoist_ros.reporting.exports.source import PropertyMap
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 Array = NDArray[np.float64]
+
+MAX_LEVELS = 100
+
+
+def round_step(span: float, about: int = 8) -> float:
+    """Step from the 1-2-5 series that divides a span into at most ``about`` parts.
+
+    >>> round_step(17.0), round_step(0.9, 5)
+    (5.0, 0.2)
+    """
+    wanted = max(span, 1e-9) / about
+    power = 10.0 ** math.floor(math.log10(wanted))
+    return float(next(power * step for step in (1, 2, 5, 10) if power * step >= wanted * (1 - 1e-9)))
+
+
+def levels(values: ArrayLike, step: float | None = None, about: int = 8) -> Array:
+    """Round values between the smallest and the largest value, for contour lines.
+
+    :param values: any shape; NaN is ignored
+    :param step: distance of the levels; by default one from the 1-2-5 series
+    :param about: largest number of levels for this choice
+    :raises InputError: if the step is so small that there are more than :data:`MAX_LEVELS` levels
+    """
+    finite = np.asarray(values, float)
+    finite = finite[np.isfinite(finite)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    if high - low < 1e-9:
+        return np.empty(0)
+    chosen = step or round_step(high - low, about)
+    if (high - low) / chosen > MAX_LEVELS:
+        raise InputError(
+            f"a step of {chosen:g} gives more than {MAX_LEVELS} contour levels between {low:.3g} and {high:.3g}",
+            "choose a larger one",
+        )
+    first, last = math.floor(low / chosen) + 1, math.ceil(high / chosen) - 1
+    return np.round(np.arange(first, last + 1) * chosen, 10)
+
+
+def zone_limits(values: ArrayLike, classes: int) -> Array:
+    """Limits between classes of equal area, shape (classes - 1,), fewer where values repeat.
+
+    :param values: any shape, one value for each cell; NaN is ignored
+    :param classes: number of classes, >= 1
+    """
+    finite = np.asarray(values, float)
+    finite = finite[np.isfinite(finite)]
+    edges = np.unique(np.quantile(finite, np.arange(1, classes) / classes)) if finite.size else np.empty(0)
+    return edges[(edges > finite.min()) & (edges < finite.max())] if finite.size else edges
+
+
+def shown_range(values: ArrayLike) -> tuple[float, float]:
+    """Range of a colour scale: quantiles 0.02 and 0.98, never empty."""
+    finite = np.asarray(values, float)
+    finite = finite[np.isfinite(finite)]
+    low, high = np.quantile(finite, [0.02, 0.98]).tolist() if finite.size else (0.0, 1.0)
+    return (low, high) if high - low > 1e-6 else (low - 0.5, high + 0.5)
+
+
+# Contour lines of a map at round values -------------------------------------------------------------------------
+
+
+PAD = 2
+"""Cells by which a map is continued beyond the field, so that lines reach its boundary."""
+MIN_CELLS = 2.0
+"""Length below which a line is left out [cells]."""
+
+
+def continued(values: Array) -> Array:
+    """A raster with a margin of :data:`PAD` cells; cells without a value have that of the nearest one."""
+    from scipy.ndimage import distance_transform_edt
+
+    wide = np.pad(values, PAD, constant_values=np.nan)
+    nearest = distance_transform_edt(np.isnan(wide), return_distances=False, return_indices=True)
+    return np.asarray(wide[tuple(nearest)], float)
+
+
+def level_lines(the_map: PropertyMap, raster: Array, level: float) -> list[BaseGeometry]:
+    """Lines on which a continued raster has a value, in the plane of the field [m], beyond its boundary too.
+
+    :param raster: as :func:`continued` returns it
+    """
+    from contourpy import contour_generator
+    from shapely.geometry import LineString
+
+    found = contour_generator(z=raster).lines(level)
+    places = [the_map.to_local(np.asarray(line, float) - PAD) for line in found]
+    return [LineString(line) for line in places if len(np.unique(line, axis=0)) > 1]
+
+
+def contour_lines(
+    the_map: PropertyMap, boundary: BaseGeometry, step: float | None = None
+) -> tuple[list[BaseGeometry], Array]:
+    """Contour lines inside the field, and the value of each in the unit for readers.
+
+    Lines lie between the centres of cells by linear interpolation. At the boundary the map goes on with its
+    nearest values.
+
+    :param the_map: the map
+    :param boundary: the field in its plane
+    :param step: distance of the values; by default a round one
+    :raises InputError: if the step is far too small
+    """
+    from shapely import line_merge
+
+    raster = continued(the_map.values)
+    lines: list[BaseGeometry] = []
+    values: list[float] = []
+    for level in levels(the_map.values, step):
+        for line in level_lines(the_map, raster, float(level)):
+            inside = line_merge(line.intersection(boundary))
+            for part in getattr(inside, "geoms", [inside]):
+                if part.geom_type == "LineString" and part.length >= MIN_CELLS * the_map.cell_m:
+                    lines.append(part)
+                    values.append(float(level))
+    return lines, np.array(values)
+
+
+# Management zones: classes of a map as workable polygons that share their borders and cover the field -----------
+
 
 SHARE_OF_FIELD = 0.05
 """Default of the smallest zone, as a share of the field."""

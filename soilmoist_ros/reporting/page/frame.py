@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The frame of every page: one self-contained HTML file with header, style and footer."""
+"""Templates, and the frame of every page: one self-contained HTML file with header, style and footer."""
 
 from __future__ import annotations
 
@@ -13,21 +13,13 @@ from soilmoist_ros.reporting.page import numbers
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-FOLDER = "soilmoist_ros.reporting.page"
 FILTERS = ("number", "percent", "plain", "tidy", "with_sd")
 
 
 def render_page(
-    template: str,
-    *,
-    title: str,
-    version: str,
-    place: str = "",
-    when: str = "",
-    where: str = "",
-    simulated: bool = False,
-    **content: Any,
-) -> str:
+    template: str, *, title: str, version: str, place: str = "", when: str = "", where: str = "",
+    simulated: bool = False, **content: Any,
+) -> str:  # fmt: skip
     """Render a template that extends ``frame.html.j2``; blocks ``content`` and ``footer`` are its own.
 
     :param template: name of a file in ``templates``
@@ -40,7 +32,12 @@ def render_page(
     :param content: further variables of the template
     """
     frame = {"title": title, "version": version, "place": place, "when": when, "where": where}
-    return _environment().get_template(template).render(**frame, simulated=simulated, **content)
+    return fill_template(template, **frame, simulated=simulated, **content)
+
+
+def fill_template(name: str, **content: Any) -> str:
+    """A file of ``templates`` filled with content, which is escaped for HTML and XML."""
+    return _environment().get_template(name).render(**content)
 
 
 @cache
@@ -60,4 +57,4 @@ def _environment() -> Environment:
 
 def _text(name: str) -> str:
     """A file of the package's templates."""
-    return resources.files(FOLDER).joinpath("templates").joinpath(name).read_text(encoding="utf-8")
+    return resources.files("soilmoist_ros.reporting.page").joinpath("templates", name).read_text(encoding="utf-8")

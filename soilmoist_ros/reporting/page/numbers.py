@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers as text for readers, rounded to significant digits."""
+"""Numbers, units and names of choices for readers."""
 
 from __future__ import annotations
 
 import math
 
-from soilmoist_ros.foundation import HECTARE_M2, area_unit
+from soilmoist_ros.exploration import DWELL_RULES, STRATEGIES, StrategyKind
+from soilmoist_ros.foundation import HECTARE_M2, InputError, area_unit
 from soilmoist_ros.foundation import area as area
 from soilmoist_ros.foundation import duration as duration
 from soilmoist_ros.foundation import number as number
@@ -74,3 +75,26 @@ def part_of_area(part_m2: float, whole_m2: float) -> str:
 def length(metres: float) -> tuple[str, str]:
     """A length and its unit."""
     return (number(metres / 1000), "km") if metres >= 2000 else (f"{metres:.0f}", "m")
+
+
+def strategy_text(strategy: str) -> str:
+    """Name of a strategy for readers."""
+    kind = strategy_traits(strategy)
+    return kind.label if kind is not None and kind.label else strategy.replace("_", " ")
+
+
+def strategy_traits(strategy: str) -> StrategyKind | None:
+    """Traits of a strategy; ``None`` if the package that added it is not installed."""
+    try:
+        return STRATEGIES.get(strategy)
+    except InputError:
+        return None
+
+
+def dwell_text(dwell: str) -> str:
+    """Name of a dwell rule for readers: FMI with its seconds, AMI with its standard error in percent."""
+    name, _, value = dwell.partition(":")
+    try:
+        return DWELL_RULES.get(name).describe(value)
+    except InputError:
+        return dwell.capitalize()

@@ -6,7 +6,7 @@ import json
 import time
 
 from soilmoist_ros.cli.answers.live import json_lines
-from soilmoist_ros.reporting.live.live_mission import LiveMission
+from soilmoist_ros.reporting.live_view import LiveMission
 
 
 def test_a_line_of_json_for_each_change_once_a_second_at_most(capsys, monkeypatch):

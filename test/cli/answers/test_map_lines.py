@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from soilmoist_ros.cli.answers.map_lines import print_knowledge, print_notes, rate_error
-from soilmoist_ros.reporting.mission_report import mission_run
+from soilmoist_ros.reporting.outputs import mission_run
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 

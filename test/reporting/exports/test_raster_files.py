@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Coloured GeoTIFF, NetCDF and KMZ read by GDAL: styled_geotiff.py, netcdf.py and kmz.py."""
+"""Coloured GeoTIFF, NetCDF and KMZ read by GDAL."""
 
 from __future__ import annotations
 
@@ -19,16 +19,14 @@ from scipy.io import netcdf_file
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.reporting.colours import colour_ramp
-from soilmoist_ros.reporting.exports.classes import shown_range
-from soilmoist_ros.reporting.exports.kmz import KML, write_kmz
-from soilmoist_ros.reporting.exports.netcdf import write_netcdf
+from soilmoist_ros.reporting.exports.rasters import write_kmz, write_netcdf, write_styled
 from soilmoist_ros.reporting.exports.source import ExportSettings
-from soilmoist_ros.reporting.exports.styled_geotiff import write_styled
+from soilmoist_ros.reporting.exports.zones import shown_range
 
 pytestmark = pytest.mark.slow  # the run that all export takes long to make
 
 SETTINGS = ExportSettings()
-NAMES = {"k": KML}
+NAMES = {"k": "http://www.opengis.net/kml/2.2"}
 
 
 def test_the_coloured_geotiff_has_whole_percents_in_colours(exported, tmp_path):
@@ -111,7 +109,7 @@ def test_kmz_shows_the_map_in_its_place(kmz, exported):
     with zipfile.ZipFile(kmz) as archive:
         kml = ET.fromstring(archive.read("doc.kml"))
         picture = imread(io.BytesIO(archive.read("map.png")), format="png")
-        named = [element.text for element in kml.iter(f"{{{KML}}}href")]
+        named = [element.text for element in kml.iter(f"{{{NAMES['k']}}}href")]
         assert set(named) <= set(archive.namelist()), "works without network"
     north, south, east, west = (
         float(kml.findtext(f".//k:LatLonBox/k:{side}", namespaces=NAMES))

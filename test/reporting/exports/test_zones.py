@@ -14,10 +14,14 @@ from scipy.ndimage import gaussian_filter
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.reporting.exports.classes import levels, round_step, zone_limits
-from soilmoist_ros.reporting.exports.contours import contour_lines
 from soilmoist_ros.reporting.exports.source import PropertyMap
-from soilmoist_ros.reporting.exports.zones import management_zones
+from soilmoist_ros.reporting.exports.zones import (
+    contour_lines,
+    levels,
+    management_zones,
+    round_step,
+    zone_limits,
+)
 
 FRAME = LocalFrame(53.27, -0.52)
 CELL_M = 2.0

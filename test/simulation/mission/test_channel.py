@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.reporting.mission_report import write_mission
+from soilmoist_ros.reporting.outputs import write_mission
 from soilmoist_ros.simulation.mission import channel
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission

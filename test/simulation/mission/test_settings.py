@@ -148,7 +148,7 @@ def test_a_given_field_is_simulated_as_it_is():
 
 def test_rows_of_node_tables_are_made_from_the_declaration():
     pytest.importorskip("rclpy")
-    from soilmoist_ros.nodes.parameters.parameter import of_setting
+    from soilmoist_ros.nodes.parameter_tables import of_setting
 
     row = of_setting("stop_overhead_s")
     assert (row.default, row.unit, row.low) == (12.0, "s", 0)

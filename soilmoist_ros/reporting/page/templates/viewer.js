@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 // SPDX-License-Identifier: Apache-2.0
-// The map viewer of the report: layers, zoom, and the values at a place that the reader chooses.
+// The map viewer: layers, zoom, the values at a place that the reader chooses, and the surveys of a season.
 (function () {
   "use strict";
   var data = JSON.parse(document.getElementById("map-data").textContent);
   var box = document.getElementById("map"), canvas = box.querySelector("canvas"), pen = canvas.getContext("2d");
   var byId = function (id) { return document.getElementById(id); };
   var NOTHING = 65535, MAX_ZOOM = 40, TAP_PX = 8, NEAR_PX = 12;
-  var layers = {}, shown = null, picture = null, hatching = null;
+  var layers = {}, spreads = {}, shown = null, picture = null, hatching = null, now = data.labels ? data.labels.length - 1 : 0;
   var width = 0, height = 0, ratio = 1, scale = 1, centre = { x: 0, y: 0 }, whole = 1, place = null;
   document.documentElement.className += " js";
 
@@ -17,26 +17,33 @@
     for (var i = 0; i < raw.length; i += 1) { out[i] = raw.charCodeAt(i); }
     return out;
   }
-  function unpack(layer) {
-    var raw = bytes(layer.data), out = new Float64Array(raw.length / 2);
+  function unpack(raster) {
+    var raw = bytes(raster.data), out = new Float64Array(raw.length / 2);
     for (var i = 0; i < out.length; i += 1) {
       var code = raw[2 * i] + 256 * raw[2 * i + 1];
-      out[i] = code === NOTHING ? NaN : layer.offset + layer.step * code;
+      out[i] = code === NOTHING ? NaN : raster.offset + raster.step * code;
     }
     return out;
   }
-  function values(layer) {
-    if (!layer.values) {
+  // A layer of a season has a raster for each survey; any other one is its own raster.
+  function values(layer, survey) {
+    var raster = layer.maps ? layer.maps[survey === undefined ? now : survey] : layer;
+    if (!raster.values) {
       if (layer.minus) {
         var a = values(layers[layer.minus[0]]), b = values(layers[layer.minus[1]]);
-        layer.values = a.map(function (value, i) { return value - b[i]; });
-      } else { layer.values = unpack(layer); }
+        raster.values = a.map(function (value, i) { return value - b[i]; });
+      } else { raster.values = unpack(raster); }
     }
-    return layer.values;
+    return raster.values;
+  }
+  function bits(layer) {
+    var raster = layer.maps ? layer.maps[now] : layer;
+    if (raster.bits === undefined) { raster.bits = raster.hatch ? bytes(raster.hatch) : null; }
+    return raster.bits;
   }
   data.layers.forEach(function (layer) {
     layers[layer.key] = layer;
-    layer.bits = layer.hatch ? bytes(layer.hatch) : null;
+    if (layer.sd) { spreads[layer.sd] = true; }
   });
   function cellAt(layer, x, y) {
     var grid = data.grids[layer.grid];
@@ -44,7 +51,7 @@
     return column < 0 || row < 0 || column >= grid.nx || row >= grid.ny ? -1 : row * grid.nx + column;
   }
   function valueAt(layer, x, y) { var i = cellAt(layer, x, y); return i < 0 ? NaN : values(layer)[i]; }
-  function hatched(layer, i) { return layer.bits !== null && (layer.bits[i >> 3] >> (i & 7) & 1) === 1; }
+  function hatched(layer, i) { var found = bits(layer); return found !== null && (found[i >> 3] >> (i & 7) & 1) === 1; }
 
   // ---- colours
   function rgb(hex) { return [1, 3, 5].map(function (at) { return parseInt(hex.slice(at, at + 2), 16); }); }
@@ -78,7 +85,7 @@
     }
     to.putImageData(image, 0, 0);
     hatching = null;
-    if (shown.bits) {
+    if (bits(shown)) {
       hatching = [];
       for (var r = 0; r < grid.ny; r += 1) {
         for (var c = 0, begin = -1; c <= grid.nx; c += 1) {
@@ -310,8 +317,8 @@
       to.appendChild(bar);
       to.appendChild(ticks);
     }
-    if (shown.bits) { to.appendChild(element("span", shown.hatchText, "swatch hatched")); }
-    byId("map-about").textContent = shown.about;
+    if (bits(shown)) { to.appendChild(element("span", shown.hatchText, "swatch hatched")); }
+    byId("map-about").textContent = values(shown).every(isNaN) ? "The first survey has none before it." : shown.about;
     byId("fixed").parentNode.hidden = !shown.fixed;
   }
 
@@ -320,7 +327,7 @@
   function rows() {
     var found = [];
     data.layers.forEach(function (layer) {
-      if (!layer.title || layer.kind === "zones" || layer.minus || /^rate_sd/.test(layer.key)) { return; }
+      if (!layer.title || layer.kind === "zones" || layer.minus || spreads[layer.key]) { return; }
       var value = valueAt(layer, place.x, place.y), text;
       if (isNaN(value)) { return; }
       text = amount(layer, value);
@@ -333,7 +340,7 @@
       found.push([layer.title, text]);
       if (layer.key === "vwc" && data.rootDepth) { found.push(["Water in the upper " + data.rootDepth + " mm", number(value / 100 * data.rootDepth, 0) + " mm"]); }
     });
-    var zone = layers.zone, at = valueAt(zone, place.x, place.y);
+    var zone = layers.zone, at = zone ? valueAt(zone, place.x, place.y) : NaN;
     if (!isNaN(at)) {
       found.push(["Zone", data.zones[Math.round(at)].name + (hatched(zone, cellAt(zone, place.x, place.y)) ? " (not certain)" : " (certain)")]);
     }
@@ -380,6 +387,7 @@
     });
     to.textContent = "";
     to.appendChild(list);
+    if (data.labels) { course(); }
   }
   function choose(x, y) { place = { x: x, y: y }; read(); draw(); }
 
@@ -463,5 +471,77 @@
   window.addEventListener("afterprint", function () {
     document.querySelectorAll("details[data-opened]").forEach(function (part) { part.open = false; delete part.dataset.opened; });
   });
+  // ---- surveys of a season: a slider over them, and the course at the place
+  var slider = byId("when"), timer = null, STEP_MS = 900;
+  function survey(number) {
+    now = number;
+    slider.value = String(now);
+    slider.setAttribute("aria-valuetext", data.labels[now]);
+    byId("label").textContent = data.labels[now];
+    document.querySelectorAll("#surveys tbody tr").forEach(function (row, i) { row.className = i === now ? "now" : ""; });
+    select(shown.key);
+    if (place) { read(); }
+  }
+  function play(on) {
+    window.clearInterval(timer);
+    timer = on ? window.setInterval(function () {
+      if (now === data.labels.length - 1) { play(false); } else { survey(now + 1); }
+    }, STEP_MS) : null;
+    byId("play").textContent = on ? "\u23f8" : "\u25b6";
+    byId("play").setAttribute("aria-label", on ? "Pause" : "Play the season");
+  }
+  function course() {
+    var layer = data.layers[0], to = byId("course-here"), cell = cellAt(layer, place.x, place.y), p, wide, end, low, high;
+    var mean = data.labels.map(function (_, i) { return cell < 0 ? NaN : values(layer, i)[cell]; });
+    var sd = data.labels.map(function (_, i) { return cell < 0 ? NaN : values(layers[layer.sd], i)[cell]; });
+    to.hidden = isNaN(mean[now]);
+    if (to.hidden) { return; }
+    var tall = 170, left = 46, right = 14, top = 12, bottom = 30, sheet = to.querySelector("canvas");
+    wide = to.clientWidth;
+    sheet.width = wide * ratio;
+    sheet.height = tall * ratio;
+    sheet.style.height = tall + "px";
+    low = Math.min.apply(null, mean.map(function (m, i) { return m - 2 * sd[i]; }));
+    high = Math.max.apply(null, mean.map(function (m, i) { return m + 2 * sd[i]; }));
+    end = data.days[data.days.length - 1] || 1;
+    function x(i) { return left + (wide - left - right) * data.days[i] / end; }
+    function y(v) { return top + (tall - top - bottom) * (high - v) / (high - low || 1); }
+    function line(points, colour, thick) {
+      p.beginPath();
+      points.forEach(function (at, i) { if (i) { p.lineTo(at[0], at[1]); } else { p.moveTo(at[0], at[1]); } });
+      p.strokeStyle = ink(colour);
+      p.lineWidth = thick;
+      p.stroke();
+    }
+    function write(text, atX, atY, align) { p.textAlign = align; p.fillText(text, atX, atY); }
+    p = sheet.getContext("2d");
+    p.setTransform(ratio, 0, 0, ratio, 0, 0);
+    p.clearRect(0, 0, wide, tall);
+    p.font = "13px system-ui, sans-serif";
+    p.textBaseline = "middle";
+    p.fillStyle = ink("soft");
+    [low, (low + high) / 2, high].forEach(function (v) {
+      line([[left, y(v)], [wide - right, y(v)]], "faint", 1);
+      write(number(v, layer.digits), left - 6, y(v), "right");
+    });
+    write(data.labels[0], left, tall - 12, "left");
+    write(data.labels[data.labels.length - 1], wide - right, tall - 12, "right");
+    p.fillStyle = ink("line");
+    mean.forEach(function (m, i) {
+      line([[x(i), y(m - 2 * sd[i])], [x(i), y(m + 2 * sd[i])]], "line", 2);
+      p.beginPath();
+      p.arc(x(i), y(m), i === now ? 6 : 3.5, 0, 2 * Math.PI);
+      p.fill();
+    });
+    line(mean.map(function (m, i) { return [x(i), y(m)]; }), "line", 1.5);
+  }
   resize();
+  if (data.labels) {
+    slider.addEventListener("input", function () { play(false); survey(Number(slider.value)); });
+    byId("play").addEventListener("click", function () {
+      if (!timer && now === data.labels.length - 1) { survey(0); }
+      play(!timer);
+    });
+    survey(now);
+  }
 }());

@@ -1,0 +1,332 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``planner/command``: an operator's request and its reply as a soilmoist_msgs/Command."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from enum import Enum
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from geometry_msgs.msg import Point, Point32, Polygon
+from numpy.typing import NDArray
+from soilmoist_msgs.msg import Alarm as AlarmMessage
+from soilmoist_msgs.msg import MapSummary
+from soilmoist_msgs.msg import Mission as MissionMessage
+from soilmoist_msgs.msg import Visit as VisitMessage
+from soilmoist_msgs.srv import Command
+from std_msgs.msg import Header
+
+from msg_adapters.mission import status_level
+from msg_adapters.point_cloud import FRAME, to_time
+from soilmoist_ros.exploration import (
+    Alarm,
+    MissionEnd,
+    MissionStatus,
+    OperatorRequest,
+    Phase,
+    Reply,
+    ReplyCode,
+    Response,
+    Stop,
+    Visit,
+)
+from soilmoist_ros.foundation import foreign_text
+from soilmoist_ros.mapping import MapState, SoilMap
+from soilmoist_ros.recording import visit_of
+
+
+def request_to_message(request: OperatorRequest) -> Command.Request:
+    """Message of a request; corners of the polygon are rounded to 32 bits."""
+    return Command.Request(
+        verb=request.verb,
+        who=request.who,
+        place=[float(value) for value in request.place],
+        geographic_place=[float(value) for value in request.geographic_place],
+        dwell=request.dwell,
+        polygon=[Point32(x=float(x_m), y=float(y_m)) for x_m, y_m in request.polygon],
+        stops=list(request.stops),
+        hours=float(request.hours),
+        strategy=request.strategy,
+        target=request.target,
+        home=request.home,
+        until_sd=_to_limit(request.until_sd),
+        until_gain=_to_limit(request.until_gain),
+        field=request.field,
+        earlier=choice_to_message(request.earlier),
+        covariates=choice_to_message(request.covariates),
+    )
+
+
+def request_from_message(message: Command.Request) -> OperatorRequest:
+    """Request of a message, unchecked."""
+    return OperatorRequest(
+        verb=foreign_text(message.verb),
+        who=foreign_text(message.who)[:60],
+        place=tuple(float(value) for value in message.place),
+        geographic_place=tuple(float(value) for value in message.geographic_place),
+        dwell=foreign_text(message.dwell),
+        polygon=tuple((float(corner.x), float(corner.y)) for corner in message.polygon),
+        stops=tuple(map(foreign_text, message.stops)),
+        hours=float(message.hours),
+        strategy=foreign_text(message.strategy),
+        target=foreign_text(message.target),
+        home=foreign_text(message.home),
+        until_sd=_from_limit(message.until_sd),
+        until_gain=_from_limit(message.until_gain),
+        field=foreign_text(message.field),
+        earlier=choice_from_message(message.earlier),
+        covariates=choice_from_message(message.covariates),
+    )
+
+
+def choice_to_message(chosen: Sequence[str] | None) -> list[str]:
+    """A list that may be chosen: empty for no choice, one empty text for a choice of none."""
+    return [] if chosen is None else list(chosen) or [""]
+
+
+def choice_from_message(chosen: Sequence[str]) -> tuple[str, ...] | None:
+    """What :func:`choice_to_message` wrote."""
+    return tuple(filter(None, map(foreign_text, chosen))) if chosen else None
+
+
+def _to_limit(value: float | None) -> float:
+    """0 leaves a limit as it is, below 0 removes it."""
+    return 0.0 if value is None else float(value) or -1.0
+
+
+def _from_limit(value: float) -> float | None:
+    return None if value == 0 else max(float(value), 0.0)
+
+
+def reply_to_message(reply: Reply) -> Command.Response:
+    """Message of a reply."""
+    return Command.Response(accepted=bool(reply.accepted), code=str(reply.code), message=reply.message)
+
+
+def reply_from_message(message: Command.Response) -> Reply:
+    """Reply of a message.
+
+    :raises ValueError: if its code is not known
+    """
+    return Reply(ReplyCode(message.code), foreign_text(message.message))
+
+
+# ``visits``: each visit as a soilmoist_msgs/Visit ---------------------------------------------------------------
+
+
+def visit_to_message(visit: Visit, robot: str = "", frame_id: str = FRAME) -> VisitMessage:
+    """Message of a visit.
+
+    :param visit: the visit
+    :param robot: namespace of the planner
+    """
+    return VisitMessage(
+        header=Header(stamp=to_time(visit.end_stamp_s), frame_id=frame_id),
+        robot=robot,
+        stop=visit.name,
+        stop_position=Point(x=float(visit.stop_x_m), y=float(visit.stop_y_m)),
+        position=Point(x=float(visit.x_m), y=float(visit.y_m)),
+        arrival=to_time(visit.arrival_stamp_s),
+        arrival_s=float(visit.arrived_s),
+        dwell_s=float(visit.dwell_s),
+        dwell_rule=visit.dwell,
+        records=int(visit.records),
+        raw_counts=int(visit.raw_counts),
+        exposure_s=float(visit.exposure_s),
+        effective_exposure_s=float(visit.effective_exposure_s),
+        choice=visit.reason,
+        reason_code=str(visit.ended),
+        reason=visit.outcome,
+    )
+
+
+def visit_from_message(message: VisitMessage, robot: int = 1) -> Visit:
+    """Visit of a message; ``robot`` sets the visit's robot number, since the message has only a namespace."""
+    return visit_of(message, robot)
+
+
+# ``map_summary``: the map in a few numbers, as a soilmoist_msgs/MapSummary --------------------------------------
+
+
+def map_summary_to_message(state: MapState, soil_map: SoilMap | None, frame_id: str = FRAME) -> MapSummary:
+    """Message of a map in numbers.
+
+    :param state: what the map is made of
+    :param soil_map: the map, ``None`` before the first
+    :param frame_id: frame of the map
+    """
+    samples = state.samples
+    message = MapSummary(
+        header=Header(stamp=to_time(state.stamp_s), frame_id=frame_id),
+        records=int(state.records),
+        samples=len(samples),
+        raw_counts=int(samples.counts.sum()),
+        effective_exposure_s=float(samples.exposure_s.sum()),
+    )
+    names = ("mean_rate", "mean_vwc", "rate_sd", "vwc_sd", "normalised_variance", "nugget", "sill", "range_m")
+    values = dict.fromkeys(names, math.nan)
+    if soil_map is not None:
+        variogram = soil_map.variogram
+        message.variogram_model = str(variogram.model)
+        values |= {
+            "mean_rate": _mean(soil_map.rate),
+            "mean_vwc": _mean(soil_map.vwc),
+            "rate_sd": math.sqrt(_mean(soil_map.variance)),
+            "vwc_sd": math.sqrt(_mean(soil_map.vwc_sd**2)),
+            "normalised_variance": _mean(soil_map.variance) / variogram.sill,
+            "nugget": variogram.nugget,
+            "sill": variogram.sill,
+            "range_m": variogram.range_m,
+        }
+    for name, value in values.items():
+        setattr(message, name, float(value))
+    return message
+
+
+def _mean(raster: NDArray[np.float64]) -> float:
+    """Mean of the cells that have a value, NaN if none has."""
+    known = raster[np.isfinite(raster)]
+    return float(known.mean()) if known.size else math.nan
+
+
+# ``mission_state``: the status of the mission as a soilmoist_msgs/Mission, as numbers and codes to plot ---------
+
+Code = TypeVar("Code", bound=Enum)
+
+
+def _codes(message: Any, kind: type[Code], prefix: str = "") -> dict[Code, int]:
+    """Constants of a message for the members of an enumeration."""
+    return {member: int(getattr(message, f"{prefix}{member.name}")) for member in kind}
+
+
+_PHASES: Final = _codes(MissionMessage, Phase, "PHASE_")
+_ENDS: Final = _codes(MissionMessage, MissionEnd, "END_")
+_RESPONSES: Final = {response: int(getattr(AlarmMessage, str(response.value).upper())) for response in Response}
+
+
+def mission_state_to_message(
+    status: MissionStatus, stamp_s: float, robot: str = "", frame_id: str = FRAME
+) -> MissionMessage:
+    """Message of a status; corners of areas are rounded to 32 bits.
+
+    :param status: the status
+    :param stamp_s: time of the message [s since 1970-01-01 UTC]
+    :param robot: namespace of the planner
+    """
+    stop, forecast = status.target, status.forecast
+    return MissionMessage(
+        header=Header(stamp=to_time(stamp_s), frame_id=frame_id),
+        robot=robot,
+        phase=_PHASES[status.phase],
+        reason=status.reason,
+        ended=_ENDS[status.ended] if status.ended else MissionMessage.END_NONE,
+        level=int(status_level(status)),
+        needs_operator=bool(status.needs_operator),
+        silent=bool(status.silent),
+        emergency_stop=bool(status.emergency),
+        stop_requests=int(status.stop_requests),
+        stop_confirmed=not status.stop_requests,
+        alarms=[_alarm_to_message(alarm) for alarm in status.alarms],
+        stop=stop.name if stop else "",
+        stop_position=Point(x=float(stop.x_m if stop else math.nan), y=float(stop.y_m if stop else math.nan)),
+        planned_dwell_s=float(status.planned_dwell_s),
+        dwell_s=float(status.dwell_s),
+        progress=float(status.progress),
+        raw_counts=int(status.raw_counts),
+        mission_time_s=float(status.now_s),
+        time_used_s=float(status.time_used_s),
+        time_left_s=float(status.time_left_s),
+        estimated_end_s=float(math.nan if status.estimated_end_s is None else status.estimated_end_s),
+        clock_offset_s=float(status.clock_offset_s),
+        distance_m=float(status.distance_m),
+        samples=int(status.samples),
+        counting_s=float(status.counting_s),
+        failures=int(status.failures),
+        queue=list(status.queue),
+        ruled_out=list(status.blacklisted),
+        ruled_out_areas=[Polygon(points=[_corner(*corner) for corner in area]) for area in status.ruled_out],
+        strategy=status.strategy,
+        map_sd=float(forecast.sd if forecast else math.nan),
+        map_sd_at_end=float(forecast.sd_end if forecast else math.nan),
+        map_sd_is_vwc=bool(forecast and forecast.moisture),
+        forecast=forecast.text if forecast else "",
+        field=status.field,
+        earlier=choice_to_message(status.earlier),
+        covariates=choice_to_message(status.covariates),
+    )
+
+
+def mission_state_from_message(message: MissionMessage) -> MissionStatus:
+    """Status of a message, without its forecast.
+
+    :raises ValueError: if a code is not known
+    """
+    place = float(message.stop_position.x), float(message.stop_position.y)
+    end_s = float(message.estimated_end_s)
+    return MissionStatus(
+        now_s=float(message.mission_time_s),
+        phase=_member(_PHASES, message.phase, "phase"),
+        reason=foreign_text(message.reason),
+        target=None if math.isnan(place[0]) else Stop(foreign_text(message.stop), *place),
+        planned_dwell_s=float(message.planned_dwell_s),
+        dwell_s=float(message.dwell_s),
+        progress=float(message.progress),
+        time_used_s=float(message.time_used_s),
+        time_left_s=float(message.time_left_s),
+        distance_m=float(message.distance_m),
+        samples=int(message.samples),
+        counting_s=float(message.counting_s),
+        raw_counts=int(message.raw_counts),
+        failures=int(message.failures),
+        blacklisted=tuple(map(foreign_text, message.ruled_out)),
+        estimated_end_s=None if math.isnan(end_s) else end_s,
+        needs_operator=bool(message.needs_operator),
+        silent=bool(message.silent),
+        ended=None if message.ended == MissionMessage.END_NONE else _member(_ENDS, message.ended, "end"),
+        alarms=tuple(_alarm_from_message(alarm) for alarm in message.alarms),
+        emergency=bool(message.emergency_stop),
+        stop_requests=int(message.stop_requests),
+        queue=tuple(map(foreign_text, message.queue)),
+        strategy=foreign_text(message.strategy),
+        field=foreign_text(message.field),
+        earlier=choice_from_message(message.earlier),
+        covariates=choice_from_message(message.covariates),
+        clock_offset_s=float(message.clock_offset_s),
+        ruled_out=tuple(
+            tuple((float(corner.x), float(corner.y)) for corner in area.points) for area in message.ruled_out_areas
+        ),
+    )
+
+
+def survey_from_message(message: MissionMessage) -> dict[str, Any]:
+    """Field, earlier runs and covariates that an operator has chosen, by the names of the parameters."""
+    lists = {
+        name: list(chosen)
+        for name in ("earlier", "covariates")
+        if (chosen := choice_from_message(getattr(message, name))) is not None
+    }
+    return {**({"field": message.field} if message.field else {}), **lists}
+
+
+def _corner(x_m: float, y_m: float) -> Point32:
+    return Point32(x=float(x_m), y=float(y_m))
+
+
+def _alarm_to_message(alarm: Alarm) -> AlarmMessage:
+    response = _RESPONSES[alarm.response]
+    return AlarmMessage(cause=str(alarm.cause), response=response, reason=alarm.reason, since_s=float(alarm.now_s))
+
+
+def _alarm_from_message(message: AlarmMessage) -> Alarm:
+    response = _member(_RESPONSES, message.response, "response")
+    return Alarm(float(message.since_s), foreign_text(message.cause), response, foreign_text(message.reason))
+
+
+def _member(codes: dict[Code, int], code: int, what: str) -> Code:
+    for member, known in codes.items():
+        if known == code:
+            return member
+    raise ValueError(f"{what} {code} is not known: it was published by another version")

@@ -1,0 +1,328 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``soilmoist bag play``: plays a bag to real nodes, with the time of the recording."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import ReliabilityPolicy
+from rclpy.time import Duration
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import NavSatFix, PointCloud2
+from std_srvs.srv import Trigger
+
+from msg_adapters import (
+    diagnostics_from_message,
+    health_from_status,
+    mission_from_message,
+    samples_from_message,
+    soil_map_from_message,
+    to_time,
+)
+from soilmoist_ros.foundation import InputError, LocalFrame
+from soilmoist_ros.mapping import MAP_PART, RAIN
+from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, SENSOR, interface_class, published_qos
+from soilmoist_ros.recording import BagReader, Pacer, Playback
+from soilmoist_ros.reporting import LiveMap, LiveMission, LiveRobot
+from soilmoist_ros.sensing import logger_fault
+from soilmoist_ros.simulation import CLOCK_PART, WAITS_FOR
+
+Progress = Callable[[str, float], None]
+
+_TICK_S: Final = 0.02
+_LISTENERS_LIMIT_S: Final = 10.0
+_LISTENERS_SETTLE_S: Final = 1.0
+_LAST_MESSAGES: Final = Duration(seconds=10)
+
+
+class BagPlayer(Node):
+    """Publishes the messages of a bag at their recorded times, with unchanged bytes.
+
+    :param playback: the messages
+    :param pacer: sets the time
+    :param context: context of the node
+    :param say: shows a note to the user
+    :param interrupted: set to end :meth:`wait_for_listeners` and :meth:`play`
+    """
+
+    def __init__(
+        self,
+        playback: Playback,
+        pacer: Pacer,
+        context: Context,
+        say: Callable[[str], None],
+        interrupted: threading.Event,
+    ) -> None:
+        super().__init__("bag_player", context=context)
+        self._interrupted = interrupted
+        self._playback = playback
+        self._pacer = pacer
+        self._say = say
+        self._clock = None if playback.has_clock else self.create_publisher(Clock, "/clock", CLOCK)
+        self._clock_ns = 0
+        self._publishers_of: dict[str, Publisher] = {}
+        for topic, kind in list(playback.topics.items()):
+            self._advertise(topic, kind)
+        if not self._publishers_of:
+            raise InputError("no topic can be played", "install the packages of their types")
+        self.create_service(Trigger, "~/pause", self._on_pause)
+        self.create_service(Trigger, "~/resume", self._on_resume)
+
+    def toggle(self) -> None:
+        """Pause, or resume."""
+        self._pacer.paused = not self._pacer.paused
+
+    def wait_for_listeners(self) -> None:
+        """Wait, up to a limit, until the number of subscriptions is above zero and constant.
+
+        :raises KeyboardInterrupt: if interrupted
+        """
+        began_s = changed_s = time.monotonic()
+        listeners = 0
+        while time.monotonic() - began_s < _LISTENERS_LIMIT_S:
+            now = sum(publisher.get_subscription_count() for publisher in self._publishers_of.values())
+            if now != listeners:
+                listeners, changed_s = now, time.monotonic()
+            elif listeners and time.monotonic() - changed_s >= _LISTENERS_SETTLE_S:
+                return
+            self._publish_time(self._pacer.now_ns)
+            self._sleep(_TICK_S)
+        self._say("no node subscribes to the played topics" if not listeners else "more and more nodes subscribe")
+
+    def play(self, progress: Progress) -> int:
+        """Publish all messages; returns their number.
+
+        :raises KeyboardInterrupt: if interrupted
+        """
+        count, before_s = 0, time.monotonic()
+        for message in self._playback.messages():
+            while (wait_s := self._pacer.wait_s(message.log_ns)) > 0:
+                self._publish_time(self._pacer.now_ns)
+                self._sleep(min(wait_s, _TICK_S))
+                now_s = time.monotonic()
+                self._pacer.step(now_s - before_s)
+                before_s = now_s
+                step = "paused (space resumes)" if self._pacer.paused else "playing (space pauses)"
+                progress(step, self._playback.share(self._pacer.now_ns))
+            self._publish_time(message.log_ns)
+            self._publishers_of[message.topic].publish(message.data)
+            count += 1
+        for publisher in self._publishers_of.values():
+            if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
+                publisher.wait_for_all_acked(_LAST_MESSAGES)
+        return count
+
+    def _advertise(self, topic: str, kind: str) -> None:
+        try:
+            message = interface_class(kind)
+        except ImportError as error:
+            self._say(f"{topic} is not played: {kind} is not installed ({error})")
+            self._playback.leave_out(topic)
+            return
+        profile = published_qos(self._playback.offered(topic))
+        self._publishers_of[topic] = self.create_publisher(message, topic, profile)
+
+    def _sleep(self, time_s: float) -> None:
+        if self._interrupted.wait(time_s):
+            raise KeyboardInterrupt
+
+    def _publish_time(self, now_ns: int) -> None:
+        if self._clock is not None and now_ns >= self._clock_ns:
+            self._clock_ns = now_ns
+            self._clock.publish(Clock(clock=to_time(now_ns * 1e-9)))
+
+    def _on_pause(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._pacer.paused = True
+        response.success, response.message = True, "paused"
+        return response
+
+    def _on_resume(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._pacer.paused = False
+        response.success, response.message = True, "playing"
+        return response
+
+
+@contextmanager
+def player_of(
+    bag: Path, topics: str, speed: float, start_s: float, say: Callable[[str], None]
+) -> Iterator[BagPlayer]:
+    """Make a player whose services are active.
+
+    :param bag: folder or file of a bag
+    :param topics: regular expression for the full names of the topics to play
+    :param speed: recorded time per real time
+    :param start_s: time after the beginning of the bag at which to start [s]
+    :param say: shows a note to the user
+    :raises InputError: if the bag cannot be played
+    """
+    interrupted = threading.Event()
+    # Python drops a KeyboardInterrupt that is raised within a callback of the garbage collector.
+    previous = signal.signal(signal.SIGINT, lambda number, frame: interrupted.set())
+    context = Context()
+    rclpy.init(context=context)
+    executor = SingleThreadedExecutor(context=context)
+    ending = threading.Event()
+
+    def spin() -> None:
+        while not ending.is_set():
+            executor.spin_once(timeout_sec=0.2)
+
+    thread = threading.Thread(target=spin, daemon=True)
+    try:
+        with BagReader(bag) as reader:
+            playback = Playback(reader, topics, start_s)
+            player = BagPlayer(playback, Pacer(playback.start_ns, speed), context, say, interrupted)
+            executor.add_node(player)
+            thread.start()
+            try:
+                yield player
+            finally:
+                ending.set()
+                thread.join(2.0)
+                player.destroy_node()
+    finally:
+        signal.signal(signal.SIGINT, previous)
+        executor.shutdown()
+        context.try_shutdown()
+
+
+# Subscribes to a mission, for a live view -----------------------------------------------------------------------
+
+
+class Monitor(Node):
+    """Keeps a :class:`LiveMission` up to date; unreadable messages are ignored.
+
+    :param live: the mission, with a map for each property to subscribe to
+    :param frame: plane of the field
+    :param context: context of the node
+    """
+
+    def __init__(self, live: LiveMission, frame: LocalFrame, context: Context) -> None:
+        super().__init__("monitor", context=context)
+        self._live = live
+        self._frame = frame
+        for robot in live.robots:
+            below = f"{robot.namespace}/" if robot.namespace else ""
+            self.create_subscription(
+                DiagnosticStatus, f"{below}mission", partial(self._on_mission, robot), LATCHED
+            )
+            self.create_subscription(NavSatFix, f"{below}fix", partial(self._on_fix, robot), SENSOR)
+        for one in live.maps:
+            topic = f"{one.name}/soil_map" if one.name else "soil_map"
+            self.create_subscription(PointCloud2, topic, partial(self._on_map, one), LATCHED)
+        self.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
+
+    def _on_mission(self, robot: LiveRobot, message: DiagnosticStatus) -> None:
+        with contextlib.suppress(ValueError):
+            mission_from_message(message)
+            robot.status = dict(health_from_status(message).values)
+
+    def _on_map(self, live: LiveMap, message: PointCloud2) -> None:
+        with contextlib.suppress(ValueError):
+            live.cells = soil_map_from_message(message)
+
+    def _on_samples(self, message: PointCloud2) -> None:
+        with contextlib.suppress(ValueError):
+            self._live.samples_xy = samples_from_message(message).xy
+
+    def _on_fix(self, robot: LiveRobot, message: NavSatFix) -> None:
+        if message.status.status >= 0:
+            x_m, y_m = self._frame.to_local(message.latitude, message.longitude)[0]
+            robot.xy = (float(x_m), float(y_m))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        parts = diagnostics_from_message(message)
+        for robot in self._live.robots:
+            fault = logger_fault(parts, f"/{robot.namespace}")
+            robot.sensor_fault = robot.sensor_fault if fault is None else fault
+        for health in parts:
+            if health.name.endswith(f": {CLOCK_PART}"):
+                self._live.clock_waits_for = health.values.get(WAITS_FOR, "")
+            if health.name.endswith(f": {MAP_PART}") and RAIN in health.values:
+                self._live.rain = health.values[RAIN]
+
+
+@contextlib.contextmanager
+def monitored(live: LiveMission, frame: LocalFrame, domain: int) -> Iterator[None]:
+    """Run a :class:`Monitor` in a thread.
+
+    :param live: the mission to keep up to date
+    :param frame: plane of the field
+    :param domain: number of the ROS domain
+    """
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    executor = SingleThreadedExecutor(context=context)
+    monitor = Monitor(live, frame, context)
+    executor.add_node(monitor)
+    ending = threading.Event()
+
+    def spin() -> None:
+        while not ending.is_set():
+            executor.spin_once(timeout_sec=0.2)
+
+    thread = threading.Thread(target=spin, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        thread.join(2.0)
+        executor.shutdown()
+        monitor.destroy_node()
+        context.try_shutdown()
+
+
+# Reacts to the space bar while a command runs in a terminal -----------------------------------------------------
+
+
+@contextmanager
+def on_space(call: Callable[[], None]) -> Iterator[None]:
+    """Call a function in a thread each time the space bar is pressed; without a terminal, do nothing."""
+    if sys.stdin is None or not sys.stdin.isatty():
+        yield
+        return
+    import termios
+    import tty
+
+    descriptor = sys.stdin.fileno()
+    before = termios.tcgetattr(descriptor)
+    ending = threading.Event()
+
+    def listen() -> None:
+        while not ending.is_set():
+            if select.select([descriptor], [], [], 0.1)[0]:
+                pressed = os.read(descriptor, 1)
+                if pressed == b" ":
+                    call()
+                elif not pressed:  # the terminal is closed
+                    return
+
+    thread = threading.Thread(target=listen, daemon=True)
+    tty.setcbreak(descriptor)
+    thread.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        thread.join()
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)

@@ -1,0 +1,303 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of the demo, and the configuration of its nodes."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import socket
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from soilmoist_ros.foundation import InputError, SoilmoistError
+from soilmoist_ros.mapping import CovariateSource
+from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
+from soilmoist_ros.pipeline import ReplaySettings
+from soilmoist_ros.recording import CONFIGURATION, write_parameters
+from soilmoist_ros.reporting import LiveMap, LiveMission
+from soilmoist_ros.simulation import (
+    MissionSettings,
+    SurrogateField,
+    mission_fields,
+    robot_namespaces,
+    write_field_file,
+    write_site_file,
+)
+
+_OF_MAPPER = ("samples", "model", "mapper/save")
+
+
+@dataclass(frozen=True)
+class DemoSettings:
+    """Settings of a demo.
+
+    :param out: folder of the run; must not contain a run yet
+    :param mission: the mission; the nodes always map all records and travel on a graph. Several robots share a
+        mapper, and each has a planner and a driver in its namespace
+    :param time_factor: simulated time per real time
+    :param navigator: ``goto_node`` (Thorvald's navigation), ``navigate_to_pose`` or ``goal_pose``
+    :param scenario: name or file with faults of navigation and links; empty for none
+    :param autostart: whether the missions start as soon as they can
+    :param exit_when_finished: whether the planners end with their missions
+    :param earlier: earlier runs of the field
+    :param covariates: files with covariates, in addition to those of the field
+    :param console_port: port of the operator's page on this machine; 0 for no page
+    :param background: picture below the map of the page; ``None`` for none
+    """
+
+    out: Path
+    mission: MissionSettings
+    time_factor: float = 60.0
+    navigator: str = "goto_node"
+    scenario: str = ""
+    autostart: bool = True
+    exit_when_finished: bool = True
+    earlier: tuple[Path, ...] = ()
+    covariates: tuple[CovariateSource, ...] = ()
+    console_port: int = 0
+    background: Path | None = None
+
+
+def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
+    """Write field, site and parameters of the nodes.
+
+    :param settings: settings of the demo
+    :param field: the simulated field
+    :param out: folder of the run
+    :returns: parameter files of the nodes by name, in the order of their start
+    :raises InputError: if a file cannot be written
+    """
+    mission, configuration = settings.mission, out / CONFIGURATION
+    write_field_file(field, configuration / "field.yaml")
+    write_site_file(field, configuration / "site.yaml")
+    files = {"field": str(configuration / "field.yaml"), "site": str(configuration / "site.yaml")}
+    simulated = {"use_sim_time": True}
+    choices = {name: getattr(mission, name) for name in ("model", "fit", "noise", "local", "drift_model")}
+    fitted = {**choices, "simulated": True, **simulated}
+    explained = {"covariates": [str(one.absolute) for one in settings.covariates]} if settings.covariates else {}
+    earlier = {"earlier": [str(path.absolute()) for path in settings.earlier]} if settings.earlier else {}
+    known = {**earlier, **explained}
+    robots = robot_namespaces(mission.robots)
+    several = [f"/{robot}" for robot in robots] if len(robots) > 1 else []
+    others: dict[str, object] = {"others": several} if several else {}
+    mappers: dict[str, dict[str, object]] = {
+        f"{one.name}/mapper": {
+            "field": files["field"],
+            "save_dir": str(out / f"map_{one.name}"),
+            **explained,
+            **({"others": [f"{robot}/{one.name}" for robot in several]} if several else {}),
+            **fitted,
+        }
+        for one in mission.properties
+    }
+    trips = {name: getattr(mission, name) for name in ("stop_overhead_s", "turn_s_per_rad")}
+    planned = {name: getattr(mission, name) for name in ("stop_cost_s", "metre_cost_s")}
+    if mission.min_dwell_s is not None:
+        planned["min_dwell_s"] = mission.min_dwell_s
+    properties = [f"{one.name}:{one.weight}" for one in mission.properties]
+    nodes: dict[str, dict[str, object]] = {
+        # The recorder starts first and ends last, so that it records everything.
+        "recorder": {"out": str(out), "name": "bag"},
+        "mapper": {**files, "save_dir": str(out / "map"), **others, **known, **fitted},
+        **mappers,
+        **{
+            node_name(robot, "planner"): {
+                "field": files["field"],
+                "strategy": mission.strategy,
+                "dwell": mission.dwell,
+                "hours": mission.hours,
+                "until_sd": mission.until_sd,
+                "until_gain": mission.until_gain,
+                "seed": mission.seed + number,
+                "preset": mission.preset,
+                **trips,
+                **planned,
+                **known,
+                "navigator": settings.navigator,
+                "autostart": settings.autostart,
+                "exit_when_finished": settings.exit_when_finished,
+                **others,
+                **({"properties": properties} if properties else {}),
+                **simulated,
+            }
+            for number, robot in enumerate(robots)
+        },
+        "field_simulator": {
+            "field": _absolute(mission.field_name),
+            **({"properties": [_absolute(one.field_name) for one in mission.properties]} if mappers else {}),
+            "seed": mission.seed,
+            "robots": mission.robots,
+            **trips,
+            "speed": settings.time_factor,
+            "scenario": settings.scenario,
+            "logger_port": 0,
+            "gnss_port": 0,
+            "ports_file": str(out / "log" / "ports.json"),
+        },
+        **{node_name(robot, "sensor_driver"): {**files, **simulated} for robot in robots},
+    }
+    if settings.console_port:
+        page = {
+            "field": files["field"],
+            "port": settings.console_port,
+            "runs": str(out.parent),
+            "field_dir": str(out / "fields"),
+            **({"background": str(settings.background.absolute())} if settings.background else {}),
+            **({"robots": several} if several else {}),
+        }
+        nodes = {"console": page, **nodes}
+    return {name: write_parameters(out, name, values) for name, values in nodes.items()}
+
+
+def node_name(namespace: str, node: str) -> str:
+    """Name of a node with its namespace.
+
+    >>> node_name("robot_1", "planner"), node_name("", "planner")
+    ('robot_1/planner', 'planner')
+    """
+    return f"{namespace}/{node}".lstrip("/")
+
+
+def shared_mapper(node: str, properties: Iterable[str] = ()) -> dict[str, str]:
+    """Names by which a planner in the namespace of a robot reaches the mappers that several robots share.
+
+    >>> shared_mapper("robot_1/planner")
+    {'samples': '/samples', 'model': '/model', 'mapper/save': '/mapper/save'}
+
+    :param node: name of a node with its namespace; other nodes keep their names
+    :param properties: names of the further properties
+    """
+    if not node.endswith("/planner"):
+        return {}
+    names = [f"{name}/{topic}".lstrip("/") for name in ("", *properties) for topic in _OF_MAPPER]
+    return {name: f"/{name}" for name in names}
+
+
+def _absolute(field: str) -> str:
+    """The name of a field, or the absolute path of its file."""
+    return str(Path(field).absolute()) if Path(field).is_file() else field
+
+
+# Simulates the whole system: all nodes as processes on a private ROS domain, a live view, and the report --------
+
+__all__ = ["DemoError", "DemoSettings", "run_demo"]
+
+Show = Callable[[LiveMission], None]
+
+_START_LIMIT_S = 60.0
+_POLL_S = 0.2
+
+
+class DemoError(SoilmoistError):
+    """A node ended too early; the message names the node and its log."""
+
+
+@contextlib.contextmanager
+def run_demo(
+    settings: DemoSettings, show: Show, started: Callable[[], object] = lambda: None
+) -> Iterator[ReplaySettings]:
+    """Explore a surrogate field with all nodes. The operator's page lasts with the context.
+
+    The context begins when the mission has ended and the recording is complete, and gives the settings to map it.
+
+    The folder receives ``bag/``, ``configuration/``, ``log/``, ``map/``, and ``map_NAME/`` for each
+    further property.
+
+    :param settings: the mission and its folder
+    :param show: called a few times per second while the mission runs
+    :param started: called when the operator's page can be opened, if there is one
+    :raises InputError: if the settings cannot be used
+    :raises DemoError: if a node ends before the mission does
+    :raises KeyboardInterrupt: if interrupted, after the nodes have ended and the recording is complete
+    """
+    out, mission = settings.out.absolute(), settings.mission
+    if (out / "bag").exists():
+        raise InputError("holds a run already", "choose another folder: recordings are not overwritten", out)
+    field, *others = mission_fields(mission)
+    parameters = write_configuration(settings, field, out)
+    grid = field.field.grid()
+    truths = [grid.to_raster(one.rate_at(grid.cells)) for one in (field, *others)]
+    names = ("", *(one.name for one in mission.properties))
+    live = LiveMission(
+        f" soilmoist demo: {field.title}, {mission.strategy}, {mission.dwell}, "
+        f"{settings.time_factor:g} x real time ",
+        [LiveMap(name, truth) for name, truth in zip(names, truths, strict=True)],
+        robot_namespaces(mission.robots),
+    )
+    with free_domain() as domain:
+        environment = loopback_environment(domain)
+        os.environ.update(environment)  # before ROS is loaded here
+        from soilmoist_ros.nodes.command_nodes import monitored
+
+        with ProcessGroup(environment, out / "log") as page:
+            if settings.console_port:
+                page.start("console", parameters.pop("console"))
+                _wait_for_page(page, settings.console_port)
+                started()
+            with ProcessGroup(environment, out / "log") as group, monitored(live, field.frame, domain):
+                for name, path in parameters.items():
+                    namespace, _, node = name.rpartition("/")
+                    if node == "sensor_driver":
+                        path = _with_ports(path, namespace, out, group)
+                    group.start(name, path, shared_mapper(name, names[1:]))
+                _watch(group, live, show)
+            fields: dict[str | int, str] = {
+                0: mission.field_name,
+                **{one.name: one.field_name for one in mission.properties},
+            }
+            yield ReplaySettings(truths=fields)
+
+
+def _wait_for_page(group: ProcessGroup, port: int) -> None:
+    deadline = time.monotonic() + _START_LIMIT_S
+    while True:
+        _require_all(group)
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
+            return
+        if time.monotonic() > deadline:
+            raise DemoError(f"console did not start in {_START_LIMIT_S:g} s; see {group.log('console')}")
+        time.sleep(_POLL_S / 4)
+
+
+def _with_ports(path: Path, namespace: str, out: Path, group: ProcessGroup) -> Path:
+    """Add the addresses of the simulated devices to the parameters of a robot's driver."""
+    ports = out / "log" / "ports.json"
+    deadline = time.monotonic() + _START_LIMIT_S
+    while not ports.is_file():
+        _require_all(group)
+        if time.monotonic() > deadline:
+            raise DemoError(
+                f"field_simulator did not start in {_START_LIMIT_S:g} s; see {group.log('field_simulator')}"
+            )
+        time.sleep(_POLL_S / 4)
+    uris = {
+        name: "tcp://{host}:{port}".format(**address) for name, address in json.loads(ports.read_text()).items()
+    }
+    with path.open("a", encoding="utf-8") as file:
+        for device in ("logger", "gnss"):
+            file.write(f"    {device}_uri: {uris[node_name(namespace, device)]}\n")
+    return path
+
+
+def _watch(group: ProcessGroup, live: LiveMission, show: Show) -> None:
+    """Wait until the planners have finished their missions."""
+    planners = {node_name(robot.namespace, "planner") for robot in live.robots}
+    while not planners <= group.ended().keys():
+        _require_all(group)
+        show(live)
+        time.sleep(_POLL_S)
+    show(live)
+    _require_all(group)
+
+
+def _require_all(group: ProcessGroup) -> None:
+    """Check that every node runs, or has ended as planned."""
+    for name, code in group.ended().items():
+        if name.rpartition("/")[2] != "planner" or code != 0:
+            lines = group.log(name).read_text(errors="replace").strip().splitlines()
+            last = lines[-1] if lines else "without a message"
+            raise DemoError(f"{name} ended with code {code}: {last}\nits log: {group.log(name)}")

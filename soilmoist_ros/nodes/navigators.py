@@ -1,0 +1,407 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Navigators: nodes of a topological map (GotoNode), Nav2 (NavigateToPose), and plain poses (goal_pose)."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from threading import Lock
+from typing import Any, Final
+
+from action_msgs.srv import CancelGoal
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from rclpy.task import Future
+
+from msg_adapters import FRAME, pose_stamped
+from soilmoist_ros.exploration import (
+    CancelAll,
+    Cause,
+    Ended,
+    GoalClient,
+    GoalLimits,
+    Navigator,
+    PoseClient,
+    PoseRequest,
+    Response,
+    SendPose,
+    Stop,
+    Track,
+    Way,
+    WayPoint,
+    drivers,
+    failure,
+    progress,
+    way_points,
+)
+from soilmoist_ros.foundation import InputError, foreign_text
+from soilmoist_ros.nodes.action_navigator import LOOK_EVERY_S, ActionNavigator, action_class
+from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.nodes.planner_parameters import failsafe_name
+from soilmoist_ros.nodes.topics import DEFAULT, NO_EVENTS, interface_class, offered_qos, requested_qos
+from soilmoist_ros.recording import request_for
+
+GOTO_NODE: Final = "topological_navigation"
+GOTO_NODE_TYPE: Final = "topological_navigation_msgs/action/GotoNode"
+NAVIGATE_TO_POSE: Final = "navigate_to_pose"
+NAVIGATE_TO_POSE_TYPE: Final = "nav2_msgs/action/NavigateToPose"
+TOPIC: Final = "goal_pose"
+KEPT_POSES: Final = 100
+"""Own poses that are recognised when they come back."""
+POSE_OBSERVERS: Final = (
+    "recorder*", "rosbag2*", "_ros2cli*", "rviz*", "rqt*", "foxglove*", "rosbridge*", "plotjuggler*",
+)  # fmt: skip
+"""Nodes that subscribe to poses but drive no robot, as patterns; all others pass for a navigation."""
+SETTLE_S: Final = 5.0
+"""Standstill that counts as arrival where the navigation gives no result [s]: five fixes of a usual receiver."""
+
+
+class RouteFeedback:
+    """Subscribes to the feedback of goals.
+
+    :param node: node of the subscriptions
+    :param topic: plain topic of the feedback
+    :param kind: class of the action
+    :param on_topic: called with each message of the plain topic; passes it to :meth:`heard`
+    """
+
+    def __init__(self, node: Node, topic: str, kind: Any, on_topic: Callable[[Any], None]) -> None:
+        self.route = ""
+        self._on_topic = on_topic
+        self._node = node
+        self._topic = node.resolve_topic_name(topic)
+        self._kind = kind
+        self._next_look_s = 0.0
+        self._offer: tuple[Any, ...] = ()
+        self._subscription: Subscription | None = None
+
+    def heard(self, message: Any) -> None:
+        """Process feedback of a goal, or a message of the plain topic."""
+        content = getattr(message, "feedback", message)
+        for name in ("route", "data"):
+            text = getattr(content, name, None)
+            if isinstance(text, str):
+                self.route = foreign_text(text)
+
+    def look_for_topic(self) -> None:
+        """Subscribe to the plain topic once it exists; its type and quality of service depend on the version."""
+        if time.monotonic() < self._next_look_s:
+            return
+        self._next_look_s = time.monotonic() + LOOK_EVERY_S
+        found = self._node.get_publishers_info_by_topic(self._topic)
+        offer = tuple(
+            (info.topic_type, info.qos_profile.reliability, info.qos_profile.durability) for info in found
+        )
+        if not found or offer == self._offer:
+            return
+        self._offer = offer
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
+        message_class = self._message_class(found[0].topic_type)
+        if message_class is None:
+            self._node.get_logger().warning(f"{self._topic} has the unknown type {found[0].topic_type}: ignored")
+            return
+        profile = requested_qos(request_for([offered_qos(info.qos_profile) for info in found]))
+        self._subscription = self._node.create_subscription(
+            message_class, self._topic, self._on_topic, profile, event_callbacks=NO_EVENTS
+        )
+
+    def _message_class(self, name: str) -> Any:
+        _package, folder, kind = name.split("/")
+        if folder == "action":
+            return self._kind.Feedback if kind == f"{self._kind.__name__}_Feedback" else None
+        try:
+            return interface_class(name)
+        except ImportError:
+            return None
+
+
+# Navigation over a topological map by the action ``GotoNode`` ---------------------------------------------------
+
+
+class GotoNodeNavigator(ActionNavigator):
+    """A client of ``GotoNode``. The server finds the route; some abort a goal where the robot stands already.
+
+    :param feedback_topic: plain topic on which some versions publish the node that the robot passes; for the other
+        parameters see :class:`ActionNavigator`
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        kind: Any,
+        feedback_topic: str,
+        client: GoalClient,
+        track: Track,
+        there_m: float,
+        report: Callable[[Ended], None],
+        yields: bool = True,
+    ) -> None:
+        super().__init__(node, name, kind, client, track, there_m, report, yields)
+        self._is_nearest = False
+        self._feedback = RouteFeedback(node, feedback_topic, kind, self._on_feedback)
+
+    @property
+    def on_the_way(self) -> str:
+        """The last node in the navigation's feedback."""
+        return self._feedback.route
+
+    @property
+    def feedback_age_s(self) -> float:
+        """See :class:`Navigator`; feedback comes at nodes only, so its age says nothing."""
+        return math.nan
+
+    def go(self, goal_id: int, stop: Stop, way: Way) -> None:
+        """See :class:`Navigator`."""
+        self._feedback.route = ""
+        self._is_nearest = 0 < len(way.corners) <= 2
+        super().go(goal_id, stop, way)
+
+    def tick(self, now_s: float) -> None:
+        """See :class:`Navigator`."""
+        self._feedback.look_for_topic()
+        super().tick(now_s)
+
+    def goals(self, stop: Stop, way: Way) -> tuple[WayPoint, ...]:
+        """The nodes that keep the server's own route inside the fence, and the stop."""
+        return tuple(map(WayPoint, way.nodes)) or (WayPoint(stop),)
+
+    def goal_message(self, point: WayPoint) -> Any:
+        """Goal with the name of the node."""
+        goal = self._kind.Goal()
+        goal.target = str(point.stop.name)
+        if hasattr(goal, "no_orientation"):
+            goal.no_orientation = True  # the sensor has no heading
+        return goal
+
+    def heard(self, message: Any) -> None:
+        """Process feedback of a goal, or of the plain topic."""
+        self._feedback.heard(message)
+
+    def verdict(self, result: Any) -> tuple[bool, str]:
+        """The flag of the result; it has no reason, so the last feedback is quoted."""
+        why = "is the stop on its map, and the way free?"
+        if self._is_nearest:
+            why = "the robot is nearest to this node already; some servers need reconfigure_edges: false for that"
+        last = f"; its last feedback was {self._feedback.route!r}" if self._feedback.route else ""
+        return bool(getattr(result, "success", False)), f"{why}{last}"
+
+
+# Navigation by Nav2's action ``NavigateToPose``: poses with answers, feedback and cancellation ------------------
+
+
+class NavigateToPoseNavigator(ActionNavigator):
+    """A client of ``NavigateToPose``.
+
+    The result has no flag of success: its status says it. Older versions have no error code either.
+
+    :param frame: frame of the navigation; for the other parameters see :class:`ActionNavigator`
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        kind: Any,
+        client: GoalClient,
+        track: Track,
+        there_m: float,
+        report: Callable[[Ended], None],
+        frame: str = FRAME,
+        yields: bool = True,
+    ) -> None:
+        super().__init__(node, name, kind, client, track, there_m, report, yields)
+        self._frame = frame
+        self._progress = ""
+
+    @property
+    def on_the_way(self) -> str:
+        """Distance that remains to the next way point, and recoveries."""
+        return self._progress
+
+    def go(self, goal_id: int, stop: Stop, way: Way) -> None:
+        """See :class:`Navigator`."""
+        self._progress = ""
+        super().go(goal_id, stop, way)
+
+    def goal_message(self, point: WayPoint) -> Any:
+        """Goal with the pose at this time: Nav2 transforms it by its stamp."""
+        goal = self._kind.Goal()
+        now_s = self._node.get_clock().now().nanoseconds * 1e-9
+        goal.pose = pose_stamped(point.stop.x_m, point.stop.y_m, now_s, self._frame, point.heading_rad)
+        return goal
+
+    def heard(self, message: Any) -> None:
+        """Process feedback."""
+        content = message.feedback
+        remaining_m = float(getattr(content, "distance_remaining", float("nan")))
+        self._progress = progress(remaining_m, int(getattr(content, "number_of_recoveries", 0)))
+
+    def verdict(self, result: Any) -> tuple[bool, str]:
+        """The error code in words."""
+        code, text = int(getattr(result, "error_code", 0)), foreign_text(str(getattr(result, "error_msg", "")))
+        return code == 0, failure(code, text)
+
+
+# Navigation by ``geometry_msgs/PoseStamped`` on ``goal_pose``, which RViz publishes and Nav2 accepts ------------
+
+
+class GoalPoseNavigator:
+    """A :class:`Navigator` that publishes poses.
+
+    :param node: the node that publishes
+    :param action: name of the action by which the same navigation can be stopped, if it has one
+    :param client: decides on arrival and stops
+    :param report: called at the end of each goal
+    :param frame: frame of the navigation
+    :param yields: whether no pose is sent while the robot may drive to that of another client
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        action: str,
+        client: PoseClient,
+        report: Callable[[Ended], None],
+        frame: str = FRAME,
+        yields: bool = True,
+    ) -> None:
+        self._node = node
+        self._frame = frame
+        self._client = client
+        self._report = report
+        self._lock = Lock()
+        self._asked: Future | None = None
+        self._yields = yields
+        self._sent: deque[PoseStamped] = deque(maxlen=KEPT_POSES)
+        self._poses = node.create_publisher(PoseStamped, TOPIC, DEFAULT)
+        node.create_subscription(PoseStamped, TOPIC, self._on_pose, DEFAULT)
+        self._cancels = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
+        node.get_logger().warning(
+            "goal_pose gives no answers. It can only stop the robot by a pose where the robot is, unless the "
+            f"navigation has the action {action}. Use navigate_to_pose or goto_node on a real robot"
+        )
+
+    @property
+    def waiting_for(self) -> str:
+        """See :class:`Navigator`."""
+        own = self._node.get_name(), self._node.get_namespace()
+        infos = self._node.get_subscriptions_info_by_topic(self._poses.topic_name)
+        heard_by = [info.node_name for info in infos if (info.node_name, info.node_namespace) != own]
+        if drivers(heard_by, POSE_OBSERVERS):
+            return ""
+        only = f"; {', '.join(sorted(heard_by))} drive no robot" if heard_by else ""
+        return f"a navigation that subscribes to {self._poses.topic_name}{only}"
+
+    @property
+    def other_client(self) -> str:
+        """See :class:`Navigator`."""
+        with self._lock:
+            other = self._client.other_client
+        return f"another client drives the robot by a pose on {self._poses.topic_name}" if other else ""
+
+    @property
+    def on_the_way(self) -> str:
+        """How the robot can be stopped; there is no feedback."""
+        action = self._cancels.service_is_ready()
+        return f"no feedback; a stop {'cancels the action' if action else 'is a pose where the robot is'}"
+
+    @property
+    def caution(self) -> str:
+        """See :class:`Navigator`."""
+        with self._lock:
+            return self._client.caution
+
+    @property
+    def feedback_age_s(self) -> float:
+        """See :class:`Navigator`; there is no feedback."""
+        return float("nan")
+
+    @property
+    def stop_unheard(self) -> bool:
+        """See :class:`Navigator`; nobody answers a pose."""
+        return self._asked is not None and not self._asked.done()
+
+    def go(self, goal_id: int, stop: Stop, way: Way) -> None:
+        """See :class:`Navigator`."""
+        with self._lock:
+            requests = self._client.go(goal_id, way_points(way.corners, stop))
+        self._do(requests)
+
+    def cancel(self, goal_id: int) -> None:
+        """See :class:`Navigator`."""
+        with self._lock:
+            requests = self._client.cancel(goal_id)
+        if caution := self.caution:
+            self._node.get_logger().error(caution, throttle_duration_sec=5.0)
+        self._do(requests)
+
+    def moved(self, place: tuple[float, float], now_s: float, sd_m: float) -> None:
+        """See :class:`Navigator`."""
+        with self._lock:
+            requests = self._client.moved(place, now_s, sd_m)
+        self._do(requests)
+
+    def tick(self, now_s: float) -> None:
+        """See :class:`Navigator`."""
+        with self._lock:
+            requests = self._client.tick(self._cancels.service_is_ready(), now_s)
+        self._do(requests)
+
+    def _on_pose(self, pose: PoseStamped) -> None:
+        """A pose that this node has not sent is somebody else's; each of its own comes back as it was."""
+        with self._lock:
+            requests = () if pose in self._sent else self._client.heard_other(self._yields)
+        self._do(requests)
+
+    def _do(self, requests: Iterable[PoseRequest]) -> None:
+        for request in requests:
+            match request:
+                case SendPose():
+                    now_s = self._node.get_clock().now().nanoseconds * 1e-9
+                    place = (request.x_m, request.y_m)
+                    pose = pose_stamped(*place, now_s, self._frame, request.heading_rad)
+                    with self._lock:
+                        self._sent.append(pose)
+                    self._poses.publish(pose)
+                case CancelAll():
+                    self._asked = self._cancels.call_async(CancelGoal.Request())  # without an id: all goals
+                case Ended():
+                    self._report(request)
+
+
+def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], None]) -> Navigator:
+    """The navigator of a planner.
+
+    :param node: the planner
+    :param values: its parameters
+    :param report: called at the end of each goal
+    :raises InputError: if the navigator does not go with the travel graph, or its action is not installed
+    """
+    text, number = values.text, values.number
+    radius_m, speed_mps = number("arrival_radius_m"), number("speed_mps")
+    frame = text("navigation_frame") or text("frame")
+    response = Response(text(failsafe_name(Cause.OTHER_CLIENT)))
+    yields = response not in (Response.IGNORE, Response.WARN)
+    if text("navigator") == "goal_pose":
+        poses = PoseClient(radius_m, SETTLE_S, speed_mps)
+        action = text("action_name") or NAVIGATE_TO_POSE
+        return GoalPoseNavigator(node, action, poses, report, frame, yields)
+    client = GoalClient(radius_m, GoalLimits())
+    track = Track(speed_mps, radius_m)
+    if text("navigator") == "navigate_to_pose":
+        kind = action_class(text("action_type") or NAVIGATE_TO_POSE_TYPE, "pose")
+        name = text("action_name") or NAVIGATE_TO_POSE
+        return NavigateToPoseNavigator(node, name, kind, client, track, track.still_m, report, frame, yields)
+    if text("graph") == "free":
+        raise InputError("goto_node goes to nodes of a map, but graph is free", "set graph: topic, or a map file")
+    kind = action_class(text("action_type") or GOTO_NODE_TYPE, "target")
+    name = text("action_name") or GOTO_NODE
+    feedback = text("feedback_topic")
+    return GotoNodeNavigator(node, name, kind, feedback, client, track, radius_m, report, yields)

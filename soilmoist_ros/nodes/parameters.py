@@ -1,0 +1,371 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of a node: rows of its table, check of values, and declaration; all others are refused."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib import import_module
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import InvalidNamespaceException
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.validate_namespace import validate_namespace
+
+from soilmoist_ros.foundation import InputError, Mistake, did_you_mean, listing, read_yaml
+
+Value = bool | int | float | str | list[str]
+
+_HIGHEST = 1e300
+_MAX_WHOLE = 2**62
+REMOVED: Final = {
+    "backoff_s": "the wait after the first failure is 2 s",
+    "blacklist_s": "a stop that failed or was skipped is ruled out for 900 s",
+    "cancel_limit_s": "a robot that is not known to stand is asked again to stop after 10 s",
+    "datum_service": "remap the service toLL",
+    "first_fixes": "3 fixes must agree on the first place",
+    "foxglove_port": "foxglove_bridge serves the viewer Foxglove (docs/topics.md)",
+    "goal_time_factor": "a trip may take 3 times the expected time, and 60 s more",
+    "goal_time_margin_s": "a trip may take 3 times the expected time, and 60 s more",
+    "longest_dwell_s": "the longest time at a stop is 3600 s; fmi:SECONDS sets the time itself",
+    "map_wait_s": "the planner waits for the mapper for 20 s",
+    "navigation_wait_s": "the planner waits for the navigation for 30 s",
+    "plan_limit_s": "choosing a stop may take 120 s",
+    "pose_observers": "nodes that record or show poses are known",
+    "retries": "a goal that failed is sent once more",
+    "settle_s": "a robot has arrived at a goal_pose when it stands for 5 s",
+    "standstill_s": "a robot stands when it has not moved for 4 s",
+}
+"""Parameters of earlier releases that a file may still set: what holds instead."""
+_KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A row of a node's parameter table.
+
+    :param name: name; dots separate groups
+    :param default: default; its type is the parameter's type
+    :param description: what the parameter sets, without the unit
+    :param unit: unit, empty without one
+    :param low: smallest value allowed
+    :param high: largest value allowed
+    :param choices: texts allowed, any if empty
+    :param old_names: earlier names, accepted for one release with a warning
+    :param live: whether ``ros2 param set`` may change it while the node runs
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    old_names: tuple[str, ...] = ()
+    live: bool = False
+
+    @property
+    def kind(self) -> str:
+        """Name of the ROS type."""
+        names = {bool: "bool", int: "integer", float: "double", str: "string", list: "string_array"}
+        return names[type(self.default)]
+
+    @property
+    def limits(self) -> str:
+        """Values allowed, for tables and messages; empty if every value of the type is allowed."""
+        if self.choices:
+            return " | ".join(self.choices)
+        if self.low is not None and self.high is not None:
+            return f"{self.low:g} .. {self.high:g}"
+        if self.low is not None:
+            return f">= {self.low:g}"
+        return f"<= {self.high:g}" if self.high is not None else ""
+
+    def checked(self, value: Any) -> Value:
+        """The value, converted to the parameter's type.
+
+        :raises ValueError: if the type or the value is not allowed; the message names what is allowed
+        """
+        wanted: Any = type(self.default)
+        if wanted is float and type(value) is int:
+            value = float(value)
+        if wanted is list and value is None:  # an empty list has no type in ROS
+            value = []
+        if wanted is list and isinstance(value, Iterable) and not isinstance(value, str | bytes):
+            value = [item for item in value if item != ""]  # [""] is how people write an empty list for ROS
+        if type(value) is not wanted or (wanted is list and not all(isinstance(item, str) for item in value)):
+            quoted = wanted is str and isinstance(value, bool)
+            hint = ": YAML reads on, off, yes and no as such; write it in quotes" if quoted else ""
+            raise ValueError(f"must be {_KINDS[wanted]}, got {value!r}{hint}")
+        if wanted is float and not math.isfinite(value):
+            raise ValueError(f"must be finite, got {value!r}")
+        if self.choices and value not in self.choices:
+            guess = did_you_mean(str(value), self.choices)
+            raise ValueError(f"must be one of: {', '.join(self.choices)}; got {str(value)!r}{guess}")
+        outside = isinstance(value, int | float) and (
+            (self.low is not None and value < self.low) or (self.high is not None and value > self.high)
+        )
+        if outside:
+            unit = f" {self.unit}" if self.unit else ""
+            raise ValueError(f"must be {self.limits}{unit}, got {value:g}")
+        checked: Value = value
+        return checked
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Descriptor for tools such as ``ros2 param describe``."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        descriptor = ParameterDescriptor(
+            name=self.name,
+            description=f"{self.description}{unit}",
+            read_only=not self.live,
+            dynamic_typing=self.live and isinstance(self.default, list),  # to ROS an empty list is one of bytes
+        )
+        if self.choices:
+            descriptor.additional_constraints = f"one of: {', '.join(self.choices)}"
+        limited = self.low is not None or self.high is not None
+        if limited and isinstance(self.default, float):
+            low = -_HIGHEST if self.low is None else float(self.low)
+            high = _HIGHEST if self.high is None else float(self.high)
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
+        elif limited and isinstance(self.default, int):
+            low_whole = -_MAX_WHOLE if self.low is None else int(self.low)
+            high_whole = _MAX_WHOLE if self.high is None else int(self.high)
+            descriptor.integer_range = [IntegerRange(from_value=low_whole, to_value=high_whole, step=1)]
+        return descriptor
+
+
+def current_names(
+    table: Mapping[str, Parameter], given: Mapping[str, Any]
+) -> tuple[dict[str, Any], list[str], list[Mistake]]:
+    """Rename values from old to current parameter names, and leave out removed ones.
+
+    A text becomes the only item of a parameter that is now a list.
+
+    :param table: rows by name
+    :param given: values by current or old names
+    :returns: values, a warning for each old or removed name, and a mistake for each parameter that is set twice
+    """
+    names = {old: row.name for row in table.values() for old in row.old_names}
+    removed = sorted(name for name in given if name in REMOVED and name not in table)
+    warnings = [f"parameter {name} is not used any more: {REMOVED[name]}" for name in removed]
+    mistakes = []
+    values = {name: value for name, value in given.items() if name not in names and name not in removed}
+    for old in given.keys() & names.keys():
+        new = names[old]
+        if new in given:
+            mistakes.append(
+                Mistake(f"parameter {old} is the old name of {new}, and both are given", f"leave out {old}")
+            )
+            continue
+        listed = isinstance(table[new].default, list) and isinstance(given[old], str)
+        values[new] = [given[old]] * bool(given[old]) if listed else given[old]
+        warnings.append(f"parameter {old} is called {new} now; the old name is read in this release only")
+    return values, sorted(warnings), mistakes
+
+
+def check_values(
+    table: Mapping[str, Parameter], given: Mapping[str, Any], known: Collection[str] = ()
+) -> tuple[dict[str, Value], list[Mistake]]:
+    """Values of all parameters of a table; a given value replaces the default.
+
+    :param table: rows by name
+    :param given: values by current names, from the command line and from files
+    :param known: names of parameters that the node has in addition to the table
+    :returns: the values, and the mistakes in the given values
+    """
+    values = {name: row.default for name, row in table.items()}
+    mistakes = []
+    for name, value in given.items():
+        if name in table:
+            try:
+                values[name] = table[name].checked(value)
+            except ValueError as error:
+                mistakes.append(Mistake(f"parameter {name} {error}", table[name].description))
+        elif name not in known and not name.startswith("qos_overrides."):
+            remedy = f"there are: {', '.join(table)}{did_you_mean(name, table)}"
+            mistakes.append(Mistake(f"there is no parameter {name!r}", remedy))
+    return values, mistakes
+
+
+# A node's parameters --------------------------------------------------------------------------------------------
+
+
+def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
+    """Absolute namespaces of other robots, without the namespace of this node.
+
+    :raises InputError: if a namespace is invalid
+    """
+    plain = dict.fromkeys(f"/{name.strip('/')}" for name in namespaces)
+    if "/" in plain:
+        raise InputError("others: a robot has no namespace", "give each robot one of its own, such as /robot_2")
+    for name in plain:
+        try:
+            validate_namespace(name)
+        except InvalidNamespaceException as error:
+            raise InputError(f"others: {name!r} is not a namespace ({error})", "an example is /robot_2") from None
+    return [name for name in plain if name != node.get_namespace()]
+
+
+NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver")
+"""Modules with the tables of the nodes, of which a file for all nodes may have parameters."""
+MISSPELT = 0.85
+"""Similarity to a parameter of the node, from 0 to 1, from which a name under ``/**`` is a misspelt one."""
+
+
+def names_for_all(arguments: Sequence[str], node: str) -> set[str]:
+    """Names of parameters that parameter files give to all nodes, as under ``/**``, and not to one by its name.
+
+    :param arguments: command line of a process, with ``--params-file FILE`` and ``-p NAME:=VALUE``
+    :param node: name of the node
+    """
+    for_all, own = set[str](), set[str]()
+    for option, value in pairwise(arguments):
+        if option in ("-p", "--param"):
+            own.add(value.partition(":=")[0].rpartition(":")[2])
+        if option != "--params-file":
+            continue
+        try:
+            blocks = list(_blocks(read_yaml(Path(value))))
+        except InputError:
+            continue  # the reader of ROS has accepted it; names that are not found here are refused
+        for place, names in blocks:
+            last = place.rstrip("/").rpartition("/")[2]
+            (for_all if "*" in last else own if last == node else set[str]()).update(names)
+    return for_all - own
+
+
+def _is_misspelt(name: str, rows: Mapping[str, Parameter]) -> bool:
+    """Whether a name is nearly that of a parameter of this node, and of no other node of the package."""
+    if not get_close_matches(name, rows, 1, MISSPELT):
+        return False
+    table_of = import_module("soilmoist_ros.nodes.parameter_tables").table_of
+    return all(name != row.name for node in NODES for row in table_of(node))
+
+
+def _blocks(content: Any, place: str = "") -> Iterator[tuple[str, list[str]]]:
+    """Name of the node, and names of parameters, of each block of a parameter file."""
+    for key, value in content.items() if isinstance(content, Mapping) else ():
+        if key == "ros__parameters":
+            yield place, list(_names(value))
+        else:
+            yield from _blocks(value, f"{place}/{key}")
+
+
+def _names(content: Any, above: str = "") -> Iterator[str]:
+    for key, value in content.items() if isinstance(content, Mapping) else ():
+        if isinstance(value, Mapping):
+            yield from _names(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}"
+
+
+class Parameters:
+    """The checked and declared parameters of a node, read by type, as they were at the start.
+
+    Only live ones can change while the node runs, see :meth:`watch`.
+
+    :param node: the node; no parameter of the table may be declared yet
+    :param table: rows of the parameters
+    :param arguments: command line with the parameter files; by default that of the process
+    :raises InputError: with every unknown name and every invalid value. Names under ``/**`` are meant for all
+        nodes of a robot: unknown ones are ignored with a line in the log, unless they are misspelt
+    """
+
+    def __init__(self, node: Node, table: Sequence[Parameter], arguments: Sequence[str] | None = None) -> None:
+        rows = self._rows = {row.name: row for row in table}
+        self._node = node
+        overrides = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
+        given, warnings, twice = current_names(rows, overrides)
+        known = {*rows, *node._parameters}
+        foreign = [name for name in given if name not in known and not name.startswith("qos_overrides.")]
+        if foreign:
+            for_all = names_for_all(sys.argv if arguments is None else arguments, node.get_name())
+            # Launch files, too, write what they set under /**: a misspelt name is rather one of this node.
+            foreign = [name for name in foreign if name in for_all and not _is_misspelt(name, rows)]
+        self._values, mistakes = check_values(rows, given, known={*node._parameters, *foreign})
+        if twice or mistakes:
+            raise InputError([*twice, *mistakes])
+        if foreign:
+            names = listing(sorted(foreign))
+            warnings.append(f"parameters of /** that this node does not have are ignored: {names}")
+        for warning in warnings:
+            node.get_logger().warning(warning)
+        for name, value in self._values.items():
+            node.declare_parameter(name, value, rows[name].descriptor(), ignore_override=True)
+
+    def changed(self, values: Mapping[str, Value]) -> Parameters:
+        """The same with other values; what the node shows stays as it is."""
+        other = copy(self)
+        other._values = {**self._values, **values}
+        return other
+
+    def watch(self, change: Callable[[Mapping[str, Value]], str]) -> None:
+        """Let live parameters be set from now on.
+
+        :param change: called with new values that are allowed; returns why they are refused, or an empty text
+        """
+
+        def on_set(given: Sequence[RosParameter]) -> SetParametersResult:
+            values = {}
+            for parameter in given:
+                row = self._rows.get(parameter.name)
+                if row is None or not row.live:
+                    continue
+                try:
+                    values[row.name] = row.checked(parameter.value)
+                except ValueError as error:
+                    return SetParametersResult(successful=False, reason=f"{row.name} {error}")
+            reason = change(values) if values else ""
+            return SetParametersResult(successful=not reason, reason=reason)
+
+        self._node.add_on_set_parameters_callback(on_set)
+
+    def show(self, values: Mapping[str, Value]) -> None:
+        """Show the present values of live parameters; :meth:`watch` passes those that differ to its function."""
+        shown = {name: self._node.get_parameter(name).value for name in values}
+        new = [RosParameter(name, value=value) for name, value in values.items() if value != shown[name]]
+        self._node.set_parameters(new)
+
+    def text(self, name: str) -> str:
+        """Value of a text parameter."""
+        value = self._values[name]
+        assert isinstance(value, str)
+        return value
+
+    def number(self, name: str) -> float:
+        """Value of a number parameter."""
+        value = self._values[name]
+        assert isinstance(value, float)
+        return value
+
+    def whole(self, name: str) -> int:
+        """Value of a whole-number parameter."""
+        value = self._values[name]
+        assert isinstance(value, int)
+        return value
+
+    def flag(self, name: str) -> bool:
+        """Value of a true-or-false parameter."""
+        value = self._values[name]
+        assert isinstance(value, bool)
+        return value
+
+    def texts(self, name: str) -> list[str]:
+        """Value of a parameter that is a list of texts."""
+        value = self._values[name]
+        assert isinstance(value, list)
+        return list(value)
+
+    def as_dict(self) -> dict[str, Value]:
+        """All values by name."""
+        return dict(self._values)

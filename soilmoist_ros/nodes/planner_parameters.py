@@ -1,0 +1,308 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of the planner, and the settings of mission, watch and team that are made of them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from soilmoist_ros.exploration import (
+    FAILSAFES,
+    KNOWN_ACTIONS,
+    LIMITS,
+    MAX_UNTIL_SD,
+    POSES_FROZEN_S,
+    PUBLISHED_MIN_LAST_DWELL_S,
+    ROBOT_RADIUS_M,
+    AccessRules,
+    Cause,
+    Changes,
+    ExplorerSettings,
+    MissionRules,
+    OnSilence,
+    Outside,
+    Response,
+    RobotMotion,
+    Stop,
+    Team,
+    Watch,
+    WatchLimits,
+    make_strategy,
+    parse_dwell,
+)
+from soilmoist_ros.foundation import InputError, resource
+from soilmoist_ros.mapping import (
+    NOTHING,
+    CovariateSource,
+    Field,
+    FieldMapSettings,
+    Knowledge,
+    load_field,
+    read_covariates,
+)
+from soilmoist_ros.nodes.parameter_tables import (
+    ANTENNA,
+    COVARIATES,
+    EARLIER,
+    STAMP_LIMITS,
+    of_setting,
+    row,
+    stamp_limits,
+)
+from soilmoist_ros.nodes.parameters import Parameters
+from soilmoist_ros.pipeline import Target, read_earlier_runs
+from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, load_site
+
+_PLACE = PlaceLimits()
+_FASTER: Final = 2.0
+"""Highest speed as a multiple of the robot's usual one, where it is not given."""
+
+
+def failsafe_name(cause: Cause) -> str:
+    """Name of the parameter that sets the response to a cause."""
+    return f"failsafe.{cause}"
+
+
+WATCH_PARAMETERS: Final = (
+    *(
+        row(failsafe_name(cause), one.response.value, f"response when {one.about}", choices=tuple(Response))
+        for cause, one in FAILSAFES.items()
+    ),
+    *(row(name, limit.default, limit.about, limit.unit, limit.low, limit.high) for name, limit in LIMITS.items()),
+    row("max_jump_m", _PLACE.max_jump_m, "largest accepted distance of a fix from where the robot can have "
+        "driven since the last ones, whatever error the receiver states", "m", 0),
+    row("max_speed_mps", 0.0,
+        f"highest speed of the robot; 0 for {_PLACE.max_speed_mps:g} m/s, or twice speed_mps if that is more",
+        "m/s", 0),
+    row("max_fix_sd_m", _PLACE.max_sd_m, "fixes with a larger standard deviation are not used", "m", 0),
+    row("agree_fixes", _PLACE.agree_fixes, "number of fixes in a row that must agree on a place after a jump",
+        low=1),
+    *STAMP_LIMITS,
+)  # fmt: skip
+
+PARAMETERS: Final = (
+    row("field", "", "field file, or name of a shipped one", live=True),
+    of_setting("strategy", description="how the next stop is chosen", live=True),
+    of_setting("preset", description="constants of the strategies"),
+    of_setting("seed", default=0, description="seed of the strategies' randomness"),
+    of_setting("dwell", description="time at a stop: fmi:SECONDS, ami:THRESHOLD or optimal", live=True),
+    of_setting("target", live=True),
+    row("site", "", "site file with the calibration, or name of a shipped one; for target vwc"),
+    of_setting("hours", description="time of the mission, the way home and pauses included", low=0.01,
+        live=True),
+    of_setting("until_sd", high=MAX_UNTIL_SD, live=True),
+    of_setting("until_gain", live=True),
+    row("others", [], "namespaces of other robots whose planners explore the same field: where one is going or "
+        "counting, this one does not go; the own namespace is ignored"),
+    row("keep_apart_m", 0.0, "distance between the centres of this robot and of each of others: for stops, ways "
+        "past standing robots, and while it drives; 0 for 2 m, or 1 m more than twice robot_radius_m if that is "
+        "more", "m", 0.0),
+    row("other_silent_s", 30.0, "a robot of others whose mission was not heard for this time is lost: its place "
+        "stays taken until it is heard or somebody calls planner/release_lost", "s", 3.0),
+    row("properties", [], "namespaces in which further properties of the field are mapped, as NAMESPACE or "
+        "NAMESPACE:WEIGHT; the robot's own property has the weight 1; a property without a map is left out"),
+    EARLIER,
+    COVARIATES,
+    row("home", "", "stop to return to at the end; the robot stays where it is if empty", live=True),
+    row("graph", "topic", "where the robot may drive: topic (the navigation's map), free (straight lines), or a "
+        "map file"),
+    row("map_topic", "/topological_map_2", "topic of the navigation's map"),
+    row("robot_radius_m", ROBOT_RADIUS_M, "distance that the robot's centre keeps from no-go areas and, with "
+        "graph: free, from the border; the default is half the width of Thorvald, 0 keeps none", "m", 0.0),
+    row("beyond_m", 0.1, "nodes and edges of the map this far outside the field belong to it; the default "
+        "allows for errors of the survey", "m", 0.0),
+    row("outside", "home", "use of the map's nodes and edges outside the field, which are never measured at and "
+        "never cross a no-go area: never, only the shortest way between the field and home or robot (home), or "
+        "as any other (way)", choices=tuple(Outside)),
+    row("keepout_topic", "", "topic on which the fence is published as a keep-out mask for Nav2, with "
+        "costmap_filter_info, if any"),
+    row("keepout_resolution_m", 0.2, "side of a cell of the mask; with half of robot_radius_m or less, no cell "
+        "of a no-go area is free", "m", 0.01),
+    row("navigator", "goto_node", "how goals are sent: to the nodes of a topological map (goto_node), to Nav2 "
+        "(navigate_to_pose), or as poses without any answer (goal_pose: a stop is then only a pose where the "
+        "robot is)", choices=("goto_node", "navigate_to_pose", "goal_pose")),
+    row("action_name", "", "name of the navigation's action; empty for topological_navigation (goto_node) or "
+        "navigate_to_pose"),
+    row("action_type", "", "type of the navigation's action; empty for "
+        "topological_navigation_msgs/action/GotoNode (goto_node) or nav2_msgs/action/NavigateToPose"),
+    row("edge_actions", list(KNOWN_ACTIONS), "actions of edges that the navigation of goto_node knows: edges "
+        "with others are named in a warning; empty for no check"),
+    row("feedback_topic", "topological_navigation/feedback", "plain topic of the navigation's feedback"),
+    row("frame", "map", "frame of plan, markers, visits and records: east, north, up about the field's datum"),
+    row("navigation_frame", "", "frame of the navigation's map and goals; empty if it is the same as frame"),
+    row("navigation_datum", "field", "origin of the navigation's frame: field (the field's datum), "
+        "LAT,LON[,YAW] in degrees (YAW: its x axis, counter-clockwise from east), map (named in the "
+        "navigation's map), or robot (its datum service, else TF and fixes of a drive)"),
+    row("base_frame", "base_link", "frame of the robot's base in TF"),
+    row("frame_limit_m", 2.0, "largest distance between the robot's place by TF and by its fix; the robot must "
+        "not drive beyond it", "m", 0.1),
+    *ANTENNA,
+    of_setting("speed_mps", description="speed of the robot, to estimate times", low=0.01),
+    of_setting("stop_overhead_s"),
+    of_setting("turn_s_per_rad"),
+    of_setting("learn_travel", description="learn speed, turning time and time lost at stops from the legs "
+        "driven; the parameters are what is known before"),
+    of_setting("stop_cost_s"),
+    of_setting("metre_cost_s"),
+    row("arrival_radius_m", 3.0, "the robot is at a stop within this distance, and within half of that to the "
+        "nearest other node", "m", 0.01),
+    row("return_margin_s", 60.0, "reserve kept for the way home", "s", 0.0),
+    row("min_dwell_s", 10.0, "shortest time at a stop, whatever the dwell rule says, by default one record; "
+        "stops that leave less are skipped", "s", 0.0),
+    row("failures_to_pause", 5, "failures in a row after which the operator is asked", low=1),
+    row("silence_limit_s", 60.0, "time without a record of the stop that counts as silence", "s", 1.0),
+    row("on_silence", "wait", "what to do in silence", choices=tuple(OnSilence)),
+    row("autostart", False, "start the mission as soon as position, map and navigation are there"),
+    row("journal_dir", "", "folder of the mission's journal, to survive a crash; no journal if empty"),
+    row("resume", "ask", "what to do with an interrupted mission: wait for resume or abort, resume it, or "
+        "forget it", choices=("ask", "auto", "fresh")),
+    *WATCH_PARAMETERS,
+    row("respawn_limit_s", 0.0, "a planner that crashed less than this ago resumes by itself, unless the "
+        "mission was paused or crashes again and again; 0 to do as resume says", "s", 0.0),
+    row("exit_when_finished", False, "end the process with the mission, for simulations"),
+)  # fmt: skip
+
+CANCEL_LIMIT_S: Final = 10.0
+"""Time after which a robot that is not known to stand is asked again to stop [s]: a lost request costs no more."""
+RECORD_S: Final = 10.0
+"""Usual duration of a record [s]; one that is counted wholly at a stop may begin this long after the arrival."""
+
+
+def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
+    """Settings for the choice of stops.
+
+    :param field: the field
+    :raises InputError: if an earlier run or a covariate cannot be used, the dwell rule is invalid, the
+        strategy's solver is not installed, or the target is the moisture and there is no calibration
+    """
+    text, number = parameters.text, parameters.number
+    make_strategy(text("strategy"), text("preset"))
+    calibration = load_site(text("site")).curve if text("site") else None
+    return ExplorerSettings(
+        strategy=text("strategy"),
+        preset=text("preset"),
+        seed=parameters.whole("seed"),
+        dwell=parse_dwell(text("dwell")),
+        motion=RobotMotion(
+            number("speed_mps"),
+            number("stop_overhead_s"),
+            number("turn_s_per_rad"),
+            number("stop_cost_s"),
+            number("metre_cost_s"),
+        ),
+        curve=_required(calibration) if text("target") == "vwc" else None,
+        calibration=calibration,
+        learn_travel=parameters.flag("learn_travel"),
+        knowledge=_knowledge(parameters, field, calibration),
+        access=AccessRules(
+            robot_radius_m=number("robot_radius_m"),
+            beyond_m=number("beyond_m"),
+            outside=Outside(text("outside")),
+            entry_m=max(number("max_entry_m"), number("max_outside_m")),
+            by_name=text("navigator") == "goto_node",
+        ),
+    )
+
+
+def chosen_survey(parameters: Parameters, changes: Changes | None) -> tuple[Field, ExplorerSettings]:
+    """The field and the settings, with the field, earlier runs and covariates that an operator has chosen.
+
+    :raises InputError: as :func:`explorer_settings`, or if the field file cannot be used
+    """
+    chosen = changes.of_survey if changes is not None else {}
+    values = parameters.changed({name: one if isinstance(one, str) else list(one) for name, one in chosen.items()})
+    field = load_field(resource("fields", values.text("field")))
+    return field, explorer_settings(values, field)
+
+
+def _knowledge(parameters: Parameters, field: Field, calibration: MoistureCurve | None) -> Knowledge:
+    """What is known of the robot's own property: the earlier surveys and covariates that the mapper has, too."""
+    paths = parameters.texts("earlier")
+    sources = (*field.covariates, *map(CovariateSource.parse, parameters.texts("covariates")))
+    if not (paths or sources):
+        return NOTHING
+    target = Target(field.frame, field.grid(), FieldMapSettings(curve=calibration))
+    runs = read_earlier_runs(paths, target) if paths else ()
+    return Knowledge(tuple(run.survey for run in runs), read_covariates(sources, field.frame, target.grid))
+
+
+def make_team(parameters: Parameters) -> Team:
+    """The other robots on the field.
+
+    Two robots touch when their centres are two radii apart. The places of both are known to some 0.3 m with
+    corrections, so 1 m is three standard deviations of their distance, rounded up. 2 m is for robots whose radius
+    is not given.
+    """
+    number = parameters.number
+    apart_m = number("keep_apart_m") or max(2.0, 2 * number("robot_radius_m") + 1.0)
+    return Team(apart_m, number("other_silent_s"))
+
+
+def _required(calibration: MoistureCurve | None) -> MoistureCurve:
+    if calibration is None:
+        raise InputError("target is vwc, but there is no calibration", "give a calibrated site file as site")
+    return calibration
+
+
+def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop | None = None) -> MissionRules:
+    """Rules of the mission.
+
+    :param parameters: values of :data:`PARAMETERS`
+    :param settings: settings for the choice of stops
+    :param home: stop to return to
+    """
+    number = parameters.number
+    recommended = settings.preset == "recommended"
+    return MissionRules(
+        budget_s=number("hours") * 3600,
+        dwell=settings.dwell,
+        home=home,
+        warm_up_stops=settings.warm_up_stops,
+        min_dwell_s=number("min_dwell_s"),
+        min_last_dwell_s=number("min_dwell_s") + RECORD_S if recommended else PUBLISHED_MIN_LAST_DWELL_S,
+        stays=recommended,
+        speed_mps=settings.motion.speed_mps,
+        stop_overhead_s=settings.motion.stop_overhead_s,
+        arrival_radius_m=number("arrival_radius_m"),
+        return_margin_s=number("return_margin_s"),
+        cancel_limit_s=CANCEL_LIMIT_S,
+        failures_to_pause=parameters.whole("failures_to_pause"),
+        silence_limit_s=number("silence_limit_s"),
+        on_silence=OnSilence(parameters.text("on_silence")),
+        until_sd=number("until_sd"),
+        until_gain=number("until_gain"),
+    )
+
+
+def make_watch(parameters: Parameters) -> Watch:
+    """The watch of a planner.
+
+    :param parameters: values of :data:`WATCH_PARAMETERS`, ``speed_mps`` and ``navigator``
+    :raises InputError: if limits contradict each other
+    """
+    number, usual_mps = parameters.number, parameters.number("speed_mps")
+    speed_mps = number("max_speed_mps") or max(_PLACE.max_speed_mps, _FASTER * usual_mps)
+    if speed_mps <= usual_mps:
+        raise InputError(
+            f"max_speed_mps is {speed_mps:g}, but the robot drives at speed_mps = {usual_mps:g}",
+            "set max_speed_mps above speed_mps, or to 0",
+        )
+    place = PlaceLimits(
+        max_jump_m=number("max_jump_m"),
+        max_speed_mps=speed_mps,
+        max_sd_m=number("max_fix_sd_m"),
+        agree_fixes=parameters.whole("agree_fixes"),
+        max_gap_s=number("fix_old_s"),
+    )
+    values: dict[str, Any] = {name: number(name) for name in LIMITS}
+    if values["fix_frozen_s"] and parameters.text("navigator") == "goal_pose":
+        values["fix_frozen_s"] = max(values["fix_frozen_s"], POSES_FROZEN_S)
+    try:
+        limits = WatchLimits(
+            place=place,
+            stamps=stamp_limits(parameters),
+            **values,
+        )
+    except ValueError as error:
+        raise InputError(str(error), "correct the parameters") from None
+    return Watch(limits, {cause: Response(parameters.text(failsafe_name(cause))) for cause in Cause})

@@ -1,0 +1,145 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Topics: quality of service with the reason for each profile, types found at run time, nodes without executor."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from typing import Any, Final
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from soilmoist_ros.foundation import listing
+from soilmoist_ros.recording import Qos, Request
+
+
+def _profile(depth: int, latched: bool = False, reliable: bool = True) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+RECORDS: Final = _profile(100)
+"""Records: none may be lost, even if a receiver is busy for a quarter of an hour."""
+SENSOR: Final = _profile(5, reliable=False)
+"""Fixes and weather: only the latest matters, and drivers of other makers use this profile."""
+LATCHED: Final = _profile(1, latched=True)
+"""Maps, plans and states: a late receiver gets the last one."""
+VISITS: Final = _profile(100, latched=True)
+"""Visits: a late receiver gets the visits of the last hours."""
+DEFAULT: Final = _profile(10)
+"""``/diagnostics`` and goal poses: other tools expect this profile."""
+TF: Final = _profile(100)
+"""``/tf``: the profile of tf2; several nodes publish parts of the tree at high rates."""
+TF_STATIC: Final = _profile(100, latched=True)
+"""``/tf_static``: each publisher sends its transforms once."""
+CLOCK: Final = _profile(1, reliable=False)
+"""Simulated time: only the latest matters."""
+NO_EVENTS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""For subscriptions whose publishers may offer less: no warning, and none of the callbacks with which the executor
+may crash when the subscription is destroyed."""
+
+
+# Types of interfaces: of the publishers of a topic, and those that are imported at run time ---------------------
+
+
+def interface_class(name: str) -> Any:
+    """Class of a message, service or action that may not be installed, ready for use.
+
+    Its C library, which Python's class needs, is loaded here: rclpy would do so later, with another exception.
+
+    :param name: type as in ``nav2_msgs/action/NavigateToPose``
+    :raises ImportError: if it cannot be used, with the reason
+    """
+    package, folder, kind = name.split("/")
+    try:
+        found = getattr(importlib.import_module(f"{package}.{folder}"), kind)
+    except AttributeError:
+        raise ImportError(f"{package} has no {folder} {kind!r}") from None
+    meta = type(found)
+    try:
+        if meta._TYPE_SUPPORT is None:
+            meta.__import_type_support__()
+        if meta._TYPE_SUPPORT is None:
+            raise ImportError("Python's class is there, the C library is not")
+    except Exception as error:  # rosidl's own, or that of a library of another version
+        raise ImportError(f"its type support cannot be loaded: {error}") from None
+    return found
+
+
+def other_type(node: Node, topic: str, expected: str) -> str:
+    """Reason for which a subscription hears nothing, another type or name; empty if a publisher sends the type.
+
+    :param topic: name of the topic, as in the subscription
+    :param expected: type as in ``sensor_msgs/msg/NavSatFix``
+    """
+    sent = {one.topic_type for one in node.get_publishers_info_by_topic(topic)}
+    if sent:
+        return "" if expected in sent else f"the topic {topic} has {', '.join(sorted(sent))}, not {expected}"
+    offered = [name for name, kinds in node.get_topic_names_and_types() if expected in kinds]
+    elsewhere = sorted(name for name in offered if node.count_publishers(name))
+    here = node.resolve_topic_name(topic)
+    return f"nobody publishes {here}, but {expected} is on {listing(elsewhere)}" if elsewhere else ""
+
+
+# Quality of service of publishers <-> what a recorder stores and requests ---------------------------------------
+
+_KEEP: Final = 100
+"""Depth of a publisher if the recorded depth is unknown."""
+
+
+def offered_qos(profile: QoSProfile) -> Qos:
+    """The offer of a publisher, in the terms of rosbag2."""
+    return Qos(
+        profile.history.name.lower(),
+        int(profile.depth),
+        profile.reliability.name.lower(),
+        profile.durability.name.lower(),
+        profile.deadline.nanoseconds,
+        profile.lifespan.nanoseconds,
+        profile.liveliness.name.lower(),
+        profile.liveliness_lease_duration.nanoseconds,
+    )
+
+
+def requested_qos(request: Request) -> QoSProfile:
+    """Profile of a subscription."""
+    return _profile(request.depth, request.latched, request.reliable)
+
+
+def published_qos(recorded: Sequence[Qos]) -> QoSProfile:
+    """Profile of a publisher that serves all subscriptions of the recorded publishers.
+
+    :param recorded: offer of each publisher; reliable if empty
+    """
+    latched = any(qos.durability == "transient_local" for qos in recorded)
+    reliable = latched or not recorded or any(qos.reliability != "best_effort" for qos in recorded)
+    # Fast DDS hides the depth of other publishers. A late subscription needs a latched topic's last message.
+    depth = max((qos.depth for qos in recorded), default=0) or (1 if latched else _KEEP)
+    return _profile(depth, latched, reliable)
+
+
+# Nodes without an executor --------------------------------------------------------------------------------------
+
+
+def quiet_node(node: Node, suffix: str) -> Node:
+    """A node whose messages are taken when it suits, instead of one by one as they come.
+
+    :param node: node of the same context and namespace
+    :param suffix: end of its name, after that of the other node
+    """
+    # Without global arguments, a new name for the other node does not rename this node as well.
+    return Node(
+        f"{node.get_name()}_{suffix}",
+        context=node.context,
+        namespace=node.get_namespace(),
+        use_global_arguments=False,
+        start_parameter_services=False,
+        enable_rosout=False,
+    )

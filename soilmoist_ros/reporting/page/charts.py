@@ -1,0 +1,445 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Charts of a page: marks in an SVG that stretches with the page, labels as text that does not.
+
+Lines keep their width (``vector-effect``) and dots stay round (lines of length 0 with round caps), so one SVG fits
+a phone, a wide screen and paper without a script.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soilmoist_ros.pipeline import EARLIEST_STAMP_S, MapRun
+from soilmoist_ros.reporting.moisture_steps import MoistureSeries, interrupted
+from soilmoist_ros.reporting.page.numbers import duration, number, percent
+from soilmoist_ros.reporting.page.statistics import LeaveOneOut
+from soilmoist_ros.sensing import CountRecord
+from soilmoist_ros.simulation import TimedForecast, reported
+
+Array = NDArray[np.float64]
+Colour = Literal["ink", "soft", "line", "orange", "purple", "green"]
+Limits = tuple[float, float]
+
+BOX = 1000
+"""Width and height of the SVG in its own units."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A line; NaN interrupts it."""
+
+    x: ArrayLike
+    y: ArrayLike
+    colour: Colour = "line"
+    name: str = ""
+    dashed: bool = False
+    width_px: float = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Dots:
+    """Dots of one size or of a size each; ``error`` draws bars of that half length."""
+
+    x: ArrayLike
+    y: ArrayLike
+    colour: Colour = "line"
+    name: str = ""
+    size_px: ArrayLike = 6.0
+    hollow: bool = False
+    error: ArrayLike | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Area:
+    """A band between two lines; NaN interrupts it. Bars of a histogram are an area above 0 with steps."""
+
+    x: ArrayLike
+    low: ArrayLike
+    high: ArrayLike
+    colour: Colour = "line"
+    name: str = ""
+
+
+Mark = Line | Dots | Area
+
+
+@dataclass(frozen=True)
+class Path:
+    """One SVG path: its data, its class and its width in pixels."""
+
+    d: str
+    css: str
+    width_px: float = 0.0
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A label of an axis.
+
+    :param percent: position along the axis [%]
+    :param text: label
+    :param minor: hidden on narrow screens
+    """
+
+    percent: float
+    text: str
+    minor: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """A chart with its texts.
+
+    :param key: anchor in the page
+    :param title: heading
+    :param alt: description in words, for readers who cannot see it
+    :param marks: what is drawn, in order
+    :param x: limits of the horizontal axis
+    :param y: limits of the vertical axis
+    :param x_label: quantity and unit
+    :param y_label: quantity and unit
+    :param caption: what to see in it
+    :param height_px: height of the plot
+    :param x_ticks: labels of the horizontal axis as (value, text); made from the limits by default
+    :param y_ticks: labels of the vertical axis, likewise
+    :param top_ticks: labels above the plot as (value of x, text)
+    """
+
+    key: str
+    title: str
+    alt: str
+    marks: Sequence[Mark]
+    x: Limits
+    y: Limits
+    x_label: str
+    y_label: str
+    caption: str = ""
+    height_px: int = 260
+    x_ticks: Sequence[tuple[float, str]] | None = None
+    y_ticks: Sequence[tuple[float, str]] | None = None
+    top_ticks: Sequence[tuple[float, str]] = ()
+
+    @property
+    def paths(self) -> list[Path]:
+        """The marks as SVG paths."""
+        return [path for mark in self.marks for path in self._paths(mark)]
+
+    @property
+    def names(self) -> list[tuple[str, str]]:
+        """(class, name) of each mark with a name, for the legend."""
+        return [(_key_class(mark), mark.name) for mark in self.marks if mark.name]
+
+    @property
+    def across(self) -> list[Tick]:
+        """Labels of the horizontal axis; every second one is minor where there are many."""
+        ticks = self._ticks(self.x_ticks, self.x, 6)
+        return [Tick(t.percent, t.text, len(ticks) > 5 and i % 2 == 1) for i, t in enumerate(ticks)]
+
+    @property
+    def up(self) -> list[Tick]:
+        """Labels of the vertical axis."""
+        return self._ticks(self.y_ticks, self.y, 5)
+
+    @property
+    def top(self) -> list[Tick]:
+        """Labels above the plot; two of three are minor where there are many."""
+        ticks = self._ticks(self.top_ticks, self.x, 0)
+        return [Tick(t.percent, t.text, len(ticks) > 6 and i % 3 > 0) for i, t in enumerate(ticks)]
+
+    def _ticks(self, given: Sequence[tuple[float, str]] | None, limits: Limits, count: int) -> list[Tick]:
+        low, high = limits
+        return [
+            Tick(round(100 * (value - low) / (high - low), 2), text)
+            for value, text in (round_ticks(low, high, count) if given is None else given)
+            if low <= value <= high
+        ]
+
+    def _paths(self, mark: Mark) -> Iterator[Path]:
+        if isinstance(mark, Line):
+            dash = " dash" if mark.dashed else ""
+            yield Path(self._line(mark.x, mark.y), f"s-{mark.colour}{dash}", mark.width_px)
+        elif isinstance(mark, Area):
+            edges = np.hstack([self._points(mark.x, mark.high), self._points(mark.x, mark.low)])
+            pieces = (np.vstack([piece[:, :2], piece[::-1, 2:]]) for piece in _pieces(edges))
+            if d := "".join(f"{_joined(piece)}Z" for piece in pieces):
+                yield Path(d, f"f-{mark.colour}")
+        else:
+            yield from self._dots(mark)
+
+    def _dots(self, mark: Dots) -> Iterator[Path]:
+        points = self._points(mark.x, mark.y)
+        if mark.error is not None:
+            y, error = np.asarray(mark.y, float), np.asarray(mark.error, float)
+            low, high = self._points(mark.x, y - error), self._points(mark.x, y + error)
+            bars = (f"M{_xy(a)}L{_xy(b)}" for a, b in zip(low, high, strict=True))
+            yield Path("".join(bars), "s-faint", 1.0)
+        sizes = np.broadcast_to(np.asarray(mark.size_px, float), len(points))
+        for size in np.unique(np.round(sizes, 1)):
+            chosen = (np.round(sizes, 1) == size) & np.isfinite(points).all(axis=1)
+            d = "".join(f"M{_xy(p)}h0" for p in points[chosen])
+            yield Path(d, f"s-{mark.colour} dot", float(size))
+            if mark.hollow:
+                yield Path(d, "s-mark dot", float(size) - 3)
+
+    def _points(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Points in the SVG's units, shape (n, 2); far outside they are cut, which changes nothing visible."""
+        across = (np.asarray(x, float) - self.x[0]) / (self.x[1] - self.x[0])
+        up = (np.asarray(y, float) - self.y[0]) / (self.y[1] - self.y[0])
+        return np.clip(BOX * np.column_stack([across, 1 - up]), -9 * BOX, 10 * BOX)
+
+    def _line(self, x: ArrayLike, y: ArrayLike) -> str:
+        return "".join(_joined(piece) for piece in _pieces(self._points(x, y)))
+
+
+def _key_class(mark: Mark) -> str:
+    if isinstance(mark, Line):
+        return f"k-line b-{mark.colour}{' dash' if mark.dashed else ''}"
+    if isinstance(mark, Area):
+        return f"k-area b-{mark.colour}"
+    return f"k-dot b-{mark.colour}{' hollow' if mark.hollow else ''}"
+
+
+def _pieces(points: Array) -> Iterator[Array]:
+    """Runs of points between NaN."""
+    good = np.isfinite(points).all(axis=1)
+    for piece in np.split(points, np.flatnonzero(~good)):
+        if len(found := piece[np.isfinite(piece).all(axis=1)]):
+            yield found
+
+
+def _joined(points: Array) -> str:
+    return "M" + "L".join(_xy(point) for point in points)
+
+
+def _xy(point: Array) -> str:
+    return f"{point[0]:.1f} {point[1]:.1f}"
+
+
+def round_ticks(low: float, high: float, count: int) -> list[tuple[float, str]]:
+    """About ``count`` round values between the limits, as (value, text)."""
+    step = round_step((high - low) / max(count, 1))
+    digits = max(0, -math.floor(math.log10(step) + 1e-9))
+    first = math.ceil(low / step - 1e-9)
+    values = [i * step for i in range(first, math.floor(high / step + 1e-9) + 1)]
+    return [(value, f"{value:.{digits}f}".replace("-", "\u2212")) for value in values]
+
+
+def round_step(least: float) -> float:
+    """The smallest 1, 2 or 5 times a power of ten that is not below ``least`` (> 0)."""
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= least * (1 - 1e-9))
+
+
+def limits_of(*values: ArrayLike, margin: float = 0.06, zero: bool = False) -> Limits:
+    """Limits around all finite values, with a margin; ``zero`` includes 0."""
+    parts = [np.asarray(value, float).ravel() for value in values]
+    finite = np.concatenate([part[np.isfinite(part)] for part in parts]) if parts else np.empty(0)
+    if not finite.size:
+        return 0.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    if zero:
+        low, high = min(low, 0.0), max(high, 0.0)
+    flat = high - low <= 1e-6 * max(abs(low), abs(high))
+    gap = 0.05 * max(abs(high), 1e-3) if flat else margin * (high - low)
+    return (low if zero and low == 0 else low - gap), high + gap
+
+
+# Charts of a survey: distribution, rate and factors over time, cross-validation ---------------------------------
+
+
+MAX_BINS = 240
+MAX_POINTS = 1500
+MAX_STEPS = 10
+"""Longest step of a line, in usual ones; longer ones are gaps."""
+TIME_STEPS_S = (10, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400)
+
+
+def histogram_chart(run: MapRun) -> Chart:
+    """Histograms of the rate: cells of the map and samples."""
+    soil_map = run.soil_map
+    rate = soil_map.rate[soil_map.grid.mask & np.isfinite(soil_map.rate)]
+    sampled = np.asarray(soil_map.samples.rate_cps, float)
+    x = limits_of(rate, sampled, margin=0.02)
+    edges = np.linspace(*x, 26)
+    of_map, of_samples = (100 * np.histogram(v, edges)[0] / max(len(v), 1) for v in (rate, sampled))
+    steps = np.repeat(edges, 2)[1:-1]
+    return Chart(
+        "histogram", "Distribution", "Histograms of the count rate of the map and of the samples",
+        [
+            Area(steps, np.zeros(len(steps)), np.repeat(of_map, 2), "line", "cells of the map"),
+            Line(steps, np.repeat(of_samples, 2), "ink", "samples, counting noise included", width_px=1.5),
+        ],
+        x, (0.0, 1.08 * float(max(of_map.max(), of_samples.max()))), "Corrected neutron count rate [counts/s]",
+        "Share [%]",
+        "The samples carry counting noise and stand only where the sensor was; the map is smoother and covers the "
+        "field.",
+    )  # fmt: skip
+
+
+def rate_chart(track: Sequence[CountRecord]) -> Chart:
+    """Corrected rate over time; the band is one standard deviation of the counting noise."""
+    time, counts, exposure, width_s = binned(track)
+    rate, sd = counts / exposure, np.sqrt(np.maximum(counts, 1)) / exposure
+    time, rate, sd = _without_gaps(time, rate, sd)
+    name = "each record" if not width_s else f"records added up over {duration(width_s)}"
+    x, ticks, label = time_axis(time)
+    return Chart(
+        "rate-series", "Rate over time", "Corrected count rate over time",
+        [Area(time, rate - sd, rate + sd, "line", "± 1 sd of counting"), Line(time, rate, "line", name)],
+        x, limits_of(rate - sd, rate + sd), label, "Corrected rate [counts/s]",
+        "Changes beyond the band are real: other soil below the sensor, or a fault.", x_ticks=ticks,
+    )  # fmt: skip
+
+
+def moisture_chart(series: MoistureSeries) -> Chart:
+    """Soil moisture of one place over time; the band is the 90 % interval."""
+    bands = (100 * values for values in (series.bands.vwc_p05, series.bands.vwc, series.bands.vwc_p95))
+    middle_s, low, vwc, high = interrupted(series.begin_s + series.step_s / 2, 1.5 * series.step_s, *bands)
+    x, ticks, label = time_axis(middle_s)
+    name = f"mean of {duration(series.step_s)}"
+    return Chart(
+        "moisture-series", "Soil moisture over time", "Soil moisture over time with its 90 % interval",
+        [Area(middle_s, low, high, "line", "90 % interval"), Line(middle_s, vwc, "line", name)],
+        x, limits_of(low, high), label, "Soil moisture [% by volume]",
+        "Records added up in steps of time. The band holds the true moisture nine times in ten; the uncertainty "
+        "of the calibration, where it is known, shifts all values together.", x_ticks=ticks,
+    )  # fmt: skip
+
+
+def _without_gaps(time_s: Array, *values: Array) -> tuple[Array, ...]:
+    """Times and values, interrupted where a step is much longer than usual."""
+    steps_s = np.diff(time_s)
+    return interrupted(time_s, MAX_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0, *values)
+
+
+def factor_chart(track: Sequence[CountRecord]) -> Chart:
+    """The correction factors over time."""
+    shown = track[:: max(1, -(-len(track) // MAX_POINTS))]
+    factors = (
+        np.array([getattr(record, name) for record in shown])
+        for name in ("f_pressure", "f_humidity", "f_intensity")
+    )
+    time, pressure, humidity, intensity = _without_gaps(np.array([record.stamp_s for record in shown]), *factors)
+    product = pressure * humidity * intensity
+    low, high = limits_of(pressure, humidity, intensity, product)
+    away = max(0.005 - (high - low) / 2, 0.0)
+    x, ticks, label = time_axis(time)
+    return Chart(
+        "factors", "Correction factors over time", "Correction factors over time",
+        [
+            Line(time, product, "ink", "product", width_px=2.5),
+            Line(time, pressure, "line", "pressure"),
+            Line(time, humidity, "green", "humidity"),
+            Line(time, intensity, "purple", "incoming neutrons", dashed=True),
+        ],
+        x, (low - away, high + away), label, "Correction factor [-]",
+        "The factors that the raw counts are multiplied with.", x_ticks=ticks,
+    )  # fmt: skip
+
+
+def cross_validation_chart(loo: LeaveOneOut) -> Chart:
+    """Observed rates against leave-one-out predictions, with one standard deviation of the difference."""
+    ends = limits_of(loo.observed - loo.sd, loo.observed + loo.sd, loo.predicted, margin=0.03)
+    few = len(loo.observed) <= 120
+    return Chart(
+        "validation", "Cross-validation", "Observed against predicted rate of each sample",
+        [
+            Line(ends, ends, "soft", "prediction = observation", width_px=1.2),
+            Dots(loo.predicted, loo.observed, "line", "samples" + (", ± 1 sd" if few else ""),
+                 6 if few else 4, error=loo.sd if few else None),
+        ],
+        ends, ends, "Predicted without the sample [counts/s]", "Observed [counts/s]",
+        f"Each sample predicted from all others. {percent(loo.coverage95)} of the {len(loo.observed)} samples lie "
+        f"in their 95 % interval; errors are {loo.standardised_sd:.2f} times as large as stated (1 is right); "
+        f"root mean square error {number(loo.rmse)} counts/s, counting noise included.",
+        340,
+    )  # fmt: skip
+
+
+def binned(track: Sequence[CountRecord]) -> tuple[Array, Array, Array, float]:
+    """Time [s], counts and effective exposure [s] of the records, and the bin width [s].
+
+    Few records are returned one by one (width 0). Many are summed in bins of equal length, which is exact for
+    counts. A bin without records is NaN and interrupts the line.
+    """
+    time = np.array([r.stamp_s for r in track])
+    counts = np.array([r.raw_counts for r in track], float)
+    exposure = np.array([r.effective_exposure_s for r in track])
+    if len(track) <= MAX_BINS:
+        return time, counts, exposure, 0.0
+    span = float(np.ptp(time)) / MAX_BINS
+    width = float(next((step for step in TIME_STEPS_S if step >= span), 86400 * math.ceil(span / 86400)))
+    index = ((time - time.min()) // width).astype(int)
+    total = np.bincount(index, exposure).astype(float)
+    total[total == 0] = np.nan
+    middle = np.asarray(time.min() + width * (np.arange(len(total)) + 0.5), float)
+    return middle, np.bincount(index, counts).astype(float), total, width
+
+
+def time_axis(time_s: ArrayLike) -> tuple[Limits, list[tuple[float, str]], str]:
+    """Limits, labels and name of an axis of stamps: clock times, or minutes where the clock has no date."""
+    time = np.asarray(time_s, float)
+    low, high = float(time.min()), float(time.max())
+    span = high - low or 1.0
+    step = next((s for s in TIME_STEPS_S if span / s <= 6), 86400 * math.ceil(span / 6 / 86400))
+    values = [step * i for i in range(math.ceil(low / step), math.floor(high / step) + 1)]
+    if low < EARLIEST_STAMP_S:
+        return (low, low + span), [(v, f"{v / 60:g}") for v in values], "Time [min]"
+    days = step >= 86400
+    first, last = (datetime.fromtimestamp(v, UTC) for v in (low, high))
+    form = "%H:%M" if not days else "%d %b" if first.year == last.year else "%Y-%m-%d"
+    ticks = [(float(v), f"{datetime.fromtimestamp(v, UTC):{form}}") for v in values]
+    name = f"Time (UTC), from {first.day} {first:%B %Y}"
+    if days:
+        name = f"Day of {first:%Y}" if first.year == last.year else "Day"
+    return (low, low + span), ticks, name
+
+
+# Chart of the map's standard deviation against mission time, as forecast and as reached -------------------------
+
+
+_SHOWN = (0.0, 0.25, 0.5)
+_COLOURS: tuple[Colour, ...] = ("soft", "orange", "purple")
+_HEADROOM = 4.0
+
+
+def forecast_chart(forecasts: Sequence[TimedForecast], planned_s: float) -> Chart | None:
+    """The chart; ``None`` with fewer than two maps.
+
+    :param forecasts: forecasts of a mission in order of time
+    :param planned_s: planned mission time [s]
+    """
+    known = [one for one in forecasts if not one.forecast.is_guess]
+    if len(known) < 2:
+        return None
+    hours = np.array([one.time_s for one in known]) / 3600
+    sd = 100 * np.array([one.forecast.sd for one in known])
+    top = min(float(sd.max()), _HEADROOM * float(sd[-1])) * 1.05
+    marks: list[Mark] = []
+    names = {0.0: "forecast at the start", 0.25: "forecast after a quarter", 0.5: "forecast after half"}
+    made = [(share, one) for share, one in reported(forecasts, planned_s) if share in _SHOWN]
+    for (share, one), colour in zip(made, _COLOURS, strict=False):
+        x = (one.time_s + np.array([0.0, *one.forecast.times_s])) / 3600
+        y = 100 * np.array([one.forecast.sd, *one.forecast.sds])
+        factor = np.array([1.0, *one.forecast.factors])
+        if share:
+            marks.append(Area(x, y / factor, np.minimum(y * factor, top), colour))
+        marks.append(Line(x, np.where(y <= top, y, np.nan), colour, names[share], dashed=True))
+    marks.append(Line(hours, np.where(sd <= top, sd, np.nan), name="reached"))
+    end_h = max(float(hours[-1]), planned_s / 3600)
+    moisture = known[-1].forecast.moisture
+    what = "moisture" if moisture else "rate"
+    return Chart(
+        "course-sd", "Standard deviation of the map", "Standard deviation of the map against mission time, as "
+        "forecast and as reached", marks, (0.0, end_h), (0.0, top), "Mission time [h]",
+        f"Standard deviation of the {what} [{'% by volume' if moisture else '% of the mean'}]",
+        "Root of the mean variance of the map. In four of five missions it ends within the band of a forecast.",
+    )  # fmt: skip

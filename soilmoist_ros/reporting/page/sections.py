@@ -1,0 +1,291 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Sections of a report on earlier surveys and on the mission."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from soilmoist_ros.exploration import Visit, polyline_length_m
+from soilmoist_ros.mapping import FALSE_SHARE, Estimate, possible_moisture
+from soilmoist_ros.pipeline import EarlierRun, MapRun, RunChange
+from soilmoist_ros.reporting.page import numbers
+from soilmoist_ros.reporting.page.charts import Chart, Dots, Line, forecast_chart, limits_of
+from soilmoist_ros.reporting.page.numbers import duration, dwell_text, length, number, percent, strategy_text
+from soilmoist_ros.simulation import MissionResult, SeriesRow, forecast_text, mission_efficiency, series_columns
+
+
+@dataclass(frozen=True)
+class EarlierRow:
+    """A row of the table of earlier surveys.
+
+    :param name: name of the survey
+    :param date: its day; empty for a clock without a date
+    :param records: number of records used
+    :param samples: number of samples
+    :param relation: correlation of its pattern with that of the present survey; empty if unknown
+    :param change: change of the field's mean since then; empty if unknown
+    :param remarks: what the user should know
+    """
+
+    name: str
+    date: str
+    records: int
+    samples: int
+    relation: str
+    change: str
+    remarks: str
+
+
+@dataclass(frozen=True)
+class EarlierPart:
+    """The part of the report.
+
+    :param text: sentences on what the surveys contributed
+    :param change: sentences on what has changed; empty if it is not known
+    :param rows: the earlier surveys in order of time
+    """
+
+    text: str
+    change: str
+    rows: tuple[EarlierRow, ...]
+
+
+def earlier_part(run: MapRun) -> EarlierPart | None:
+    """The part of the report on earlier surveys; ``None`` without any."""
+    if not run.earlier:
+        return None
+    found, related = run.change, relations(run)
+    rows = tuple(
+        EarlierRow(
+            one.survey.name,
+            one.date or "no date",
+            len(one.records),
+            len(one.survey.samples),
+            f"{related[one.survey.name]:.2f}" if one.survey.name in related else "",
+            _since(run, one.survey.name),
+            " ".join(one.remarks),
+        )
+        for one in run.earlier
+    )
+    if found is None:
+        return EarlierPart("The counts of earlier surveys inform this map.", "", rows)
+    return EarlierPart(contribution(found), change_text(found), rows)
+
+
+def relations(run: MapRun) -> dict[str, float]:
+    """Correlation of the pattern of each earlier survey with that of the present one, as the map has it."""
+    fit = run.soil_map.fit
+    if fit is None or fit.prior is None:
+        return {}
+    return {one.name: one.correlation for one in fit.prior.relations}
+
+
+def contribution(found: RunChange) -> str:
+    """What the earlier surveys contributed, in sentences."""
+    share = 1 - found.sd / found.sd_alone if found.sd_alone > 0 else 0.0
+    persistence = found.persistence
+    fades = ""
+    if persistence.decay_days < 1e6:
+        fades = f" It falls to a third in {numbers.number(persistence.decay_days, 2)} days."
+    gain = (
+        f"They lower the standard deviation of the smooth rate from {numbers.number(found.sd_alone, 2)} to "
+        f"{numbers.number(found.sd, 2)} counts/s, by {numbers.percent(share)}."
+    )
+    return (
+        "The counts of earlier surveys inform this map. The patterns of two surveys of this field have a "
+        f"correlation of {persistence.share:.2f} ± {persistence.sd:.2f}.{fades} {gain}"
+    )
+
+
+def change_text(found: RunChange) -> str:
+    """What has changed since the latest earlier survey, in sentences."""
+    drier, wetter = found.change.shares
+    kind = "rate" if found.change.mean_vwc is None else "moisture"
+    mean = found.change.mean_vwc or found.change.mean_rate
+    low, high = mean.interval95
+    seen = (
+        f"the mean {kind} has changed by" if low > 0 or high < 0 else f"no change of the mean {kind} can be seen:"
+    )
+    amount = f"{seen} {change_amount(found)}"
+    since = change_since(found)
+    return (
+        f"{since[:1].upper()}{since[1:]}, {amount}. {numbers.percent(wetter)} of the field has become wetter "
+        f"and {numbers.percent(drier)} drier significantly: of the cells called changed, "
+        f"{numbers.percent(FALSE_SHARE)} at most are expected not to be. The uncertainty is that of both surveys "
+        "together."
+    )
+
+
+def change_summary(found: RunChange) -> str:
+    """What has changed since the latest earlier survey, in one line."""
+    drier, wetter = found.change.shares
+    return (
+        f"{change_since(found)}: mean {change_amount(found)}, "
+        f"{100 * wetter:.0f} % of the field significantly wetter, {100 * drier:.0f} % drier"
+    )
+
+
+def change_amount(found: RunChange) -> str:
+    """Change of the field's mean with its 95 % interval: of the moisture, or of the rate without a calibration."""
+    mean = found.change.mean_vwc
+    if mean is None:
+        return _rate(found.change.mean_rate)
+    value, low, high = (round(100 * value, 1) + 0.0 for value in (mean.value, *mean.interval95))
+    return f"{value:+.1f} % by volume ({low:+.1f} to {high:+.1f})"
+
+
+def change_since(found: RunChange) -> str:
+    """What a change compares with."""
+    return f"{'compared with the later survey' if found.backwards else 'since the survey'} {dated(found.since)}"
+
+
+def dated(run: EarlierRun) -> str:
+    """Name of an earlier survey, with its day if known."""
+    return f"{run.survey.name}{f' of {run.date}' if run.date else ''}"
+
+
+def _since(run: MapRun, name: str) -> str:
+    """Change of the mean since a survey: of the rate, or of the moisture that the mean rate means."""
+    change = None if run.change is None else run.change.means.get(name)
+    curve = run.soil_map.curve
+    if change is None or curve is None:
+        return "" if change is None else _rate(change)
+    if run.change is not None and run.change.since.survey.name == name:
+        return f"{change_amount(run.change)} [{change.value:+.3f} counts/s]"
+    now = float(np.nanmean(run.soil_map.rate))
+    then = now - np.array([change.value, *change.interval95])
+    value, high, low = (100 * (possible_moisture(curve, now) - possible_moisture(curve, then))).tolist()
+    return f"{value:+.1f} % by volume ({low:+.1f} to {high:+.1f}) [{change.value:+.3f} counts/s]"
+
+
+def _rate(change: Estimate) -> str:
+    low, high = change.interval95
+    return f"{change.value:+.3f} counts/s ({low:+.3f} to {high:+.3f})"
+
+
+# Report section of the mission: its course over time and its stops ----------------------------------------------
+
+MAX_VISITS = 100
+MAX_LINES = 1000
+
+
+@dataclass(frozen=True)
+class MissionPart:
+    """The content of the section.
+
+    :param text: the course of the mission in sentences
+    :param charts: its course over time
+    :param visits: the first stops
+    :param hidden: number of stops missing from the table
+    :param several: whether there are several robots
+    :param log: lines of the mission log: what happened when, and what operators did
+    """
+
+    text: str
+    charts: tuple[Chart, ...]
+    visits: tuple[Visit, ...]
+    hidden: int
+    several: bool = False
+    log: tuple[str, ...] = ()
+
+
+def mission_part(run: MapRun) -> MissionPart | None:
+    """The section; ``None`` without a mission."""
+    mission = run.mission
+    if mission is None:
+        return None
+    has_truth = bool(np.isfinite(mission.truth_rate).any())
+    charts = tuple(course_charts(mission.series, has_truth)) if mission.series else ()
+    if (forecasts := forecast_chart(mission.forecasts, 3600 * mission.settings.hours)) is not None:
+        charts = (*charts, forecasts)
+    shown = tuple(mission.visits[:MAX_VISITS])
+    hidden = len(mission.visits) - len(shown)
+    several = len(mission.tracks) > 1
+    return MissionPart(_text(mission), charts, shown, hidden, several, tuple(mission.log[:MAX_LINES]))
+
+
+def _text(mission: MissionResult) -> str:
+    settings, named, sentences = mission.settings, mission.settings.as_dict(), []
+    sentences.append(
+        f"Strategy {strategy_text(named['strategy'])}, dwell rule {dwell_text(named['dwell'])}, "
+        f"{settings.hours:g} h, seed {settings.seed}: {len(mission.visits)} measurements"
+    )
+    if mission.series:
+        end = mission.series[-1]
+        value, unit = length(end.distance_m)
+        sentences[0] += f" in {duration(end.time_s)} and on {value} {unit}"
+        if end.time_s > 0:
+            share = end.counting_s / (end.time_s * settings.robots)
+            sentences[0] += f", {percent(share)} of the time spent counting"
+        if settings.robots > 1:
+            ways = [polyline_length_m(track) for track in mission.tracks]
+            each = ", ".join(" ".join(length(way_m)) for way_m in ways)
+            sentences.append(f"There were {settings.robots} robots, which drove {each}")
+        if np.isfinite(end.mse):
+            sentences.append(
+                f"At the end the map has a mean squared error of {number(end.mse)} (counts/s)², which is "
+                f"{number(end.mse_10s)} (counts/10 s)²"
+            )
+            if np.isfinite(end.vwc_rmse):
+                sentences[-1] += f", and a root mean squared error of {number(100 * end.vwc_rmse, 2)} % by volume"
+            sentences[-1] += f"; the truth lies in the 95 % interval on {percent(end.coverage95)} of the field"
+    for index, mapped in enumerate(mission.properties[1:], start=1):
+        planned = f"planned for with the weight {mapped.weight:g}" if mapped.weight else "not planned for"
+        sentences.append(f"A further property ({mapped.title}) was mapped, {planned}")
+        if mission.series and np.isfinite((errors := mission.series[-1].errors[index]).mse):
+            sentences[-1] += (
+                f": its map has a mean squared error of {number(errors.mse)} (counts/s)², and the truth lies in "
+                f"the 95 % interval on {percent(errors.coverage95)} of the field"
+            )
+    if (plan := mission_efficiency(mission)) is not None:
+        sentences.append(
+            f"Its efficiency is {percent(plan.reached)}: no division of the time among all places, even without "
+            "driving, leaves less than this share of the mean variance that its samples leave"
+        )
+        if plan.of_truth:
+            sentences[-1] += " (with the variogram of the truth, so that missions on this field can be compared)"
+        else:
+            sentences[-1] += " (with the variogram of this map: not comparable with other missions)"
+    if forecast := forecast_text(mission.forecasts, 3600 * settings.hours):
+        sentences.append(f"Standard deviation of the map: {forecast}")
+    if mission.ended:
+        sentences.append(f"The mission ended: {mission.ended.rstrip('.')}")
+    return ". ".join(sentences) + "."
+
+
+def course_charts(series: Sequence[SeriesRow], has_truth: bool = True) -> Iterator[Chart]:
+    """Error, coverage and distance against time; without a truth, only the distance."""
+    columns = series_columns(series, [""])
+    hours = columns["time_s"] / 3600
+    x = (0.0, max(float(hours[-1]), 1e-9))
+    known = columns["mse"][np.isfinite(columns["mse"]) & (columns["mse"] > 0)]
+    if has_truth and len(known):
+        logarithm = np.log10(np.where(columns["mse"] > 0, columns["mse"], np.nan))
+        low, high = math.floor(np.log10(known.min())), math.ceil(np.log10(known.max()) + 1e-9)
+        steps = (1, 2, 5) if high - low <= 2 else (1,)
+        ticks = [(e + math.log10(m), f"{m * 10.0**e:.6g}") for e in range(low, high + 1) for m in steps]
+        yield Chart(
+            "course-error", "Error of the map", "Mean squared error of the rate map against mission time",
+            [Line(hours, logarithm)], x, (float(low), float(high)), "Mission time [h]",
+            "Mean squared error [(counts/s)²], logarithmic",
+            "Mean squared error of the rate map; multiply by 100 for (counts/10 s)².", y_ticks=ticks,
+        )  # fmt: skip
+        coverage = 100 * columns["coverage95"]
+        yield Chart(
+            "course-coverage", "Coverage", "Coverage of the 95 % intervals against mission time",
+            [Line(x, (95, 95), "orange", "95 %, as stated", dashed=True), Line(hours, coverage, name="reached")],
+            x, (min(50.0, float(np.nanmin(coverage, initial=100.0)) - 5), 102.0), "Mission time [h]",
+            "Coverage [%]",
+            "Share of the field whose true rate lies in the 95 % interval of the map.",
+        )  # fmt: skip
+    distance, finished = columns["distance_m"], hours[1:][np.diff(columns["samples"]) > 0]
+    yield Chart(
+        "course-distance", "Distance", "Distance driven against mission time",
+        [Line(hours, distance), Dots(finished, np.interp(finished, hours, distance), "ink", "stop finished", 4.0)],
+        x, limits_of(distance, zero=True), "Mission time [h]", "Distance [m]",
+    )  # fmt: skip

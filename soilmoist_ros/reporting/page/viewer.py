@@ -1,0 +1,536 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The map of a report: packed data of its viewer, and pictures for paper and browsers without scripts."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation import LocalFrame
+from soilmoist_ros.mapping import FieldChange, FieldGrid
+from soilmoist_ros.pipeline import MapRun
+from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE, calibration_of
+from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER, colour_ramp, coloured_png, hex_ramp
+from soilmoist_ros.reporting.geometry import map_extent, rings
+from soilmoist_ros.reporting.page.charts import round_step, round_ticks
+from soilmoist_ros.reporting.page.irrigation import Irrigation, has_level
+from soilmoist_ros.reporting.page.numbers import percent, plain
+from soilmoist_ros.reporting.page.style import FAINT, INK, SOFT, Picture, data_uri, robust_range
+
+Array = NDArray[np.float64]
+
+NOTHING = 65535
+"""Code of a cell without a value."""
+MAX_CELLS = 90_000
+"""Cells from which a raster is thinned."""
+
+
+def thinning(shape: tuple[int, ...]) -> int:
+    """Step at which rows and columns are taken so that at most :data:`MAX_CELLS` remain."""
+    rows, columns = shape
+    step = 1
+    while -(-rows // step) * -(-columns // step) > MAX_CELLS:
+        step += 1
+    return step
+
+
+def pack(values: Array) -> dict[str, Any]:
+    """A raster as 16-bit numbers: value = offset + step * code, row by row from south-west, 65535 for NaN.
+
+    The error is half a step, 1/131 068 of the range.
+
+    :param values: shape (ny, nx)
+    """
+    finite = np.isfinite(values)
+    low, high = (float(values[finite].min()), float(values[finite].max())) if finite.any() else (0.0, 0.0)
+    step = (high - low) / (NOTHING - 1) or 1.0
+    codes = np.full(values.shape, NOTHING, "<u2")
+    codes[finite] = np.round((values[finite] - low) / step).astype("<u2")
+    return {"offset": low, "step": step, "data": base64.b64encode(codes.tobytes()).decode("ascii")}
+
+
+def unpack(packed: dict[str, Any], shape: tuple[int, int]) -> Array:
+    """The raster of :func:`pack`."""
+    codes = np.frombuffer(base64.b64decode(packed["data"]), "<u2").reshape(shape)
+    return np.where(codes == NOTHING, np.nan, packed["offset"] + packed["step"] * codes)
+
+
+def pack_bits(mask: NDArray[np.bool_]) -> str:
+    """A mask, eight cells a byte, row by row from south-west; empty if it is empty."""
+    if not mask.any():
+        return ""
+    return base64.b64encode(np.packbits(mask.ravel(), bitorder="little").tobytes()).decode("ascii")
+
+
+def unpack_bits(text: str, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """The mask of :func:`pack_bits`."""
+    if not text:
+        return np.zeros(shape, bool)
+    bits = np.unpackbits(np.frombuffer(base64.b64decode(text), np.uint8), bitorder="little")
+    return bits[: shape[0] * shape[1]].reshape(shape).astype(bool)
+
+
+def rounded(xy: Array, digits: int = 1) -> list[list[float]]:
+    """Places as short numbers [m]."""
+    return [[round(x, digits), round(y, digits)] for x, y in np.asarray(xy, float).tolist()]
+
+
+# Data of the map viewer: rasters with their meaning, and what lies on top of them, all in local metres ----------
+
+
+STOPS = 24
+FIXED_VWC = (0.0, 50.0)
+"""Colour limits of moisture that make reports comparable [% by volume]."""
+ROBOTS = {"blue": "#0072b2", "orange": "#b34700", "green": "#00704f", "purple": "#7a3f7a", "gold": "#8a6d00"}
+"""Colours of the robots in order; further robots repeat them from the first."""
+MAX_PLACES = 4000
+PERCENT = "% by volume"
+
+
+def viewer_data(run: MapRun, found: Irrigation) -> dict[str, Any]:
+    """Everything that the page's script draws, as plain JSON values."""
+    west, east, south, north = view(run)
+    return {
+        "view": [round(edge, 2) for edge in (west, east, south, north)],
+        "place": place_data(
+            run.frame, (west + east) / 2, (south + north) / 2, max(east - west, north - south) / 2
+        ),
+        "rootDepth": run.irrigation.root_depth_mm if has_level(run) else 0,
+        "grids": [grid_data(one.soil_map.grid) for one in run.properties],
+        "layers": list(_layers(run, found)),
+        "zones": [{"name": zone.name, "limits": zone.limits, "colour": zone.colour} for zone in found.zones],
+        "edge": [rounded(ring) for ring in rings(run.soil_map)],
+        "noGo": [rounded(hole) for hole in run.soil_map.grid.holes],
+        "samples": _samples(run),
+        "robots": _robots(run),
+        "paths": [rounded(_thinned(track)) for track in run.tracks_xy if len(track) > 1],
+        "visits": _visits(run),
+        "quarantined": [
+            [round(record.x_m, 1), round(record.y_m, 1), record.quarantine.replace("_", " ")]
+            for record in run.quarantined
+            if math.isfinite(record.x_m)
+        ],
+    }
+
+
+def view(run: MapRun) -> tuple[float, float, float, float]:
+    """West, east, south, north [m] of the field, the samples and the track, with a margin."""
+    west, east, south, north = map_extent(run.soil_map)
+    points = np.vstack([[(west, south), (east, north)], run.soil_map.samples.xy, *run.tracks_xy])
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.03 * float(max(high - low))
+    (west, south), (east, north) = (low - margin).tolist(), (high + margin).tolist()
+    return west, east, south, north
+
+
+def interval_width(run: MapRun) -> Array:
+    """Width of the 90 % interval of the moisture [% by volume]."""
+    return np.asarray(100 * (run.soil_map.vwc_p95 - run.soil_map.vwc_p05))
+
+
+def moisture_limits(run: MapRun) -> tuple[float, float]:
+    """Colour limits of the moisture [% by volume], within what the soil can hold."""
+    limits = run.soil_map.limits
+    within = None if limits is None else (100 * limits.dryness, max(100 * limits.saturation, 1.0))
+    return colour_limits(100 * run.soil_map.vwc, interval_width(run) / 3.3, within)
+
+
+def colour_limits(
+    values: Array, spread: Array | None = None, within: tuple[float, float] | None = None
+) -> tuple[float, float]:
+    """Round colour limits: the middle 95 % of the values, at least a typical uncertainty to both sides.
+
+    :param values: values in the displayed unit
+    :param spread: their standard deviations, so that noise does not look like a pattern
+    :param within: limits that the colours never leave
+    """
+    low, high = robust_range(values)
+    if spread is not None and np.isfinite(spread).any():
+        middle, typical = (low + high) / 2, float(np.nanmedian(spread))
+        away = max((high - low) / 2, min(typical, abs(high)))
+        low, high = middle - away, middle + away
+    step = round_step((high - low) / 6)
+    low, high = step * math.floor(low / step + 1e-6), step * math.ceil(high / step - 1e-6)
+    if within is not None:
+        low, high = max(low, within[0]), min(high, within[1])
+    return (low, high) if high > low else (low, low + step)
+
+
+def grid_data(grid: FieldGrid) -> dict[str, Any]:
+    """Place and size of the rasters of a grid."""
+    step = thinning(grid.mask.shape)
+    ny, nx = grid.mask[::step, ::step].shape
+    place = {"x0": float(grid.x_m[0]), "y0": float(grid.y_m[0]), "cell": float(grid.cell_m * step)}
+    return {**place, "nx": nx, "ny": ny}
+
+
+def _layers(run: MapRun, found: Irrigation) -> Iterator[dict[str, Any]]:
+    """The layers in the order of the choice; those without a title are only read."""
+    for index, one in enumerate(run.properties):
+        first, *more = _of_property(one, index, f"{one.label or one.name}: " if index else "")
+        yield first
+        if index == 0:
+            yield _zones(one, found)
+        yield from more
+        if one.change is not None:
+            yield from _change(one, one.change.change, index)
+        if one.truth_rate is not None:
+            yield from _truth(one, np.asarray(one.truth_rate, float), index)
+
+
+def _zones(run: MapRun, found: Irrigation) -> dict[str, Any]:
+    unsure = np.isfinite(found.number) & ~found.sure
+    return {
+        **_raster(run, 0, "zone", found.number), "title": "Irrigation zones", "kind": "zones",
+        "hatch": pack_bits(_cells(run, unsure)), "hatchText": "zone not certain",
+        "about": f"Zones as in the table. Hatched: the probability of the zone is below {percent(CERTAIN)}.",
+    }  # fmt: skip
+
+
+def _of_property(run: MapRun, index: int, name: str) -> Iterator[dict[str, Any]]:
+    soil_map = run.soil_map
+    suffix = f"{index}" if index else ""
+    if run.calibrated:
+        unit = f"{PERCENT}, {ILLUSTRATIVE}" if calibration_of(run) == ILLUSTRATIVE else PERCENT
+        vwc, low, high = 100 * soil_map.vwc, 100 * soil_map.vwc_p05, 100 * soil_map.vwc_p95
+        inside = soil_map.beyond_limits & soil_map.grid.mask
+        yield {
+            **_raster(run, index, f"vwc{suffix}", vwc),
+            **shown_as(f"{name}Soil moisture", unit, 1, WATER, moisture_limits(run)),
+            "low": f"p05{suffix}", "high": f"p95{suffix}", "fixed": FIXED_VWC,
+            "hatch": pack_bits(_cells(run, inside)),
+            "hatchText": "very unsure: the interval reaches a limit of the soil",
+            "about": "Pale is dry, dark blue is wet. Hatched: the interval reaches dry or saturated soil.",
+        }  # fmt: skip
+        yield _raster(run, index, f"p05{suffix}", low)
+        yield _raster(run, index, f"p95{suffix}", high)
+        yield {
+            **shown_as(f"{name}How sure", PERCENT, 1, UNCERTAIN, (0.0, colour_limits(interval_width(run))[1])),
+            "grid": index, "key": f"width{suffix}", "minus": [f"p95{suffix}", f"p05{suffix}"],
+            "name": "Width of the 90 % interval",
+            "about": "Width of the 90 % interval of the moisture: dark is unsure. Measure there next.",
+        }  # fmt: skip
+    rate, sd = soil_map.rate, soil_map.rate_sd
+    yield {
+        **_raster(run, index, f"rate{suffix}", rate),
+        **shown_as(f"{name}Neutron rate", "counts/s", 2, RATE, colour_limits(rate, sd)), "sd": f"rate_sd{suffix}",
+        "about": "What was measured, corrected for the atmosphere. More neutrons mean drier soil.",
+    }  # fmt: skip
+    yield {
+        **_raster(run, index, f"rate_sd{suffix}", sd),
+        **shown_as(f"{name}Rate uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(sd)[1])),
+        "about": "One standard deviation of the true rate, given all counts.",
+    }  # fmt: skip
+
+
+def _change(run: MapRun, change: FieldChange, index: int) -> Iterator[dict[str, Any]]:
+    """The change since an earlier survey: of the moisture if there is a calibration, else of the rate."""
+    end = f"{index}" if index else ""
+    name = f"{run.label or run.name}: " if index else ""
+    moist = run.calibrated
+    values, sd = (100 * change.vwc, 100 * change.vwc_sd) if moist else (change.rate, change.rate_sd)
+    most = colour_limits(np.abs(values), sd)[1]
+    unit, digits = (PERCENT, 1) if moist else ("counts/s", 2)
+    unsure = (change.significant == 0) & run.soil_map.grid.mask
+    # Brown is dry in both: less moisture, or more neutrons.
+    colour = DIFFERENCE if moist else f"{DIFFERENCE}_r"
+    yield {
+        **_raster(run, index, f"change{end}", values),
+        **shown_as(f"{name}Change", unit, digits, colour, (-most, most)), "sd": f"change_sd{end}",
+        "hatch": pack_bits(_cells(run, unsure)), "hatchText": "not significant",
+        "about": "Change since the latest earlier survey: brown is drier, green is wetter. Hatched: the change "
+        "may be chance (false discovery rate 5 %).",
+    }  # fmt: skip
+    yield {**_raster(run, index, f"change_sd{end}", sd)}
+
+
+def _truth(run: MapRun, truth: Array, index: int) -> Iterator[dict[str, Any]]:
+    """The known truth of a simulation and the error of the map."""
+    soil_map, end = run.soil_map, f"{index}" if index else ""
+    name = f"{run.label or run.name}: " if index else ""
+    most = colour_limits(np.abs(soil_map.rate - truth))[1]
+    yield {
+        **_raster(run, index, f"truth{end}", truth),
+        **shown_as(f"{name}True rate", "counts/s", 2, RATE, colour_limits(soil_map.rate, soil_map.rate_sd)),
+        "about": "What the map of the rate should show, in the same colours.",
+    }  # fmt: skip
+    yield {
+        **shown_as(f"{name}Error", "counts/s", 2, f"{DIFFERENCE}_r", (-most, most)),
+        "grid": index, "key": f"error{end}", "minus": [f"rate{end}", f"truth{end}"], "name": "Map minus truth",
+        "about": "Estimate minus truth: brown where the map is too dry, green where it is too wet.",
+    }  # fmt: skip
+
+
+def shown_as(title: str, unit: str, digits: int, colour_map: str, limits: tuple[float, float]) -> dict[str, Any]:
+    """Name, unit and colours of a layer."""
+    low, high = limits
+    ticks = [value for value, _ in round_ticks(low, high, 5)]
+    colours = hex_ramp(colour_map, STOPS)
+    return {
+        "title": title, "unit": unit, "digits": digits, "colours": colours,
+        "from": low, "to": high, "ticks": ticks,
+    }  # fmt: skip
+
+
+def _cells(run: MapRun, values: Any) -> Any:
+    step = thinning(run.soil_map.grid.mask.shape)
+    return values[::step, ::step]
+
+
+def _raster(run: MapRun, index: int, key: str, values: Array) -> dict[str, Any]:
+    """A raster of the field's cells."""
+    inside = np.where(run.soil_map.grid.mask, values, np.nan)
+    return {"key": key, "grid": index, **pack(_cells(run, inside))}
+
+
+def place_data(frame: LocalFrame, x_m: float, y_m: float, reach_m: float) -> dict[str, Any]:
+    """Latitude and longitude as quadratic polynomials of local kilometres about the middle of the view."""
+    steps = np.linspace(-reach_m, reach_m, 5)
+    dx, dy = (axis.ravel() / 1000 for axis in np.meshgrid(steps, steps))
+    places = frame.to_geographic(np.column_stack([x_m + 1000 * dx, y_m + 1000 * dy]))
+    terms = np.column_stack([np.ones_like(dx), dx, dy, dx * dx, dx * dy, dy * dy])
+    weights = np.linalg.lstsq(terms, places, rcond=None)[0]
+    return {"x": x_m, "y": y_m, "latitude": weights[:, 0].tolist(), "longitude": weights[:, 1].tolist()}
+
+
+def _samples(run: MapRun) -> list[list[float]]:
+    """East, north [m], counts, effective exposure [s] of the samples."""
+    samples = run.soil_map.samples
+    rows = np.column_stack([samples.xy, samples.counts, samples.exposure_s])
+    return [[round(x, 1), round(y, 1), int(z), round(t, 2)] for x, y, z, t in _thinned(rows).tolist()]
+
+
+def _robots(run: MapRun) -> list[dict[str, str]]:
+    """Name and colour of each robot; empty for a single one."""
+    count, known = len(run.tracks_xy), list(ROBOTS.items())
+    shown = [known[number % len(known)] for number in range(count if count > 1 else 0)]
+    return [{"name": f"robot {i} {name}", "colour": colour} for i, (name, colour) in enumerate(shown, start=1)]
+
+
+def _thinned(rows: Array) -> Array:
+    return rows[:: max(1, -(-len(rows) // MAX_PLACES))]
+
+
+def _visits(run: MapRun) -> list[list[Any]]:
+    """East, north [m], name, dwell [s], counts, robot of the stops in order."""
+    visits: Sequence[Any] = () if run.mission is None else run.mission.visits
+    return [
+        [round(v.x_m, 1), round(v.y_m, 1), plain(v.name), round(v.dwell_s, 1), v.raw_counts, v.robot]
+        for v in visits
+    ]
+
+
+# Pictures of the map for paper and for browsers without scripts, in true proportions ----------------------------
+
+
+WIDTH, SIDE, TOP, BOTTOM = 302.0, 7.0, 25.0, 54.0
+"""Width of a picture, and its margins around the map [pt]."""
+TALLEST = 1.3
+"""Longest height of a map, as a share of its largest width."""
+TEXT_PT = 10.5
+"""Size of the text: 12 px where the picture is as wide as a phone."""
+FEW_SAMPLES, MANY_SAMPLES = 60, 400
+COLOURS: Final = 255
+TICKS: Final = 6
+_STYLE: Final = (
+    f"text{{font:{TEXT_PT}px system-ui,sans-serif;fill:{INK}}}.m{{text-anchor:middle}}.e{{text-anchor:end}}"
+    "path{fill:none;stroke-linejoin:round;stroke-linecap:round}"
+)
+
+
+def pictures(run: MapRun) -> Iterator[Picture]:
+    """The map and its uncertainty of each property."""
+    for one in run.properties:
+        name = f" of {one.label or one.name}" if run.others else ""
+        soil_map = one.soil_map
+        if one.calibrated:
+            vwc = 100 * soil_map.vwc
+            guessed = f", {ILLUSTRATIVE}" if calibration_of(one) == ILLUSTRATIVE else ""
+            label = f"Soil moisture [% by volume{guessed}]"
+            yield _picture(one, vwc, WATER, moisture_limits(one), label, name, soil_map.beyond_limits)
+            width = interval_width(one)
+            limits = (0.0, colour_limits(width)[1])
+            yield _picture(one, width, UNCERTAIN, limits, "Width of the 90 % interval [% by volume]", name)
+        else:
+            limits = colour_limits(soil_map.rate, soil_map.rate_sd)
+            yield _picture(one, soil_map.rate, RATE, limits, "Neutron count rate [counts/s]", name)
+            limits = (0.0, colour_limits(soil_map.rate_sd)[1])
+            yield _picture(one, soil_map.rate_sd, UNCERTAIN, limits, "Standard deviation [counts/s]", name)
+
+
+def _picture(
+    run: MapRun, values: Array, colours: str, limits: tuple[float, float], label: str, of: str,
+    hatch: NDArray[np.bool_] | None = None,
+) -> Picture:  # fmt: skip
+    hatched = hatch is not None and bool((hatch & run.soil_map.grid.mask).any())
+    alt = f"Map{of}: {label[0].lower()}{label[1:]} in {run.field_name or 'the field'}, with the samples"
+    if hatched:
+        alt += "; hatched where the interval reaches dry or saturated soil"
+    return Picture(data_uri("image/svg+xml", draw(run, values, colours, limits, label, hatch).encode()), alt)
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """Where the map lies in the picture.
+
+    :param west: western edge of what is shown [m]
+    :param south: its southern edge [m]
+    :param left: left edge of the map [pt]
+    :param bottom: its bottom, from the top of the picture [pt]
+    :param scale: [pt/m]
+    """
+
+    west: float
+    south: float
+    left: float
+    bottom: float
+    scale: float
+
+    def path(self, xy: Array) -> str:
+        """Data of an SVG path through places in the field, shape (n, 2) [m]."""
+        return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in self.points(xy).tolist())
+
+    def points(self, xy: Array) -> Array:
+        """Places in the picture [pt] of places in the field [m], shape (n, 2)."""
+        return np.asarray((self.left, self.bottom) + self.scale * (xy - (self.west, self.south)) * (1, -1))
+
+
+def draw(
+    run: MapRun, values: Array, colours: str, limits: tuple[float, float], label: str,
+    hatch: NDArray[np.bool_] | None = None,
+) -> str:  # fmt: skip
+    """One raster with the field's boundary, the samples, a scale bar, a north arrow and a colour bar, as SVG.
+
+    :param values: shape (ny, nx), in the unit of the label
+    :param limits: values of the first and the last colour
+    :param hatch: cells to hatch, shape (ny, nx)
+    """
+    mask = run.soil_map.grid.mask
+    west, east, south, north = view(run)
+    room = WIDTH - 2 * SIDE
+    scale = min(room / (east - west), TALLEST * room / (north - south))
+    bottom = TOP + scale * (north - south)
+    sheet = _Sheet(west, south, (WIDTH - scale * (east - west)) / 2, bottom, scale)
+    shown = np.where(mask, values, np.nan)
+    height = bottom + BOTTOM
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:.1f}" '
+        f'width="{WIDTH * 4 / 3:.0f}" height="{height * 4 / 3:.0f}"><style>{_STYLE}</style>'
+        '<rect width="100%" height="100%" fill="#fff"/>',
+        _cells_picture(run, sheet, (shown - limits[0]) / (limits[1] - limits[0]), colours),
+        "" if hatch is None else _hatching(run, sheet, hatch & mask),
+        *(f'<path stroke="{INK}" stroke-width="1.1" d="{sheet.path(ring)}"/>' for ring in rings(run.soil_map)),
+        _sample_dots(sheet.points(np.asarray(run.soil_map.samples.xy, float))),
+        _scale_bar(sheet, east - west),
+        _colour_bar(bottom + 6, colours, limits, shown, label),
+        "</svg>",
+    ]
+    return "".join(parts)
+
+
+def _cells_picture(run: MapRun, sheet: _Sheet, shares: Array, colours: str) -> str:
+    """The cells as a picture in the picture; of a large raster only some rows and columns."""
+    step = thinning(shares.shape)
+    shares = shares[::step, ::step]
+    uri = data_uri("image/png", coloured_png(shares[::-1], colour_ramp(colours, COLOURS)))
+    cell = run.soil_map.grid.cell_m * step
+    (left, top), (right, bottom) = _box(run, sheet, cell, (0, shares.shape[0]), (shares.shape[1], 0))
+    return (
+        f'<image x="{left:.2f}" y="{top:.2f}" width="{right - left:.2f}" height="{bottom - top:.2f}" '
+        f'preserveAspectRatio="none" style="image-rendering:pixelated" href="{uri}"/>'
+    )
+
+
+def _box(run: MapRun, sheet: _Sheet, cell_m: float, *corners: tuple[int, int]) -> list[list[float]]:
+    """Places in the picture [pt] of corners of cells, as (column, row) from the south-west."""
+    grid = run.soil_map.grid
+    first = np.array([grid.x_m[0], grid.y_m[0]]) - cell_m / 2
+    places: list[list[float]] = sheet.points(first + cell_m * np.array(corners, float)).tolist()
+    return places
+
+
+def _hatching(run: MapRun, sheet: _Sheet, hatch: NDArray[np.bool_]) -> str:
+    """Stripes over the cells that are set, a box for each run of them in a row."""
+    step = thinning(hatch.shape)
+    hatch = hatch[::step, ::step]
+    edges = np.diff(np.pad(hatch, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    boxes = []
+    for (row, begin), end in zip(
+        np.argwhere(edges == 1).tolist(), np.nonzero(edges == -1)[1].tolist(), strict=True
+    ):
+        corners = (begin, row), (end, row + 1)
+        (left, bottom), (right, top) = _box(run, sheet, run.soil_map.grid.cell_m * step, *corners)
+        boxes.append(f"M{left:.1f} {bottom:.1f}H{right:.1f}V{top:.1f}H{left:.1f}z")
+    if not boxes:
+        return ""
+    return (
+        '<pattern id="h" width="5" height="5" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'
+        f'<path stroke="{INK}" d="M0 0V5"/></pattern><path style="fill:url(#h)" d="{"".join(boxes)}"/>'
+    )
+
+
+def _sample_dots(places: Array) -> str:
+    """White dots with a dark edge, smaller the more there are."""
+    size = 4.0 if len(places) <= FEW_SAMPLES else 2.4 if len(places) <= MANY_SAMPLES else 1.4
+    dots = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in places.tolist())
+    return "".join(
+        f'<path stroke="{colour}" stroke-width="{width:g}" d="{dots}"/>'
+        for colour, width in ((INK, size + 0.4), ("#fff", size - 0.4))
+    )
+
+
+def _scale_bar(sheet: _Sheet, width_m: float) -> str:
+    """A scale bar and a north arrow above the map."""
+    length_m = round_step(width_m / 8)
+    text = f"{length_m / 1000:g} km" if length_m >= 1000 else f"{length_m:g} m"
+    left, right = sheet.left, sheet.left + sheet.scale * width_m
+    end = left + sheet.scale * length_m
+    return (
+        f'<path stroke="{INK}" stroke-width="2.5" style="stroke-linecap:butt" d="M{left:.1f} 16H{end:.1f}"/>'
+        f'<text x="{end + 6:.1f}" y="19.5">{text}</text><text class="e" x="{right:.1f}" y="19.5">N ▲</text>'
+    )
+
+
+def _colour_bar(top: float, colours: str, limits: tuple[float, float], shown: Array, label: str) -> str:
+    """The colours with their values and what they mean; an arrow at an end that values lie beyond.
+
+    :param shown: values of the map; NaN without one
+    """
+    left, right, low, high = 2 * SIDE, WIDTH - 2 * SIDE, top, top + 10
+    middle = (low + high) / 2
+    stops = hex_ramp(colours, 9)
+    below, above = (
+        np.nanmin(shown, initial=limits[0]) < limits[0],
+        np.nanmax(shown, initial=limits[1]) > limits[1],
+    )
+    arrows = [
+        f'<path style="fill:{colour}" stroke="{FAINT}" d="M{end:g} {low:g}L{tip:g} {middle:g}L{end:g} {high:g}z"/>'
+        for colour, end, tip, drawn in ((stops[0], left, left - 8, below), (stops[-1], right, right + 8, above))
+        if drawn
+    ]
+    ticks = []
+    for value, text in round_ticks(*limits, TICKS):
+        x = left + (value - limits[0]) / (limits[1] - limits[0]) * (right - left)
+        ticks.append(
+            f'<path stroke="{SOFT}" d="M{x:.1f} {high:g}v3"/><text class="m" x="{x:.1f}" y="{high + 14:g}">'
+        )
+        ticks.append(f"{text}</text>")
+    return "".join(
+        [
+            '<linearGradient id="c">',
+            *(f'<stop offset="{i / 8}" stop-color="{colour}"/>' for i, colour in enumerate(stops)),
+            f'</linearGradient><rect x="{left:g}" y="{low:g}" width="{right - left:g}" height="10" '
+            f'fill="url(#c)" stroke="{FAINT}"/>',
+            *arrows,
+            *ticks,
+            f'<text class="m" x="{WIDTH / 2:g}" y="{high + 29:g}">{escape(label)}</text>',
+        ]
+    )

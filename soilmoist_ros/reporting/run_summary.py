@@ -1,0 +1,434 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``summary.json``: the run in numbers, for programs. The names of the keys include the units."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from soilmoist_ros.exploration import LearnedMotion, polyline_length_m
+from soilmoist_ros.foundation import shown_path
+from soilmoist_ros.mapping import FALSE_SHARE, Drift, Estimate
+from soilmoist_ros.pipeline import EarlierRun, MapRun, track_xy
+from soilmoist_ros.reporting.geometry import field_polygon
+from soilmoist_ros.reporting.geotiff import model_parameters
+from soilmoist_ros.reporting.page.irrigation import absolute_limits, has_level, irrigation
+from soilmoist_ros.reporting.page.notes import notes
+from soilmoist_ros.reporting.page.sections import relations
+from soilmoist_ros.reporting.page.statistics import (
+    Importance,
+    TruthScore,
+    band_statistics,
+    beyond_limits_share,
+    calibration_sd,
+    covariate_importance,
+    explained_share,
+    is_usable,
+    leave_one_out,
+    mean_moisture,
+    mean_sd,
+    resolution_m,
+    truth_score,
+    uncertain_share,
+    undefined_share,
+)
+from soilmoist_ros.reporting.text_files import jsonable, write_json
+from soilmoist_ros.simulation import PropertySettings, achieved, mission_efficiency, reported
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from soilmoist_ros.mapping import LocalFit, SoilMap, VariogramFit
+    from soilmoist_ros.simulation import MappedProperty, MissionResult, MissionSettings
+
+SCHEMA = 1
+"""Version of the keys; rises when one is renamed or removed."""
+
+
+def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str, Any]:
+    """The run as a dictionary of plain JSON values; undefined values are ``None``.
+
+    :param run: the run
+    :param crs: coordinate reference system of the GeoTIFF; default the UTM zone of the datum
+    :param outputs: names of the files written
+    """
+    soil_map, found = run.soil_map, notes(run)
+    content = {
+        "schema": SCHEMA,
+        "software": "soilmoist_ros",
+        "version": run.version,
+        "survey_start_utc": utc_text(run.survey_start_utc),
+        "survey_end_utc": utc_text(run.survey_end_utc),
+        "survey_duration_s": run.survey_duration_s,
+        "time_zone": run.time_zone or None,
+        "created_utc": run.created,
+        "simulated": run.simulated,
+        "title": run.title,
+        "site": run.site,
+        "field": run.field_name,
+        "inputs": [asdict(item) for item in run.inputs],
+        "logger_format": run.logger_format,
+        **_records(run),
+        "area_m2": float(field_polygon(soil_map).area),
+        "cells": int(np.count_nonzero(soil_map.grid.mask)),
+        "cell_m": float(soil_map.grid.cell_m),
+        "datum": {"latitude_deg": run.frame.latitude_deg, "longitude_deg": run.frame.longitude_deg},
+        "crs": crs or f"EPSG:{run.frame.export_epsg()}",
+        "variogram": model_parameters(soil_map),
+        "fit": _fit(run),
+        "within_survey": _within_survey(soil_map),
+        "map": _map(run),
+        "covariates": [_covariate(one) for one in covariate_importance(run)],
+        "cross_validation": _cross_validation(run),
+        "truth": None if run.truth_rate is None else _score(truth_score(soil_map, run.truth_rate)),
+        "mission": None if run.mission is None else mission_summary(run.mission),
+        "properties": [_property_run(one) for one in run.properties],
+        "earlier": [_earlier(one, relations(run)) for one in run.earlier],
+        "change": _change(run),
+        "corrections": [_correction(row) for row in run.corrections],
+        "calibration": _calibration(run),
+        "irrigation": _irrigation(run),
+        "warnings": [note.message for note in found],
+        "warning_codes": [note.code for note in found],
+        "settings": dict(run.settings),
+        "outputs": list(outputs),
+    }
+    return dict(jsonable(content))
+
+
+def write_summary(path: Path, run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> Path:
+    """Write :func:`summary` as strict JSON; returns ``path``."""
+    return write_json(path, summary(run, crs, outputs))
+
+
+def utc_text(when: datetime | None) -> str | None:
+    """ISO 8601 in UTC, to the second."""
+    return None if when is None else f"{when:%Y-%m-%dT%H:%M:%SZ}"
+
+
+def _records(run: MapRun) -> dict[str, Any]:
+    samples = run.soil_map.samples
+    stamps = [record.stamp_s for record in run.track]
+    counts = np.asarray(samples.counts, float)
+    return {
+        "n_records": len(run.track),
+        "n_placed_records": len(track_xy(run.track)),
+        "n_inside_field": run.inside[0],
+        "n_lost": {row.kind: row.count for row in run.losses if row.consequence == "lost"},
+        "n_kept_with_reservation": {row.kind: row.count for row in run.losses if row.consequence == "kept"},
+        "n_quarantined": dict(Counter(record.quarantine for record in run.quarantined)),
+        "first_stamp_s": min(stamps, default=None),
+        "last_stamp_s": max(stamps, default=None),
+        "exposure_s": float(sum(record.exposure_s for record in run.track)),
+        "distance_m": run.travelled_m,
+        "n_samples": len(samples.xy),
+        "sample_counts": round(float(counts.sum())),
+        "sample_effective_exposure_s": float(np.sum(samples.exposure_s)),
+    }
+
+
+def _fit(run: MapRun) -> dict[str, Any] | None:
+    """How the variogram was fitted; ``None`` if it was given."""
+    fit = run.soil_map.fit
+    if fit is None:
+        return None
+    return {
+        "method": fit.method,
+        "converged": fit.converged,
+        "objective": fit.objective,
+        "log_sd": fit.log_sd and dict(zip(("structured_sill", "range", "nugget"), fit.log_sd, strict=True)),
+        "prior_share": dict(zip(("structured_sill", "range", "nugget"), fit.prior_share, strict=True)),
+        "local": None if fit.local is None else _local(fit, fit.local),
+    }
+
+
+def _within_survey(soil_map: SoilMap) -> dict[str, Any]:
+    """How the mean rate changed during the survey."""
+    change = soil_map.change
+    certain = change.jump is not None and change.jump.is_certain
+    return {
+        "text": change.text,
+        "drift": None if change.drift is None else _drift(change.drift, soil_map.mean_rate),
+        "jump": asdict(change.jump) if certain and change.jump is not None else None,
+    }
+
+
+def _drift(drift: Drift, mean_rate: float) -> dict[str, Any]:
+    """The drift, and the change from the first sample to the map, as a share and in counts/s."""
+    change = {"change": drift.change, "change_sd": drift.change_sd}
+    return {**change, **{f"{name}_cps": mean_rate * share for name, share in change.items()}, **asdict(drift)}
+
+
+def _local(fit: VariogramFit, local: LocalFit) -> dict[str, Any]:
+    """Whether the rate varies more here than there."""
+    amplitude = fit.variogram.amplitude
+    return {
+        "used": amplitude is not None,
+        "log_bayes_factor": local.evidence,
+        "amplitude": None if amplitude is None else amplitude.spread,
+        "text": f"The standard deviation of the rate: {fit.local_text}.",
+    }
+
+
+def _map(run: MapRun) -> dict[str, Any]:
+    soil_map = run.soil_map
+    return {
+        "rate_cps": asdict(band_statistics(soil_map.rate)),
+        "rate_sd_cps": asdict(band_statistics(soil_map.rate_sd)),
+        "vwc": asdict(band_statistics(soil_map.vwc)),
+        "vwc_sd": asdict(band_statistics(soil_map.vwc_sd)),
+        "mean_rate_sd_cps": mean_sd(soil_map, moisture=False),
+        "mean_vwc_sd": mean_sd(soil_map, moisture=True),
+        "calibration_vwc_sd": calibration_sd(soil_map),
+        **_moisture(soil_map),
+        "sensed": _sensed(run),
+        "support": run.support_text,
+        "resolution_m": resolution_m(soil_map, run.footprint_radius_m or 0.0),
+        "explained_share": explained_share(soil_map),
+        "undefined_vwc_share": undefined_share(soil_map),
+        "uncertain_share": uncertain_share(soil_map, run.uncertain_vwc_sd, run.uncertain_rate_share),
+        "uncertain_above": {"vwc_sd": run.uncertain_vwc_sd}
+        if run.calibrated
+        else {"rate_sd_per_rate": run.uncertain_rate_share},
+    }
+
+
+def _moisture(soil_map: SoilMap) -> dict[str, Any]:
+    """What the moisture of the map is, and how far its intervals reach."""
+    mean, limits = mean_moisture(soil_map), soil_map.limits
+    return {
+        "vwc_p05": asdict(band_statistics(soil_map.vwc_p05)),
+        "vwc_p95": asdict(band_statistics(soil_map.vwc_p95)),
+        "mean_vwc": mean and {"value": mean.value, "p05": mean.p05, "p95": mean.p95},
+        "uncertainty_vwc": None
+        if limits is None
+        else {
+            "everywhere_sd": calibration_sd(soil_map),
+            "between_places_sd": band_statistics(soil_map.vwc_sd).p50,
+            "quantiles_include_calibration": calibration_sd(soil_map) is not None,
+        },
+        "limits_vwc": limits and limits._asdict(),
+        "beyond_limits_share": beyond_limits_share(soil_map),
+    }
+
+
+def _sensed(run: MapRun) -> dict[str, dict[str, float]] | None:
+    """Depth and radius from within which 86 % of the counts come, over the cells of the map."""
+    if run.sensed is None:
+        return None
+    names = ("mean", "min", "max")
+    return {
+        "depth_d86_cm": dict(zip(names, run.sensed.depth_cm, strict=True)),
+        "radius_r86_m": dict(zip(names, run.sensed.radius_m, strict=True)),
+    }
+
+
+def _covariate(one: Importance) -> dict[str, Any]:
+    """Effect of a covariate per standard deviation, with its 95 % interval, and what it explains."""
+    return {
+        "name": one.name,
+        "rate_cps_per_sd": one.rate_cps._asdict(),
+        "vwc_per_sd": one.vwc and one.vwc._asdict(),
+        "variance_share": one.variance_share._asdict(),
+        "covered_share": one.covered_share,
+    }
+
+
+def _cross_validation(run: MapRun) -> dict[str, float] | None:
+    loo = leave_one_out(run.soil_map)
+    if loo is None:
+        return None
+    return {"rmse_cps": loo.rmse, "standardised_sd": loo.standardised_sd, "coverage95": loo.coverage95}
+
+
+def _earlier(one: EarlierRun, related: Mapping[str, float]) -> dict[str, Any]:
+    """An earlier survey that informs the map.
+
+    :param related: correlations of patterns, see :func:`relations`
+    """
+    return {
+        "name": one.survey.name,
+        "path": shown_path(one.path),
+        "end_utc": utc_text(datetime.fromtimestamp(one.survey.stamp_s, UTC)) if one.date else None,
+        "end_stamp_s": one.survey.stamp_s,
+        "n_records": len(one.records),
+        "n_samples": len(one.survey.samples),
+        "n_outside": one.outside,
+        "rate_scale": one.scale,
+        "pattern_correlation": related.get(one.survey.name),
+        "remarks": list(one.remarks),
+    }
+
+
+def _change(run: MapRun) -> dict[str, Any] | None:
+    """What the earlier surveys contributed, and the change since the latest of them."""
+    if run.change is None:
+        return None
+    found, change = run.change, run.change.change
+    drier, wetter = change.shares
+    decay_days = found.persistence.decay_days
+    return {
+        "since": found.since.survey.name,
+        "pattern_correlation": found.persistence.share,
+        "pattern_correlation_sd": found.persistence.sd,
+        "pattern_decay_days": decay_days if math.isfinite(decay_days) else None,
+        "rate_sd_cps": found.sd,
+        "rate_sd_without_earlier_cps": found.sd_alone,
+        "mean_rate_cps": _estimate(change.mean_rate),
+        "mean_vwc": None if change.mean_vwc is None else _estimate(change.mean_vwc),
+        "drier_share": drier,
+        "wetter_share": wetter,
+        "false_discovery_rate": FALSE_SHARE,
+        "mean_rate_since_cps": {name: _estimate(value) for name, value in found.means.items()},
+    }
+
+
+def _estimate(estimate: Estimate) -> dict[str, float]:
+    low, high = estimate.interval95
+    return {"value": estimate.value, "sd": estimate.sd, "low95": low, "high95": high}
+
+
+def _score(score: TruthScore) -> dict[str, float]:
+    return {"rmse_cps": score.rmse, "bias_cps": score.bias, "coverage95": score.coverage95}
+
+
+def mission_summary(mission: MissionResult) -> dict[str, Any]:
+    """Settings and result of a simulated mission."""
+    further = [_property(mapped) for mapped in mission.properties[1:]]
+    return {
+        "settings": settings_summary(mission.settings),
+        "field": mission.field_title,
+        "ended": mission.ended,
+        "stops": len(mission.visits),
+        "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
+        "travel": [_travel(learned) for learned in mission.motion],
+        "efficiency": _efficiency(mission),
+        "forecast": _forecast(mission),
+        "final": {name: column[-1].item() for name, column in mission.columns.items()} if mission.series else None,
+        "properties": further,
+        "also": further[0] if len(further) == 1 else None,
+    }
+
+
+def _travel(learned: LearnedMotion) -> dict[str, float | int]:
+    """How a robot moves, as the planner has learned, and from how many legs."""
+    motion = learned.motion
+    return {
+        "speed_mps": motion.speed_mps,
+        "stop_overhead_s": motion.stop_overhead_s,
+        "turn_s_per_rad": motion.turn_s_per_rad,
+        "overhead_counted": motion.overhead_counted,
+        "legs": len(learned.legs),
+    }
+
+
+def settings_summary(settings: MissionSettings) -> dict[str, Any]:
+    """Settings of a mission; some are repeated under keys of earlier releases."""
+    also = settings.properties[0] if len(settings.properties) == 1 else PropertySettings("")
+    old = {"variogram": settings.model, "also": also.field, "also_weight": also.weight}
+    named = {**settings.as_dict(), **old}
+    return {key: shown_path(value) if isinstance(value, str) else value for key, value in named.items()}
+
+
+def _property(mapped: MappedProperty) -> dict[str, Any]:
+    """A property of a mission after the first."""
+    about = {"name": mapped.name, "field": mapped.title, "weight": mapped.weight, "n_records": len(mapped.records)}
+    if mapped.soil_map is None:
+        return {**about, "map": None}
+    return {**about, **_rate_map(mapped.soil_map, mapped.known_truth)}
+
+
+def _property_run(run: MapRun) -> dict[str, Any]:
+    """A property of a run."""
+    about = {"name": run.name, "label": run.label, "n_records": len(run.track)}
+    return {**about, "n_samples": len(run.soil_map.samples), **_rate_map(run.soil_map, run.truth_rate)}
+
+
+def _rate_map(soil_map: SoilMap, truth: NDArray[np.float64] | None) -> dict[str, Any]:
+    bands = {"rate_cps": soil_map.rate, "rate_sd_cps": soil_map.rate_sd}
+    return {
+        "variogram": model_parameters(soil_map),
+        "map": {name: asdict(band_statistics(values)) for name, values in bands.items()},
+        "truth": None if truth is None else _score(truth_score(soil_map, truth)),
+    }
+
+
+def _efficiency(mission: MissionResult) -> dict[str, float | bool] | None:
+    """Efficiency of the mission, see :class:`Efficiency`; variances of the smooth rate [(counts/s)^2]."""
+    plan = mission_efficiency(mission)
+    if plan is None:
+        return None
+    variances = {"least_variance": plan.least, "left_variance": plan.left}
+    return {"reached": plan.reached, **variances, "of_truth": plan.of_truth}
+
+
+def _forecast(mission: MissionResult) -> dict[str, Any] | None:
+    """Standard deviation of the map that was forecast for the end, and that was reached.
+
+    Of a rate map it is a share of the mean rate, of a moisture map it is in m^3/m^3.
+    """
+    end = achieved(mission.forecasts)
+    if end is None:
+        return None
+    made = [
+        {
+            "time_s": one.time_s,
+            "sd": one.forecast.sd,
+            "end_s": one.time_s + one.forecast.times_s[-1],
+            "sd_at_end": one.forecast.sd_end,
+            "sd_at_end_low": one.forecast.band_end[0],
+            "sd_at_end_high": one.forecast.band_end[1],
+            "text": one.forecast.text,
+        }
+        for _, one in reported(mission.forecasts, 3600 * mission.settings.hours)
+    ]
+    unit = "m3/m3" if end.forecast.moisture else "share of the mean rate"
+    return {"unit": unit, "made": made, "reached": {"time_s": end.time_s, "sd": end.forecast.sd}}
+
+
+def _irrigation(run: MapRun) -> dict[str, Any]:
+    """Zones of the field as in the report; they are relative without ``zone_limits_vwc``."""
+    found, limits = irrigation(run), run.irrigation
+    zones = [
+        {
+            "name": zone.name, "area_m2": zone.area_m2, "share": zone.share, "certain": zone.certainty.certain,
+            "certain_share": zone.certainty.sure, "expected_share": zone.certainty.expected,
+            "water_mm": zone.water_mm, "missing_mm": zone.missing_mm, "missing_mm_p05": zone.missing_mm_p05,
+            "missing_mm_p95": zone.missing_mm_p95,
+        }
+        for zone in found.zones
+    ]  # fmt: skip
+    return {
+        "root_depth_mm": limits.root_depth_mm,
+        "field_capacity_vwc": limits.field_capacity if has_level(run) else None,
+        "moisture_usable": is_usable(run.soil_map) if run.calibrated else None,
+        "zone_limits_vwc": absolute_limits(run),
+        "zones": zones,
+        "advice": found.advice,
+    }
+
+
+def _correction(row: Any) -> dict[str, Any]:
+    return {**asdict(row), "parameters": dict(row.parameters)}
+
+
+def _calibration(run: MapRun) -> dict[str, Any] | None:
+    """The calibration curve, with its origin if the run knows it."""
+    curve = run.soil_map.curve
+    if curve is None:
+        return None
+    return {
+        **curve.parameters,
+        "n0_sd_cps": run.calibration.n0_sd_cps if run.calibration else None,
+        "lowest_rate_cps": curve.lowest_rate_cps,
+        "source": run.calibration.source if run.calibration else "",
+        "illustrative": run.calibration is not None and run.calibration.illustrative,
+    }

@@ -1,0 +1,399 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The output folder of a season: table, summary, stack of maps as NetCDF, and its page."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation import __version__, csv_text
+from soilmoist_ros.mapping import FALSE_SHARE, Estimate
+from soilmoist_ros.pipeline import EarlierRun, local_time
+from soilmoist_ros.recording import SUMMARY
+from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
+from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
+from soilmoist_ros.reporting.netcdf import CLOCK, Variable, axes, raster, write_netcdf_file
+from soilmoist_ros.reporting.output_folder import replaced_together
+from soilmoist_ros.reporting.page import numbers
+from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, limits_of
+from soilmoist_ros.reporting.page.frame import render_page
+from soilmoist_ros.reporting.page.viewer import (
+    FIXED_VWC,
+    PERCENT,
+    colour_limits,
+    grid_data,
+    pack,
+    pack_bits,
+    place_data,
+    rounded,
+    shown_as,
+    thinning,
+)
+from soilmoist_ros.reporting.season import Season, SeasonSurvey
+from soilmoist_ros.reporting.text_files import write_json
+
+Array = NDArray[np.float64]
+
+NAMES = (SUMMARY, "report.html", "season.nc", "season.csv")
+_MOISTURE = ("vwc", "vwc_sd", "vwc_p05", "vwc_p95", "vwc_change", "vwc_change_sd")
+LAYERS = {
+    "vwc": ("1", "volumetric water content of the soil"),
+    "vwc_sd": ("1", "standard deviation of the volumetric water content"),
+    "vwc_p05": ("1", "5 % quantile of the volumetric water content"),
+    "vwc_p95": ("1", "95 % quantile of the volumetric water content"),
+    "rate": ("s-1", "corrected neutron count rate"),
+    "rate_sd": ("s-1", "standard deviation of the corrected neutron count rate"),
+    "vwc_change": ("1", "change of the volumetric water content since the survey before"),
+    "vwc_change_sd": ("1", "standard deviation of the change of the volumetric water content"),
+    "rate_change": ("s-1", "change of the corrected neutron count rate since the survey before"),
+    "rate_change_sd": ("s-1", "standard deviation of the change of the corrected neutron count rate"),
+    "significant": (
+        "1",
+        f"1 drier, -1 wetter than the survey before, 0 not significant (false discovery rate {FALSE_SHARE:g})",
+    ),
+}
+"""Unit and meaning of each variable of the NetCDF file."""
+
+
+def write_season(folder: Path, season: Season) -> list[Path]:
+    """Write ``summary.json``, ``report.html``, ``season.nc`` and ``season.csv``: all are replaced, or none.
+
+    :param folder: output folder; made if missing
+    :returns: the paths
+    :raises InputError: if the folder cannot be written
+    """
+    with replaced_together(folder, NAMES) as workshop:
+        write_season_page(workshop / "report.html", season)
+        write_stack(workshop / "season.nc", season)
+        _write_table(workshop / "season.csv", season)
+        write_json(workshop / SUMMARY, summary(season))
+    return [folder / name for name in NAMES]
+
+
+def estimate_text(survey: SeasonSurvey) -> str:
+    """Mean of a survey with its interval, and the change since the one before, on one line."""
+    if survey.mean_vwc is not None:
+        text = _text(survey.mean_vwc, 100.0, "% by volume", 1)
+        change = survey.change and survey.change.mean_vwc and _text(survey.change.mean_vwc, 100.0, "", 1, True)
+    else:
+        text = _text(survey.mean_rate, 1.0, "counts/s", 3)
+        change = survey.change and _text(survey.change.mean_rate, 1.0, "", 3, True)
+    return f"{text}{f', change {change}' if change else ''}"
+
+
+def _text(estimate: Estimate, factor: float, unit: str, digits: int, sign: bool = False) -> str:
+    form = f"{'+' if sign else ''}.{digits}f"
+    low, high = (factor * value for value in estimate.interval95)
+    return f"{factor * estimate.value:{form}} {unit}".strip() + f" ({low:{form}} to {high:{form}})"
+
+
+def summary(season: Season) -> dict[str, Any]:
+    """The season in numbers, for programs."""
+    persistence = season.persistence
+    return {
+        "schema": 1,
+        "software": "soilmoist_ros",
+        "version": __version__,
+        "kind": "season",
+        "title": season.title,
+        "field": season.field_name,
+        "simulated": season.simulated,
+        "calibration": _calibration(season),
+        "time_zone": season.time_zone or None,
+        "created_utc": f"{season.created_utc:%Y-%m-%dT%H:%M:%SZ}",
+        "datum": asdict(season.frame),
+        "cell_m": season.grid.cell_m,
+        "cells": int(np.count_nonzero(season.grid.mask)),
+        "variogram": {
+            "model": season.variogram.model,
+            "nugget_cps2": season.variogram.nugget,
+            "range_m": season.variogram.range_m,
+            "sill_cps2": season.variogram.sill,
+        },
+        "pattern_correlation": persistence.share,
+        "pattern_correlation_sd": persistence.sd,
+        "pattern_decay_days": persistence.decay_days if math.isfinite(persistence.decay_days) else None,
+        "false_discovery_rate": FALSE_SHARE,
+        "warnings": list(season.notes),
+        "surveys": rows(season),
+        "outputs": list(NAMES),
+    }
+
+
+def _calibration(season: Season) -> str:
+    return calibration_state(season.curve is not None, not season.illustrative, season.simulated)
+
+
+def rows(season: Season) -> list[dict[str, Any]]:
+    """One row per survey; undefined values are ``None``."""
+    about = {"calibration": _calibration(season)}
+    return [{**_row(*one), **about} for one in zip(season.labels, season.surveys, strict=True)]
+
+
+def _row(label: str, survey: SeasonSurvey) -> dict[str, Any]:
+    run, change = survey.run, survey.change
+    end = datetime.fromtimestamp(run.survey.stamp_s, UTC) if run.date else None
+    drier, wetter = change.shares if change else (None, None)
+    return {
+        "survey": run.survey.name,
+        "label": label,
+        "end_utc": None if end is None else f"{end:%Y-%m-%dT%H:%M:%SZ}",
+        "end_stamp_s": run.survey.stamp_s,
+        "records": len(run.records),
+        "samples": len(run.survey.samples),
+        **_columns("mean_rate_cps", survey.mean_rate),
+        **_columns("mean_vwc", survey.mean_vwc),
+        **_columns("change_rate_cps", change.mean_rate if change else None),
+        **_columns("change_vwc", change.mean_vwc if change else None),
+        "drier_share": drier,
+        "wetter_share": wetter,
+        "remarks": " ".join(run.remarks),
+    }
+
+
+def _columns(name: str, estimate: Estimate | None) -> dict[str, float | None]:
+    if estimate is None:
+        return dict.fromkeys((name, f"{name}_low95", f"{name}_high95"))
+    low, high = estimate.interval95
+    return {name: estimate.value, f"{name}_low95": low, f"{name}_high95": high}
+
+
+def _write_table(path: Path, season: Season) -> None:
+    table = rows(season)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(table[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({name: csv_text(value) for name, value in row.items()} for row in table)
+
+
+def write_stack(path: Path, season: Season) -> Path:
+    """Write all maps as NetCDF over (time, y, x) in the field's own plane.
+
+    ``lat`` and ``lon`` have the place of each cell on earth.
+    """
+    grid = season.grid
+    kind = "simulation" if season.simulated else "surface observation"
+    about = {
+        "title": season.title,
+        "calibration": _calibration(season),
+        "source": f"{kind}: cosmic-ray neutron counts, joint Poisson kriging by soilmoist_ros {__version__}",
+    }
+    across, up = np.meshgrid(grid.x_m, grid.y_m)
+    places = season.frame.to_geographic(np.column_stack([across.ravel(), up.ravel()]))
+    stamps = np.array([survey.run.survey.stamp_s for survey in season.surveys])
+    clock = "" if season.surveys[0].run.date else "; the clock had no date"
+    of_time = {"standard_name": "time", "long_name": f"end of the survey{clock}", **CLOCK, "axis": "T"}
+    variables: dict[str, Variable] = {"time": (stamps, ("time",), of_time)}
+    variables |= axes(grid.x_m, grid.y_m, season.frame.crs, places)
+    for name, (unit, meaning) in LAYERS.items():
+        if season.curve is not None or name not in _MOISTURE:
+            guessed = f", {ILLUSTRATIVE}" if season.illustrative and name in _MOISTURE else ""
+            stack = np.stack([layer(survey, name) for survey in season.surveys])
+            variables[name] = raster(stack, ("time", "y", "x"), unit, meaning + guessed, coordinates="lat lon")
+    return write_netcdf_file(path, variables, about)
+
+
+def layer(survey: SeasonSurvey, name: str) -> Array:
+    """A raster of a survey by its name in :data:`LAYERS`; NaN where it does not exist."""
+    if name in survey.bands._fields:
+        return np.asarray(getattr(survey.bands, name), float)
+    change = survey.change
+    if change is None:
+        return np.full(survey.bands.rate.shape, np.nan)
+    return np.asarray(getattr(change, name.replace("_change", "")), float)
+
+
+# The page of a season: maps with a time slider, the course of the mean, and the course at a chosen place --------
+
+
+def write_season_page(path: Path, season: Season) -> Path:
+    """Write the page; return ``path``."""
+    path.write_text(render_season(season), encoding="utf-8")
+    return path
+
+
+def render_season(season: Season) -> str:
+    """The page as HTML, without requests to other files."""
+    labels = season.labels
+    return render_page(
+        "season.html.j2",
+        title=season.title,
+        version=__version__,
+        place=season.field_name,
+        when=f"{len(season.surveys)} surveys, {labels[0]} to {labels[-1]}",
+        where=f"{season.field_name} · page made {season.created_utc:%Y-%m-%d %H:%M} UTC",
+        simulated=season.simulated,
+        lead=_lead(season),
+        notes=season.notes,
+        data=season_data(season),
+        chart=mean_chart(season),
+        rows=list(_rows(season)),
+        moist=season.curve is not None,
+        dated=any(survey.run.date for survey in season.surveys),
+    )
+
+
+def season_data(season: Season) -> dict[str, Any]:
+    """Everything that the map viewer draws, as plain JSON values."""
+    grid = season.grid
+    x, y = ((float(axis[0] - grid.cell_m), float(axis[-1] + grid.cell_m)) for axis in (grid.x_m, grid.y_m))
+    reach_m = max(x[1] - x[0], y[1] - y[0]) / 2
+    return {
+        "view": [round(edge, 2) for edge in (*x, *y)],
+        "place": place_data(season.frame, sum(x) / 2, sum(y) / 2, reach_m),
+        "rootDepth": 0,
+        "grids": [grid_data(grid)],
+        "layers": list(_layers(season)),
+        "edge": [rounded(np.vstack([ring, ring[:1]])) for ring in grid.polygons],
+        "noGo": [rounded(np.asarray(ring)) for ring in grid.holes],
+        **{name: [] for name in ("zones", "samples", "robots", "paths", "visits", "quarantined")},
+        "labels": season.labels,
+        "days": [round(float(day), 3) for day in season.days],
+    }
+
+
+def _layers(season: Season) -> Iterator[dict[str, Any]]:
+    """The layers; each has a raster for every survey, in one scale of colours."""
+    surveys, mask = season.surveys, season.grid.mask
+    step = thinning(mask.shape)
+
+    def layer(key: str, stack: Array, **more: Any) -> dict[str, Any]:
+        rasters = np.where(mask, stack, np.nan)[:, ::step, ::step]
+        return {"key": key, "grid": 0, "maps": [pack(one) for one in rasters], **more}
+
+    rate, rate_sd = (np.stack([getattr(one.bands, name) for one in surveys]) for name in ("rate", "rate_sd"))
+    about_sd = "One standard deviation: dark is unsure."
+    moist = season.curve is not None
+    if moist:
+        vwc, sd = (100 * np.stack([getattr(one.bands, name) for one in surveys]) for name in ("vwc", "vwc_sd"))
+        unit = f"{PERCENT}, {ILLUSTRATIVE}" if season.illustrative else PERCENT
+        look = shown_as("Soil moisture", unit, 1, WATER, colour_limits(vwc, sd))
+        yield layer("vwc", vwc, **look, sd="vwc_sd", fixed=FIXED_VWC, about="Pale is dry, dark blue is wet.")
+    look = shown_as("Neutron rate", "counts/s", 2, RATE, colour_limits(rate, rate_sd))
+    yield layer("rate", rate, **look, sd="rate_sd", about="More neutrons mean drier soil.")
+    change = np.stack([_change(one, moist, np.full(mask.shape, np.nan)) for one in surveys])
+    if np.isfinite(change).any():
+        most = colour_limits(np.abs(change))[1]
+        style = (PERCENT, 1, DIFFERENCE) if moist else ("counts/s", 2, f"{DIFFERENCE}_r")
+        look = shown_as("Change since the survey before", *style, (-most, most))
+        found = layer("change", change, **look, hatchText="not significant",
+                      about="In the change, brown is drier and green wetter. Hatched: the change is not "
+                      f"significant (false discovery rate {numbers.percent(FALSE_SHARE)}).")  # fmt: skip
+        for raster, one in zip(found["maps"], surveys, strict=True):
+            if one.change is not None:
+                raster["hatch"] = pack_bits((one.change.significant == 0)[::step, ::step])
+        yield found
+    if moist:
+        look = shown_as("Uncertainty", PERCENT, 1, UNCERTAIN, (0.0, colour_limits(sd)[1]))
+        yield layer("vwc_sd", sd, **look, about=about_sd)
+        yield layer("rate_sd", rate_sd)
+    else:
+        look = shown_as("Uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(rate_sd)[1]))
+        yield layer("rate_sd", rate_sd, **look, about=about_sd)
+
+
+def _change(survey: SeasonSurvey, moist: bool, nothing: Array) -> Array:
+    if survey.change is None:
+        return nothing
+    return 100 * survey.change.vwc if moist else survey.change.rate
+
+
+def mean_chart(season: Season) -> Chart:
+    """The mean of the field over time, with its 95 % interval."""
+    moist = season.curve is not None
+    factor = 100.0 if moist else 1.0
+    means = [_mean(one, moist) for one in season.surveys]
+    value = factor * np.array([one.value for one in means])
+    low, high = factor * np.array([one.interval95 for one in means]).T
+    days, labels = season.days, season.labels
+    quantity = "mean moisture [% by volume]" if moist else "mean rate [counts/s]"
+    shown = _spaced(days)
+    return Chart(
+        "mean",
+        "Mean of the field",
+        f"{quantity} of {len(days)} surveys, from {value[0]:.3g} to {value[-1]:.3g}.",
+        [Area(days, low, high), Line(days, value), Dots(days, value, size_px=7.0)],
+        limits_of(days),
+        limits_of(low, high),
+        "survey",
+        quantity,
+        "The band is the 95 % interval from counting and interpolation; an error of the calibration shifts all "
+        "surveys alike. More neutrons mean drier soil.",
+        x_ticks=[(float(days[one]), labels[one]) for one in shown],
+    )
+
+
+def _spaced(days: Array) -> list[int]:
+    """Surveys whose labels have room: the first, and each that is a sixth of the season after the last one."""
+    shown, least = [0], float(np.ptp(days)) / 6
+    for number in range(1, len(days)):
+        if days[number] - days[shown[-1]] >= max(least, 1e-9):
+            shown.append(number)
+    return shown
+
+
+def _mean(survey: SeasonSurvey, moist: bool) -> Estimate:
+    return survey.mean_vwc if moist and survey.mean_vwc is not None else survey.mean_rate
+
+
+def _lead(season: Season) -> str:
+    persistence = season.persistence
+    fades = (
+        f", which falls to a third in {numbers.number(persistence.decay_days, 2)} days"
+        if np.isfinite(persistence.decay_days)
+        else ""
+    )
+    return (
+        "The map of each survey is made from the counts of all of them, earlier and later: what persists in this "
+        "field is learned once. The patterns of two surveys have a correlation of "
+        f"{persistence.share:.2f} ± {persistence.sd:.2f}{fades}."
+    )
+
+
+def _rows(season: Season) -> Iterator[dict[str, str]]:
+    """Rows of the table of surveys."""
+    moist = season.curve is not None
+    for label, survey in zip(season.labels, season.surveys, strict=True):
+        change = survey.change
+        drier, wetter = change.shares if change else (float("nan"), float("nan"))
+        yield {
+            "label": label,
+            "name": survey.run.survey.name,
+            "samples": str(len(survey.run.survey.samples)),
+            "end": _end(season, survey.run),
+            "mean": _interval(_mean(survey, moist), moist),
+            "rate": f"{survey.mean_rate.value:.3f}" if moist else "",
+            "change": "–"
+            if change is None
+            else _interval(change.mean_vwc if moist and change.mean_vwc else change.mean_rate, moist, "+"),
+            "wetter": numbers.percent(wetter),
+            "drier": numbers.percent(drier),
+            "remarks": " ".join(survey.run.remarks),
+        }
+
+
+def _end(season: Season, run: EarlierRun) -> str:
+    """End of a survey in UTC and in the time zone of the field, if it is known; empty without a date."""
+    if not run.date:
+        return ""
+    end = datetime.fromtimestamp(run.survey.stamp_s, UTC)
+    if not season.time_zone:
+        return f"{end:%H:%M} UTC"
+    here = local_time(end, season.time_zone)
+    day = "" if here.date() == end.date() else f"{here:%Y-%m-%d} "
+    return f"{end:%H:%M} UTC, {day}{here:%H:%M} {season.time_zone}"
+
+
+def _interval(estimate: Estimate, moist: bool, sign: str = "") -> str:
+    factor, form = (100.0, f"{sign}.1f") if moist else (1.0, f"{sign}.3f")
+    low, high = (factor * value for value in estimate.interval95)
+    return f"{factor * estimate.value:{form}} ({low:{form}} to {high:{form}})".replace("-", "−")

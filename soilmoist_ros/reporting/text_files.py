@@ -1,0 +1,275 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Text files of a run: strict JSON, samples as GeoJSON (RFC 7946), series and visits as CSV."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import astuple, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.exploration import Visit
+from soilmoist_ros.foundation import LocalFrame, csv_text
+from soilmoist_ros.mapping import make_bands
+from soilmoist_ros.pipeline import MapRun
+from soilmoist_ros.reporting.certainty import calibration_of
+from soilmoist_ros.reporting.geometry import field_polygon, right_handed, rings
+from soilmoist_ros.simulation import MissionResult
+
+
+def jsonable(value: Any) -> Any:
+    """The value in plain types; NaN and infinity become ``None``."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.bool_ | np.integer):
+        return value.item()
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | list | tuple | set | frozenset):
+        return [jsonable(item) for item in value]
+    return str(value)
+
+
+def dumps(value: Any, indent: int | None = None) -> str:
+    """Strict JSON text."""
+    return json.dumps(jsonable(value), allow_nan=False, ensure_ascii=False, indent=indent)
+
+
+def write_json(path: Path, value: Any, indent: int | None = 2) -> Path:
+    """Write strict JSON that ends in a line feed."""
+    path.write_text(dumps(value, indent) + "\n", encoding="utf-8")
+    return path
+
+
+# The course of a mission as CSV files ---------------------------------------------------------------------------
+
+
+def write_series(path: Path, mission: MissionResult) -> Path:
+    """Write the state over time, one row per entry; return ``path``. Undefined values are empty.
+
+    Each further property adds the columns ``mse_NAME`` and ``coverage95_NAME``.
+    """
+    columns = mission.columns
+    return _write(path, list(columns), zip(*columns.values(), strict=True))
+
+
+def write_visits(path: Path, mission: MissionResult) -> Path:
+    """Write the visits in order, one column for each field of :class:`Visit`; return ``path``."""
+    return _write(path, [field.name for field in fields(Visit)], map(astuple, mission.visits))
+
+
+def _write(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([_cell(*pair) for pair in zip(names, row, strict=True)] for row in rows)
+    return path
+
+
+def _cell(name: str, value: object) -> object:
+    if not isinstance(value, float):
+        return csv_text(value)
+    if not math.isfinite(value):
+        return ""
+    # Unix time needs ten digits before the point.
+    return f"{value:.13g}" if name.endswith("_stamp_s") else f"{value:.8g}"
+
+
+# When each sample of a map was counted --------------------------------------------------------------------------
+
+
+def sample_times(run: MapRun) -> NDArray[np.float64]:
+    """Begin of the first and end of the last record of each sample, and their number; shape (n, 3) [s, s, -].
+
+    Samples do not remember their records, so each record counts for the nearest sample. Where a mission maps only
+    what was counted at stops, records between the visits are left out. NaN for a sample without a record.
+    """
+    from scipy.spatial import cKDTree
+
+    samples = run.soil_map.samples
+    table = np.array(
+        [
+            (record.x_m, record.y_m, record.stamp_s - record.exposure_s, record.stamp_s, record.raw_counts)
+            for record in run.track
+            if not record.quarantine
+        ]
+    ).reshape(-1, 5)
+    table = table[np.isfinite(table[:, :2]).all(axis=1)]
+    if run.mission is not None and table[:, 4].sum() > samples.counts.sum():
+        visits = [(visit.arrival_stamp_s, visit.end_stamp_s) for visit in run.mission.visits]
+        during = [(table[:, 2] >= begin - 1e-3) & (table[:, 3] <= end + 1e-3) for begin, end in visits]
+        table = table[np.any(during, axis=0)] if during else table[:0]
+    times = np.column_stack(
+        [np.full(len(samples), np.inf), np.full(len(samples), -np.inf), np.zeros(len(samples))]
+    )
+    if len(table) and len(samples):
+        nearest = cKDTree(samples.xy).query(table[:, :2])[1]
+        np.minimum.at(times[:, 0], nearest, table[:, 2])
+        np.maximum.at(times[:, 1], nearest, table[:, 3])
+        np.add.at(times[:, 2], nearest, 1)
+    return np.where(np.isfinite(times), times, np.nan)
+
+
+# The samples, the track, the field and its no-go areas as GeoJSON (RFC 7946) ------------------------------------
+
+DIGITS = 7
+"""Decimal places of degrees; the last is about 1 cm."""
+
+
+def write_samples(path: Path, run: MapRun) -> Path:
+    """Write field, track and samples as one feature collection; returns ``path``."""
+    collection = samples_collection(run)
+    features = ",\n".join(dumps(feature) for feature in collection.pop("features"))
+    head = dumps(collection)[:-1]
+    path.write_text(f'{head}, "features": [\n{features}\n]}}\n', encoding="utf-8")
+    return path
+
+
+def samples_collection(run: MapRun) -> dict[str, Any]:
+    """Field, track and samples as a GeoJSON feature collection.
+
+    Each feature has a ``kind``: ``field`` (polygon without the no-go areas), ``no_go`` (polygon), ``track`` (one
+    line for each robot that moved) or ``sample`` (point). Undefined values, such as the
+    moisture of a rate below the curve, are ``null``. ``calibrated`` says what moisture rests on.
+    """
+    samples = _sample_features(run)
+    shapes = [_field_feature(run), *_no_go_features(run)]
+    tracks = run.tracks_xy
+    moved = [track for track in tracks if len(np.unique(track, axis=0)) > 1]
+    if moved:
+        shapes.append(_track_feature(run, moved))
+    points = np.vstack([*rings(run.soil_map), *tracks, run.soil_map.samples.xy])
+    collection = {
+        "type": "FeatureCollection",
+        "bbox": _bounding_box(run.frame, points),
+        "features": shapes + samples,
+    }
+    return dict(jsonable(collection))
+
+
+def _sample_features(run: MapRun) -> list[dict[str, Any]]:
+    samples, curve = run.soil_map.samples, run.soil_map.curve
+    counts, exposure = np.asarray(samples.counts, float), np.asarray(samples.exposure_s, float)
+    rate = counts / exposure
+    rate_sd = np.where(counts > 0, np.sqrt(counts) / exposure, np.nan)
+    vwc_sd = np.full_like(rate, np.nan) if curve is None else curve.vwc_sd(rate, rate_sd, order=3)
+    interval = make_bands(rate, rate_sd**2, curve)
+    # As on the map, no value leaves what the soil can hold; below the curve there is none.
+    vwc = interval.vwc if curve is None else np.where(np.isnan(curve.vwc(rate)), np.nan, interval.vwc)
+    lon_lat = _lon_lat(run.frame, samples.xy)
+    begin, end, n_records = sample_times(run).T
+    calibrated = calibration_of(run)
+    return [
+        {
+            "type": "Feature",
+            "id": f"sample-{i + 1}",
+            "geometry": {"type": "Point", "coordinates": lon_lat[i].tolist()},
+            "properties": {
+                "kind": "sample",
+                "raw_counts": round(float(counts[i])),
+                "effective_exposure_s": round(float(exposure[i]), 3),
+                "rate_cps": rate[i],
+                "rate_sd_cps": rate_sd[i],
+                "vwc": vwc[i],
+                "vwc_sd": vwc_sd[i],
+                "vwc_p05": interval.vwc_p05[i],
+                "vwc_p95": interval.vwc_p95[i],
+                "n_records": round(n_records[i]),
+                "first_stamp_s": begin[i],
+                "last_stamp_s": end[i],
+                "calibrated": calibrated,
+            },
+        }
+        for i in range(len(rate))
+    ]
+
+
+def _field_feature(run: MapRun) -> dict[str, Any]:
+    polygon = field_polygon(run.soil_map)
+    properties = {
+        "kind": "field",
+        "name": run.field_name,
+        "site": run.site,
+        "area_m2": round(float(polygon.area), 1),
+        "simulated": run.simulated,
+        "calibrated": calibration_of(run),
+        "software": f"soilmoist_ros {run.version}".strip(),
+        "created_utc": run.created,
+    }
+    return {"type": "Feature", "id": "field", "geometry": _geometry(run.frame, polygon), "properties": properties}
+
+
+def _no_go_features(run: MapRun) -> list[dict[str, Any]]:
+    from shapely.geometry import Polygon
+
+    shapes = enumerate(map(Polygon, run.soil_map.grid.holes), start=1)
+    return [
+        {
+            "type": "Feature",
+            "id": f"no-go-{number}",
+            "geometry": _geometry(run.frame, right_handed(shape)),
+            "properties": {"kind": "no_go", "area_m2": round(float(shape.area), 1)},
+        }
+        for number, shape in shapes
+    ]
+
+
+def _track_feature(run: MapRun, tracks: Sequence[NDArray[np.float64]]) -> dict[str, Any]:
+    from shapely.geometry import LineString, MultiLineString
+
+    stamps = [record.stamp_s for record in run.track]
+    properties = {
+        "kind": "track",
+        "n_records": len(run.track),
+        "first_stamp_s": min(stamps),
+        "last_stamp_s": max(stamps),
+    }
+    geometry = _geometry(run.frame, LineString(tracks[0]) if len(tracks) == 1 else MultiLineString(tracks))
+    return {"type": "Feature", "id": "track", "geometry": geometry, "properties": properties}
+
+
+def _unwrapped(frame: LocalFrame, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Longitude and latitude (n, 2); longitudes are continuous about the datum and may exceed +-180."""
+    lat, lon = frame.to_geographic(xy_m).T
+    lon = frame.longitude_deg + (lon - frame.longitude_deg + 180) % 360 - 180
+    return np.column_stack([lon, lat])
+
+
+def _lon_lat(frame: LocalFrame, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    lon_lat = _unwrapped(frame, xy_m)
+    lon_lat[:, 0] = (lon_lat[:, 0] + 180) % 360 - 180
+    return np.round(lon_lat, DIGITS)
+
+
+def _bounding_box(frame: LocalFrame, xy_m: NDArray[np.float64]) -> list[float]:
+    """West, south, east, north; west > east when the antimeridian lies between (RFC 7946, 5.2)."""
+    lon, lat = _unwrapped(frame, xy_m).T
+    west, east = ((value + 180) % 360 - 180 for value in (lon.min(), lon.max()))
+    return [round(float(value), DIGITS) for value in (west, lat.min(), east, lat.max())]
+
+
+def _geometry(frame: LocalFrame, shape: Any) -> dict[str, Any]:
+    """A local shape as GeoJSON geometry: right-hand rule, cut at the antimeridian (RFC 7946, 3.1.9)."""
+    from shapely import make_valid, transform
+    from shapely.geometry import box, mapping
+
+    there = transform(shape, lambda xy: _unwrapped(frame, xy))
+    if there.geom_type.endswith("Polygon"):
+        there = make_valid(there)  # about a pole the outline crosses itself
+    west, _, east, _ = there.bounds
+    if west < -180 or east > 180:
+        beyond = -360.0 if east > 180 else 360.0
+        world = box(-180, -90, 180, 90)
+        moved = transform(there, lambda ll: ll + np.array([beyond, 0.0]))
+        there = there.intersection(world).union(moved.intersection(world))
+    rounded = transform(there, lambda ll: np.round(ll, DIGITS))
+    return dict(mapping(right_handed(rounded)))

@@ -1,0 +1,279 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""An operator's request and its reply as messages."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("soilmoist_msgs")
+pytest.importorskip("soilmoist_msgs.msg")
+from rclpy.serialization import deserialize_message, serialize_message
+from soilmoist_msgs.msg import Mission
+from soilmoist_msgs.srv import Command
+
+from msg_adapters.soilmoist_types import (
+    map_summary_to_message,
+    mission_state_from_message,
+    mission_state_to_message,
+    reply_from_message,
+    reply_to_message,
+    request_from_message,
+    request_to_message,
+    visit_from_message,
+    visit_to_message,
+)
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
+from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response, Verb
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.plain_values import foreign_text
+from soilmoist_ros.mapping.field_map import MapState
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.simulation.fields.catalogue import surrogate_field
+
+words = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20).map(foreign_text)
+numbers = st.floats(allow_nan=False)
+corners = st.floats(-5e4, 5e4, width=32)
+chosen = st.none() | st.lists(words.filter(bool), max_size=3).map(tuple)
+requests = st.builds(
+    OperatorRequest, verb=words, who=words, place=st.lists(numbers, max_size=3).map(tuple),
+    geographic_place=st.lists(numbers, max_size=3).map(tuple), dwell=words,
+    polygon=st.lists(st.tuples(corners, corners), max_size=5).map(tuple),
+    stops=st.lists(words, max_size=4).map(tuple), hours=numbers, strategy=words, target=words, home=words,
+    field=words, earlier=chosen, covariates=chosen,
+)  # fmt: skip
+
+
+@given(requests)
+def test_a_request_comes_back(request):
+    message = deserialize_message(serialize_message(request_to_message(request)), Command.Request)
+    assert request_from_message(message) == request
+
+
+@given(st.builds(Reply, st.sampled_from(ReplyCode), words))
+def test_a_reply_comes_back(reply):
+    message = deserialize_message(serialize_message(reply_to_message(reply)), Command.Response)
+    assert reply_from_message(message) == reply
+    assert message.accepted is (reply.code is ReplyCode.ACCEPTED)
+
+
+def test_numbers_of_other_types_are_sent_as_they_are():
+    message = request_to_message(OperatorRequest("measure", place=(1, 2), hours=3))
+    sent = deserialize_message(serialize_message(message), Command.Request)
+    assert (list(sent.place), sent.hours) == ([1.0, 2.0], 3.0)
+
+
+def test_what_is_left_out_is_not_given():
+    assert request_from_message(Command.Request(verb="pause")) == OperatorRequest("pause")
+
+
+def test_the_message_names_every_verb():
+    constants = {name for name in dir(Command.Request) if name.isupper()} - {"SLOT_TYPES"}
+    assert {str(getattr(Command.Request, name)) for name in constants} == {str(verb) for verb in Verb}
+
+
+def test_control_characters_of_operators_do_not_come_in():
+    odd = "no\x1b[31mrth\r\n\u202e5\x07"
+    found = request_from_message(request_to_message(OperatorRequest("rule_out", odd, stops=(odd,), home=odd)))
+    assert (found.who, found.stops, found.home) == ("north 5", ("north 5",), "north 5")
+    assert reply_from_message(reply_to_message(Reply(ReplyCode.REFUSED, odd))).message == "north 5"
+
+
+# Visits ---------------------------------------------------------------------------------------------------------
+
+places = st.floats(-5e4, 5e4)
+stamps = st.integers(1, 2**31 - 2).map(float)
+exposures = st.floats(0, 1e6)
+texts = st.text(st.characters(exclude_categories=["Cs", "Cc"])).map(foreign_text)
+visits = st.builds(
+    Visit, name=texts, x_m=places, y_m=places, arrived_s=exposures, dwell_s=exposures,
+    raw_counts=st.integers(0, 2**63), reason=texts, robot=st.integers(1, 9), records=st.integers(0, 2**32 - 1),
+    exposure_s=exposures, effective_exposure_s=exposures, ended=st.sampled_from(VisitEnd), outcome=texts,
+    dwell=texts,
+    arrival_stamp_s=stamps, end_stamp_s=stamps, stop_x_m=places, stop_y_m=places,
+)  # fmt: skip
+
+
+@given(visits)
+def test_a_visit_comes_back_exactly(visit):
+    message = visit_to_message(visit, "robot_1")
+    assert visit_from_message(message, visit.robot) == visit
+    assert (message.robot, message.header.frame_id) == ("robot_1", "map")
+
+
+def test_what_is_unknown_stays_unknown():
+    visit = visit_from_message(visit_to_message(Visit("a", 1.0, 2.0, 3.0, 4.0, 5, "")))
+    unknown = ("exposure_s", "effective_exposure_s", "arrival_stamp_s", "end_stamp_s", "stop_x_m", "stop_y_m")
+    assert all(math.isnan(getattr(visit, name)) for name in unknown)
+
+
+def test_codes_of_later_versions_are_read():
+    message = visit_to_message(Visit("a", 1.0, 2.0, 3.0, 4.0, 5, ""))
+    message.reason_code = "struck_by_lightning"
+    assert visit_from_message(message).ended is VisitEnd.UNKNOWN
+    with pytest.raises(ValueError, match="not a visit"):
+        visit_from_message(message.header)
+
+
+def test_control_characters_of_other_robots_do_not_come_in():
+    odd = "no\x1b[31mrth\r\n\u202e5\x07"
+    visit = Visit(name=odd, x_m=0.0, y_m=0.0, arrived_s=0.0, dwell_s=1.0, raw_counts=1, reason=odd, outcome=odd)
+    found = visit_from_message(visit_to_message(visit))
+    assert (found.name, found.reason, found.outcome) == ("north 5",) * 3
+
+
+# soilmoist_msgs/MapSummary of a map -----------------------------------------------------------------------------
+
+NUMBERS = ("mean_rate", "mean_vwc", "rate_sd", "vwc_sd", "normalised_variance", "nugget", "sill", "range_m")
+
+
+@pytest.fixture
+def state():
+    samples = Samples([(1, 1), (8, 3)], [310, 295], [100.0, 110.0])
+    return MapState(records=21, stamp_s=1234.5, samples=samples)
+
+
+def made(state, curve):
+    """A map whose cells outside a triangle are NaN; variance 0.04 and 0.16 in halves of it."""
+    grid = FieldGrid.from_polygon([(0, 0), (10, 0), (0, 10)], cell_m=1.0)
+    rate = np.where(grid.mask, 5.0, np.nan)
+    variance = np.where(grid.mask, 0.04, np.nan)
+    variance[:, ::2] *= 4.0
+    variogram = Variogram("matern32", 0.1, 25.0, 0.5)
+    return SoilMap(grid, rate, variance, state.samples, variogram, None, 5.0, curve, True, None, 0)
+
+
+def test_a_map_with_calibration_in_numbers(state):
+    soil_map = made(state, surrogate_field("synthetic-high").curve)
+    message = map_summary_to_message(state, soil_map, "field")
+    assert (message.header.frame_id, message.header.stamp.sec, message.header.stamp.nanosec) == (
+        "field", 1234, 500_000_000,
+    )  # fmt: skip
+    assert (message.records, message.samples, message.raw_counts, message.effective_exposure_s) == (
+        21,
+        2,
+        605,
+        210,
+    )
+    assert (message.variogram_model, message.nugget, message.sill, message.range_m) == ("matern32", 0.1, 0.5, 25.0)
+    variance = np.nanmean(soil_map.variance)
+    assert message.mean_rate == 5.0
+    assert message.rate_sd == pytest.approx(math.sqrt(variance))
+    assert message.normalised_variance == pytest.approx(variance / 0.5)
+    assert message.mean_vwc == pytest.approx(np.nanmean(soil_map.vwc))
+    assert message.vwc_sd == pytest.approx(math.sqrt(np.nanmean(soil_map.vwc_sd**2)))
+    assert 0 < message.mean_vwc < 0.6
+
+
+def test_what_is_unknown_is_nan(state):
+    message = map_summary_to_message(state, made(state, None))
+    assert math.isnan(message.mean_vwc)
+    assert math.isnan(message.vwc_sd)
+    assert message.mean_rate == 5.0
+    message = map_summary_to_message(MapState(), None)
+    assert (message.records, message.samples, message.raw_counts, message.variogram_model) == (0, 0, 0, "")
+    assert all(math.isnan(getattr(message, name)) for name in NUMBERS)
+
+
+# The mission's status as finite and codes -----------------------------------------------------------------------
+
+finite = st.floats(0, 1e9)
+offsets = st.floats(-1e9, 1e9)
+metres = st.floats(-5e4, 5e4, width=32)
+areas = st.lists(st.lists(st.tuples(metres, metres), min_size=3, max_size=5).map(tuple), max_size=2).map(tuple)
+reasons = st.text(st.characters(codec="utf-8", exclude_characters="\x00"), max_size=20).map(foreign_text)
+names = st.lists(reasons, max_size=3).map(tuple)
+choices = st.none() | st.lists(reasons.filter(bool), max_size=3).map(tuple)
+counts = st.integers(0, 2**32 - 1)
+statuses = st.builds(
+    MissionStatus, now_s=finite, phase=st.sampled_from(Phase), reason=reasons,
+    target=st.none() | st.builds(Stop, reasons, offsets, offsets), planned_dwell_s=finite, dwell_s=finite,
+    progress=st.floats(0, 1), time_used_s=finite, time_left_s=finite, distance_m=finite, samples=counts,
+    counting_s=finite, raw_counts=st.integers(0, 2**63), failures=counts, blacklisted=names,
+    estimated_end_s=st.none() | finite, needs_operator=st.booleans(), silent=st.booleans(),
+    ended=st.none() | st.sampled_from(MissionEnd),
+    alarms=st.lists(st.builds(Alarm, finite, reasons, st.sampled_from(Response), reasons), max_size=3).map(tuple),
+    emergency=st.booleans(), stop_requests=counts, queue=names, strategy=reasons, clock_offset_s=offsets,
+    ruled_out=areas, field=reasons, earlier=choices, covariates=choices,
+)  # fmt: skip
+IDLE = MissionStatus(
+    now_s=math.nan, phase=Phase.IDLE, reason="waiting for start", target=None, planned_dwell_s=0.0, dwell_s=0.0,
+    progress=0.0, time_used_s=0.0, time_left_s=0.0, distance_m=0.0, samples=0, counting_s=0.0, raw_counts=0,
+    failures=0, blacklisted=(), estimated_end_s=None,
+)  # fmt: skip
+
+
+def sent(status):
+    message = mission_state_to_message(status, 1_790_000_000.5, "robot_1")
+    return deserialize_message(serialize_message(message), Mission)
+
+
+@pytest.mark.slow
+@given(statuses)
+def test_a_status_comes_back(status):
+    assert mission_state_from_message(sent(status)) == status
+
+
+def test_codes_and_numbers():
+    status = replace(
+        IDLE, phase=Phase.PAUSED, needs_operator=True, emergency=True, stop_requests=2, raw_counts=np.int64(3),
+        dwell_s=np.float32(1.5), ended=MissionEnd.FAILSAFE,
+        alarms=(Alarm(5.0, "battery", Response.RETURN, "17 % left"),),
+    )  # fmt: skip
+    message = sent(status)
+    assert (message.phase, message.ended) == (Mission.PHASE_PAUSED, Mission.END_FAILSAFE)
+    assert (message.level, message.stop_confirmed) == (2, False)
+    assert (message.raw_counts, message.dwell_s) == (3, 1.5)
+    (alarm,) = message.alarms
+    assert (alarm.cause, alarm.response, alarm.since_s) == ("battery", alarm.RETURN_HOME, 5.0)
+    assert (message.header.stamp.sec, message.header.frame_id, message.robot) == (1_790_000_000, "map", "robot_1")
+
+
+def test_without_a_mission_there_is_no_time_and_no_stop():
+    message = sent(IDLE)
+    assert all(map(math.isnan, (message.mission_time_s, message.estimated_end_s, message.stop_position.x)))
+    assert message.ended == Mission.END_NONE
+    assert message.stop_confirmed
+
+
+def test_codes_of_later_versions_are_refused():
+    message = sent(IDLE)
+    message.phase = 99
+    with pytest.raises(ValueError, match="phase 99 is not known"):
+        mission_state_from_message(message)
+
+
+def test_control_characters_of_other_planners_do_not_come_in():
+    odd = "no\x1b[31mrth\r\n\u202e5\x07"
+    alarm = Alarm(0.0, "fix", next(iter(Response)), odd)
+    names = (odd,)
+    status = replace(
+        IDLE,
+        reason=odd,
+        target=Stop(odd, 1.0, 2.0),
+        blacklisted=names,
+        queue=names,
+        alarms=(alarm,),
+        field=odd,
+        earlier=names,
+    )
+    found = mission_state_from_message(sent(status))
+    shown = (
+        found.reason,
+        found.target.name,
+        *found.blacklisted,
+        *found.queue,
+        found.alarms[0].reason,
+        found.field,
+    )
+    assert (set(shown), found.earlier) == ({"north 5"}, ("north 5",))

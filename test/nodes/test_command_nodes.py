@@ -1,0 +1,306 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A bag played to real nodes: the nodes act as during the recording."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from ros_system import NodeProcess
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from msg_adapters.counts import counts_from_message, samples_to_message
+from msg_adapters.mission import mission_to_message
+from msg_adapters.point_cloud import to_seconds, to_time
+from msg_adapters.soil_map import soil_map_from_message, soil_map_to_message
+from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
+from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.mapping import Samples
+from soilmoist_ros.mapping.cells import map_cells
+from soilmoist_ros.nodes.command_nodes import Monitor, on_space
+from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, published_qos
+from soilmoist_ros.pipeline import replay_bag
+from soilmoist_ros.pipeline.field_survey import open_survey
+from soilmoist_ros.recording.bag.metadata import Qos, Topic, find_definition
+from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.writer import BagWriter
+from soilmoist_ros.recording.run_folder import read_parameters
+from soilmoist_ros.reporting.live_view import LiveMap, LiveMission
+from soilmoist_ros.sensing.records import CountRecord
+
+GOLDEN = Path(__file__).resolve().parents[1] / "golden"
+START_S = 1.78e9
+EVERY_CLOCK = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Nodes need the latest time only; a test that is late would miss the others."""
+VOLATILE, KEPT = Qos(), Qos(depth=1, durability="transient_local")
+
+
+@pytest.fixture
+def play(ros, tmp_path):
+    """Starts ``soilmoist bag play``."""
+
+    def start(bag, *options):
+        command = [
+            sys.executable,
+            "-c",
+            "from soilmoist_ros.cli.main import main; main()",
+            "bag",
+            "play",
+            str(bag),
+        ]
+        command += map(str, options)
+        process = NodeProcess(command, ros.environment, tmp_path / f"player{len(ros.processes)}.txt")
+        ros.processes.append(process)
+        return process
+
+    return start
+
+
+@pytest.fixture
+def notes_bag(tmp_path):
+    """One text per second, and one latched text at the beginning."""
+    offered = {"/r/notes": VOLATILE, "/topological_map_2": KEPT, "/r/samples": KEPT}
+    text = find_definition("std_msgs/msg/String")
+    topics = [Topic(name, text, (qos,)) for name, qos in offered.items()]
+    with BagWriter(tmp_path / "notes") as writer:
+        for number in range(40):
+            stamp_ns = round((START_S + number) * 1e9)
+            for topic in topics if number == 0 else topics[:1]:
+                message = String(data=f"{topic.name} {number}")
+                writer.write(topic, stamp_ns, stamp_ns, serialize_message(message))
+    return tmp_path / "notes"
+
+
+def test_the_mapper_makes_the_map_that_the_replay_makes(ros, play):
+    run = GOLDEN / "no_position_gap"
+    replay = replay_bag(run)
+    mapper = read_parameters(run / "configuration", "mapper")
+    ros.start("mapper", params={"noise": "mean", **mapper, "use_sim_time": True})  # as mappers of its time
+    maps = ros.collect(PointCloud2, "soil_map", LATCHED)
+    counts = ros.collect(PointCloud2, "counts", RECORDS)
+    clock = ros.collect(Clock, "/clock", EVERY_CLOCK)
+    ros.wait_for(lambda: ros.node.count_subscribers("counts") == 2, message="the mapper")
+    player = play(run, "--time-factor", 100)
+    assert player.wait() == 0, player.output()
+    assert "played 30 messages" in player.output()
+    assert "note: played" not in player.output(), "it is the result, no warning"
+    with BagReader(run / "bag") as reader:
+        recorded, begin_ns = reader.read_counts(), reader.extent.start_ns
+    ros.wait_for(lambda: len(counts) == len(recorded), message="the last counts")
+    played = [record for message in counts for record in counts_from_message(message)]
+    assert repr(played) == repr(recorded)
+    stamp_s = recorded[-1].stamp_s
+    ros.wait_for(lambda: maps and to_seconds(maps[-1].header.stamp) == stamp_s, message="the last map")
+    grid = replay.run.soil_map.grid
+    assert soil_map_from_message(maps[-1]).tobytes() == map_cells(grid, replay.run.soil_map).tobytes()
+    times = [to_seconds(one.clock) for one in clock]
+    assert times == sorted(times)
+    assert min(times) == begin_ns * 1e-9
+    assert len(set(times)) > 30, "time passes between the messages, too"
+
+
+def test_it_starts_late_with_the_last_of_what_is_latched_and_pauses(ros, play, notes_bag):
+    notes = ros.collect(String, "/r/notes", 1000)
+    maps = ros.collect(String, "/topological_map_2", LATCHED)
+    player = play(notes_bag, "--topics", "/r/notes|/topo.*", "--start", 20, "--time-factor", 12)
+    assert ros.call(Trigger, "bag_player/pause").success
+    clock = ros.collect(Clock, "/clock", CLOCK)
+    ros.wait_for(lambda: len(clock) > 20, message="the clock, which is published in a pause as well")
+    assert len({to_seconds(one.clock) for one in clock[-10:]}) == 1
+    received = len(notes)
+    ros.wait_for(lambda: len(clock) > 60)
+    assert len(notes) == received < 20
+    ros.wait_for(lambda: "paused" in player.output())
+    assert ros.call(Trigger, "bag_player/resume").success
+    assert player.wait() == 0, player.output()
+    ros.wait_for(lambda: len(notes) >= 20, message="the last note")
+    assert [one.data for one in notes] == [f"/r/notes {number}" for number in range(20, 40)]
+    assert [one.data for one in maps] == ["/topological_map_2 0"]
+    assert "played 21 messages" in player.output()
+    ros.wait_for(lambda: to_seconds(clock[-1].clock) == START_S + 39, message="the last time")
+
+
+def test_what_mapper_and_planner_publish_themselves_is_not_played(ros, play, notes_bag):
+    maps = ros.collect(String, "/topological_map_2", LATCHED)
+    player = play(notes_bag, "--time-factor", 100)
+    assert player.wait() == 0, player.output()
+    ros.wait_for(lambda: len(maps) == 1)
+    assert ros.node.count_publishers("/r/samples") == 0
+    assert "played 1 messages" in player.output()
+
+
+def test_the_clock_of_a_simulation_is_played_as_it_was(ros, play, tmp_path):
+    clock_topic = Topic("/clock", find_definition("rosgraph_msgs/msg/Clock"), (Qos(reliability="best_effort"),))
+    note = Topic("/fix", find_definition("std_msgs/msg/String"), (VOLATILE,))
+    with BagWriter(tmp_path / "bag") as writer:
+        for number in range(60):  # a minute in a second
+            stamp_ns = round((1.9e9 + number / 60) * 1e9)
+            writer.write(
+                clock_topic, stamp_ns, stamp_ns, serialize_message(Clock(clock=to_time(START_S + number)))
+            )
+        writer.write(note, stamp_ns, stamp_ns, serialize_message(String(data="end")))
+    received = ros.collect(Clock, "/clock", EVERY_CLOCK)
+    ends = ros.collect(String, "/fix")
+    player = play(tmp_path / "bag")
+    assert player.wait() == 0, player.output()
+    ros.wait_for(lambda: ends, message="the end")
+    assert [one.data for one in ends] == ["end"]
+    times = [to_seconds(one.clock) for one in received]
+    assert len(times) > 10
+    assert set(times) <= {START_S + number for number in range(60)}
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--start", 50], "there is nothing after 50 s -> the bag lasts 39.0 s"),
+        (["--topics", "/nots"], "no topic matches '/nots' -> there are: /r/notes, /r/samples, /topological_map_2"),
+        (["--topics", "*"], "is not a regular expression"),
+    ],
+)
+def test_mistakes(play, notes_bag, options, said):
+    player = play(notes_bag, *options)
+    assert player.wait() == 2
+    assert said in player.output()
+
+
+def test_an_interrupt_ends_it(ros, play, notes_bag):
+    notes = ros.collect(String, "/r/notes")
+    player = play(notes_bag, "--topics", ".*")
+    ros.wait_for(lambda: notes)
+    assert player.stop(signal.SIGINT) == 130
+
+
+def test_the_space_bar(monkeypatch):
+    ours, theirs = os.openpty()
+    pressed = []
+    with os.fdopen(theirs) as terminal, os.fdopen(ours, "wb", buffering=0) as keyboard:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        with on_space(lambda: pressed.append(1)):
+            keyboard.write(b"x y z")
+            deadline_s = time.monotonic() + 10
+            while len(pressed) < 2 and time.monotonic() < deadline_s:
+                time.sleep(0.01)
+        monkeypatch.undo()
+    with open(os.devnull) as nothing:
+        monkeypatch.setattr(sys, "stdin", nothing)
+        with on_space(lambda: pressed.append(1)):
+            pass
+    assert len(pressed) == 2
+
+
+def test_a_publisher_serves_whom_the_recorded_ones_served():
+    best = Qos(reliability="best_effort", depth=5)
+    kept = published_qos([best, KEPT])
+    assert kept == LATCHED or (kept.durability, kept.reliability) == (LATCHED.durability, LATCHED.reliability)
+    assert published_qos([best]).reliability == CLOCK.reliability
+    assert published_qos([Qos(depth=0)]).depth == RECORDS.depth
+    assert published_qos([Qos(depth=0, durability="transient_local")]).depth == 1
+    unknown = published_qos([])
+    assert (unknown.reliability, unknown.durability) == (RECORDS.reliability, RECORDS.durability)
+
+
+# The monitor keeps a live mission up to date --------------------------------------------------------------------
+
+STATUS = MissionStatus(
+    1e9,
+    Phase.COUNTING,
+    "because",
+    Stop("s1", 3.0, 4.0),
+    60.0,
+    10.0,
+    0.1,
+    100.0,
+    500.0,
+    42.0,
+    2,
+    70.0,
+    99,
+    0,
+    (),
+    1e9,
+)
+
+
+@pytest.fixture
+def live(ros):
+    """A live mission and its monitor; errors in callbacks end the monitor, as in the demo."""
+    survey = open_survey("example")
+    found = LiveMission("test", [LiveMap(), LiveMap("salt", np.full(survey.map.grid.mask.shape, 4.0))])
+    executor = SingleThreadedExecutor(context=ros.context)
+    monitor = Monitor(found, survey.field.frame, ros.context)
+    executor.add_node(monitor)
+    found.spin = lambda condition: ros.wait_for(lambda: (executor.spin_once(timeout_sec=0.02), condition())[1])
+    found.survey, found.monitor = survey, monitor
+    yield found
+    executor.shutdown(timeout_sec=2)
+    monitor.destroy_node()
+
+
+def publisher(ros, kind, topic, profile=LATCHED):
+    return ros.node.create_publisher(kind, topic, profile)
+
+
+def test_it_shows_every_topic(ros, live):
+    survey = live.survey
+    for number in range(4):
+        survey.map.add(CountRecord(1e9 + number, 10.0 * number + 5, 20.0, 30.0, 400, 100.0, 95.0))
+    soil_map = survey.map.compute(survey.map.state)
+    publisher(ros, DiagnosticStatus, "mission").publish(mission_to_message(STATUS))
+    publisher(ros, PointCloud2, "samples").publish(samples_to_message(survey.map.state.samples, 1e9))
+    publisher(ros, PointCloud2, "soil_map").publish(soil_map_to_message(survey.map.grid, soil_map, 1e9))
+    publisher(ros, PointCloud2, "salt/soil_map").publish(soil_map_to_message(survey.map.grid, soil_map, 1e9))
+    latitude, longitude = survey.field.frame.to_geographic([(12.0, 34.0)])[0].tolist()
+    fixes = publisher(ros, NavSatFix, "fix", SENSOR)
+    fix = NavSatFix(status=NavSatStatus(status=0), latitude=latitude, longitude=longitude)
+
+    (robot,) = live.robots
+
+    def complete():
+        fixes.publish(fix)
+        return robot.status and len(live.samples_xy) and len(live.view().bands) == 2 and robot.xy
+
+    live.spin(complete)
+    assert live.robots[0].xy == pytest.approx((12.0, 34.0), abs=1e-6)
+    assert live.robots[0].state == "counting: because"
+    view = live.view()
+    assert view.targets_xy == [(3.0, 4.0)]
+    np.testing.assert_allclose(view.samples_xy, survey.map.state.samples.xy)
+    assert view.bands[0].extent == pytest.approx((0, 60, 0, 50), abs=0.6)
+    assert "mean squared error salt" in view.facts["map"]
+    fix.status.status = -1
+    fix.latitude = 0.0
+    seen = live.robots[0].xy
+    live.robots[0].status = {}
+    publisher(ros, DiagnosticStatus, "mission").publish(mission_to_message(STATUS))
+    for _ in range(5):
+        fixes.publish(fix)
+    live.spin(lambda: live.robots[0].status)
+    assert live.robots[0].xy == seen
+
+
+def test_messages_of_others_do_no_harm(live):
+    """The test calls the callbacks, since a latched topic may replace a message before delivery."""
+    live.monitor._on_samples(samples_to_message(Samples(np.zeros((1, 2)), [3.0], [1.0]), 1e9))
+    live.monitor._on_mission(live.robots[0], DiagnosticStatus(message="of another robot"))
+    live.monitor._on_map(live.maps[0], PointCloud2(height=2, width=3))
+    live.monitor._on_samples(PointCloud2())
+    live.monitor._on_fix(live.robots[0], NavSatFix(status=NavSatStatus(status=0), latitude=np.nan, longitude=0.0))
+    assert live.robots[0].status == {}
+    assert live.view().bands == []
+    assert len(live.samples_xy) == 1

@@ -1,0 +1,161 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of parameters: the rows (parameter.py), and that nodes accept nothing else (declaration.py)."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import pytest
+
+pytest.importorskip("rclpy")
+from rcl_interfaces.msg import ParameterType
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.parameters import Parameter, Parameters, check_values
+
+TABLE = (
+    Parameter(name="field", default="", description="field file"),
+    Parameter(
+        name="speed_mps", default=0.6, description="speed", unit="m/s", low=0.1, high=3.0, old_names=("pace",)
+    ),
+    Parameter(name="retries", default=1, description="retries", low=0),
+    Parameter(name="fit", default="reml", description="variogram fit", choices=("reml", "soft_l1")),
+    Parameter(name="autostart", default=True, description="start at once"),
+    Parameter(name="topics", default=["a"], description="topics", old_names=("topic",)),
+)
+
+
+def make(ros, **given):
+    overrides = [RosParameter(name, value=value) for name, value in given.items()]
+    return Node("example", context=ros.context, parameter_overrides=overrides)
+
+
+def test_defaults_and_given_values(ros):
+    parameters = Parameters(make(ros, speed_mps=2, retries=0, topics=["x", "y"]), TABLE)
+    assert parameters.as_dict() == {
+        "field": "", "speed_mps": 2.0, "retries": 0, "fit": "reml", "autostart": True, "topics": ["x", "y"],
+    }  # fmt: skip
+    assert parameters.number("speed_mps") == 2.0
+    assert parameters.texts("topics") == ["x", "y"]
+
+
+def test_every_mistake_is_named_at_once(ros):
+    with pytest.raises(InputError) as caught:
+        Parameters(make(ros, sped_mps=1.0, fit="rmel", retries=-1, autostart="yes", speed_mps=9.0), TABLE)
+    said = str(caught.value)
+    for part in (
+        "there is no parameter 'sped_mps'", "did you mean 'speed_mps'?", "did you mean 'reml'?",
+        "retries must be >= 0, got -1", "autostart must be true or false", "speed_mps must be 0.1 .. 3 m/s, got 9",
+    ):  # fmt: skip
+        assert part in said
+
+
+@pytest.mark.parametrize(
+    ("text", "refused"),
+    [
+        ("/**:\n  ros__parameters: {robot_name: t14, ramp: 1.0}", ()),
+        ("/**:\n  ros__parameters: {robot_name: t14, sped_mps: 1.0}", ("sped_mps",)),
+        (
+            "/**:\n  ros__parameters: {robot_name: t14}\nexample:\n  ros__parameters: {sped_mps: 1.0}",
+            ("sped_mps",),
+        ),
+        ("/farm/*:\n  ros__parameters: {arm: {robot_name: t14}, ramp: 1.0}", ("robot_name",)),
+        ("/**/example:\n  ros__parameters: {robot_name: t14, sped_mps: 1.0}", ("robot_name", "sped_mps")),
+        ("farm:\n  example:\n    ros__parameters: {robot_name: t14, sped_mps: 1.0}", ("robot_name", "sped_mps")),
+    ],
+)
+def test_unknown_names_that_are_meant_for_all_nodes_are_ignored(ros, tmp_path, capfd, text, refused):
+    file = tmp_path / "robot.yaml"
+    file.write_text(text)
+    names = [name for name in ("robot_name", "sped_mps", "ramp") if name in text]
+    node = make(ros, **dict.fromkeys(names, 1.0))
+    arguments = ["planner", "--ros-args", "--params-file", str(file)]
+    if refused:
+        with pytest.raises(InputError) as caught:
+            Parameters(node, TABLE, arguments)
+        assert [name for name in names if f"'{name}'" in str(caught.value)] == list(refused)
+        return
+    Parameters(node, TABLE, arguments)
+    assert "does not have are ignored: ramp, robot_name" in capfd.readouterr().err
+    with pytest.raises(InputError, match="there is no parameter 'ramp'"):
+        Parameters(make(ros, ramp=1.0), TABLE, [*arguments, "-p", "ramp:=1.0"])
+
+
+def test_values_in_messages_are_as_people_write_them():
+    class Answer(StrEnum):
+        HOME = "return_home"
+
+    row = Parameter(name="low", default=Answer.HOME.value, description="low", choices=tuple(Answer))
+    with pytest.raises(
+        ValueError, match=r"one of: return_home; got 'Return_Home' \(did you mean 'return_home'\?\)"
+    ):
+        row.checked("Return_Home")
+    with pytest.raises(ValueError, match="must be text, got False: YAML reads on, off, yes and no as such"):
+        row.checked(False)
+    topics = Parameter(name="topics", default=["a"], description="topics")
+    assert topics.checked(None) == topics.checked([""]) == [], "an empty list has no type in ROS"
+
+
+def test_descriptors_show_range_and_unit(ros):
+    node = make(ros)
+    Parameters(node, TABLE)
+    speed = node.describe_parameter("speed_mps")
+    assert speed.type == ParameterType.PARAMETER_DOUBLE
+    assert speed.description == "speed [m/s]"
+    assert (speed.floating_point_range[0].from_value, speed.floating_point_range[0].to_value) == (0.1, 3.0)
+    assert speed.read_only
+    assert node.describe_parameter("fit").additional_constraints == "one of: reml, soft_l1"
+
+
+def test_no_parameter_may_change_while_the_node_runs(ros):
+    node = make(ros)
+    parameters = Parameters(node, TABLE)
+    (result,) = node.set_parameters([RosParameter("speed_mps", value=1.0)])
+    assert not result.successful
+    assert node.get_parameter("speed_mps").value == parameters.number("speed_mps") == 0.6
+
+
+def test_a_live_parameter_is_set_if_its_value_is_allowed_and_used(ros):
+    node, given = make(ros), []
+    rows = (*TABLE, Parameter(name="hours", default=4.0, description="hours", low=0.01, live=True))
+    parameters = Parameters(node, rows)
+    parameters.watch(lambda values: given.append(values) or ("" if values["hours"] < 9 else "too long"))
+
+    def put(**values):
+        results = node.set_parameters([RosParameter(name, value=value) for name, value in values.items()])
+        return [result.reason for result in results if not result.successful]
+
+    assert not node.describe_parameter("hours").read_only
+    assert put(hours=1.5) == []
+    assert put(hours=10.0) == ["too long"]
+    (reason,) = put(hours=0.001)
+    assert "hours" in reason
+    assert "read-only parameter: field" in put(field="x")[0]
+    assert given == [{"hours": 1.5}, {"hours": 10.0}]
+    parameters.show({"hours": 2.0, "field": ""})
+    assert node.get_parameter("hours").value == 2.0
+    assert parameters.number("hours") == 4.0, "that of the start"
+
+
+def test_old_names_are_read_with_a_warning(ros, capfd):
+    parameters = Parameters(make(ros, pace=2.0, topic="x"), TABLE)
+    assert parameters.number("speed_mps") == 2.0
+    assert parameters.texts("topics") == ["x"]
+    said = capfd.readouterr().err
+    assert "parameter pace is called speed_mps now" in said
+    assert "parameter topic is called topics now" in said
+    with pytest.raises(InputError, match="pace is the old name of speed_mps, and both are given"):
+        Parameters(make(ros, pace=2.0, speed_mps=1.0), TABLE)
+    with pytest.raises(InputError, match=r"speed_mps must be 0\.1 \.\. 3 m/s, got 9"):
+        Parameters(make(ros, pace=9.0), TABLE)
+
+
+def test_values_without_a_node():
+    values, mistakes = check_values(
+        {row.name: row for row in TABLE}, {"speed_mps": 1, "use_sim_time": True}, ["use_sim_time"]
+    )
+    assert values["speed_mps"] == 1.0
+    assert not mistakes

@@ -1,0 +1,338 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A node process survives errors in callbacks, and ends cleanly."""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("rclpy")
+from rcl_interfaces.msg import Log
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Empty, Trigger
+
+from msg_adapters.point_cloud import to_time
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.parameter_tables import table_of
+from soilmoist_ros.nodes.parameters import NODES
+from soilmoist_ros.nodes.run import check_arguments, help_of
+from soilmoist_ros.nodes.topics import CLOCK
+from soilmoist_ros.nodes.topics import VISITS as ROSOUT
+
+NODE = """
+import logging, sys, threading, time
+from rclpy.node import Node
+from std_msgs.msg import String
+from std_srvs.srv import Empty, Trigger
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.nodes.aside import Aside
+from soilmoist_ros.nodes.topics import RECORDS
+from soilmoist_ros.nodes.run import run
+from soilmoist_ros.nodes.aside import Soon
+
+class Example(Node):
+    finished = False
+    def __init__(self):
+        super().__init__("example")
+        self.create_service(Trigger, "break", self.on_break)
+        self.create_service(Trigger, "end", self.on_end)
+        self.stepped, self.failed = [], False
+        if MODE == "timers":
+            self.create_timer(0.05, self.fail_once)
+            self.create_timer(0.05, lambda: self.stepped.append(self.get_clock().now().nanoseconds))
+            self.create_service(Trigger, "stepped", self.on_stepped)
+        if MODE == "long":
+            self.create_service(Trigger, "work", self.on_work)
+        if MODE == "hears":
+            self.create_subscription(String, "last", lambda message: print(message.data), RECORDS)
+        if MODE == "last":
+            self.last = self.create_publisher(String, "last", RECORDS)
+            self.matched = self.create_timer(0.05, self.wait_for_receiver)
+        if MODE == "busy":
+            for _ in range(4):
+                self.create_timer(0.001, lambda: time.sleep(0.05))
+        self.released = threading.Event()
+        self.aside = Aside(self)
+        self.aside.offer(Trigger, "slow", self.slow)
+        self.aside.offer(Trigger, "fail", self.fail)
+        self.aside.offer(Empty, "fail_without_fields", self.fail)
+        self.create_service(Trigger, "do", self.do)
+        self.create_service(Trigger, "release", self.release)
+        self.soon = Soon(self, lambda: print("soon in", threading.current_thread().name))
+        print("ready")
+    def fail_once(self):
+        if not self.failed:
+            self.failed = True
+            raise RuntimeError("a mistake at first")
+        self.get_logger().info("again", once=True)
+    def wait_for_receiver(self):
+        if self.last.get_subscription_count():
+            print("matched")
+            self.matched.cancel()
+    def on_stepped(self, request, response):
+        response.message = " ".join(map(str, self.stepped))
+        self.stepped.clear()
+        return response
+    def on_work(self, request, response):
+        print("works")
+        time.sleep(1.0)
+        print("has worked")
+        return response
+    def on_break(self, request, response):
+        if MODE == "fails": raise RuntimeError("a mistake")
+        core = logging.getLogger("soilmoist_ros.exploration")
+        core.info("a fact")
+        core.warning("a %s", "warning")
+        core.error("an error")
+        core.debug("a detail")
+        return response
+    def on_end(self, request, response):
+        self.finished = True
+        return response
+    def slow(self, request, response):
+        response.success = self.released.wait(30)
+        return response
+    def fail(self, request, response):
+        response.success = True
+        raise RuntimeError("a mistake aside")
+    def do(self, request, response):
+        self.aside.do(lambda: 1 / 0, "a division")
+        return response
+    def release(self, request, response):
+        asking = threading.Thread(target=lambda: [self.soon.ask() for _ in range(5)])
+        asking.start()
+        asking.join()
+        self.released.set()
+        return response
+    def close(self):
+        self.aside.close()
+        if MODE == "last":
+            self.last.publish(String(data="the last message"))
+        print("closed")
+
+def refuse():
+    raise InputError("the field has no corners", "draw some")
+
+MODE = sys.argv.pop(1)
+run(refuse if MODE == "refuses" else Example)
+"""
+
+
+@pytest.fixture
+def example(ros, tmp_path):
+    def start(mode, **params):
+        script = tmp_path / "example"
+        script.write_text(f"#!{sys.executable}\n{NODE}".replace("MODE = sys.argv.pop(1)", f"MODE = {mode!r}"))
+        script.chmod(0o755)
+        return ros.start(str(script), params=params)
+
+    return start
+
+
+@pytest.mark.parametrize(("mode", "number"), [("works", signal.SIGINT), ("busy", signal.SIGTERM)])
+def test_signals_end_it_in_good_order(ros, example, mode, number):
+    process = example(mode)
+    ros.wait_for(lambda: "ready" in process.output())
+    assert process.stop(number) == 0
+    assert process.output().split() == ["ready", "closed"]
+
+
+def test_it_lasts_until_receivers_have_its_last_message_but_not_for_ever(ros, example):
+    receiver = example("hears")
+    ros.wait_for(lambda: "ready" in receiver.output())  # its script is read
+    for hears in (True, False):
+        process = example("last")
+        ros.wait_for(lambda process=process: "matched" in process.output())
+        receiver.process.send_signal(signal.SIGSTOP)
+        process.process.send_signal(signal.SIGTERM)
+        ros.wait_for(lambda process=process: "closed" in process.output())
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.process.wait(0.5)
+        if hears:
+            receiver.process.send_signal(signal.SIGCONT)
+            ros.wait_for(lambda: "the last message" in receiver.output())
+        assert process.wait() == 0
+    receiver.process.send_signal(signal.SIGCONT)
+
+
+def test_a_failing_callback_does_not_end_it(ros, example):
+    process = example("fails")
+    client = ros.node.create_client(Trigger, "break")
+    ros.wait_for(client.service_is_ready)
+    client.call_async(Trigger.Request())
+    ros.wait_for(lambda: "a callback failed; the node continues" in process.output())
+    end = ros.node.create_client(Trigger, "end")
+    ros.wait_for(end.service_is_ready)
+    end.call_async(Trigger.Request())  # the process may end before its answer is out
+    assert process.wait() == 0
+    assert "RuntimeError: a mistake" in process.output()
+
+
+def test_the_log_of_the_core_is_that_of_the_node(ros, example):
+    said = ros.collect(Log, "/rosout", ROSOUT)
+    process = example("works")
+    client = ros.node.create_client(Trigger, "break")
+    ros.wait_for(client.service_is_ready)
+    ros.wait_for(lambda: ros.node.get_publishers_info_by_topic("/rosout"))
+    client.call_async(Trigger.Request())
+    ros.wait_for(lambda: any(one.msg == "an error" for one in said))
+    heard = [(one.level, one.msg) for one in said if one.name == "example"]
+    assert heard == [(20, "a fact"), (30, "a warning"), (40, "an error")]
+    assert "[WARN]" in process.output()
+    assert process.output().count("a warning") == 1
+
+
+def test_a_signal_waits_for_the_callback(ros, example):
+    process = example("long")
+    client = ros.node.create_client(Trigger, "work")
+    ros.wait_for(client.service_is_ready)
+    client.call_async(Trigger.Request())
+    ros.wait_for(lambda: "works" in process.output())
+    assert process.stop(signal.SIGINT) == 0
+    assert process.output().split("\n")[-3:] == ["has worked", "closed", ""]
+
+
+def test_timers_survive_errors_and_a_simulated_clock_that_goes_back(ros, example):
+    clock = ros.node.create_publisher(Clock, "/clock", CLOCK)
+    process = example("timers", use_sim_time=True)
+    ros.wait_for(lambda: "ready" in process.output() and clock.get_subscription_count())
+
+    def stepped(now_s):
+        """Times at which the timer was called, after simulated time has passed from a time on."""
+        calls = []
+        times = iter(range(10_000))
+        while len(calls) < 5:
+            clock.publish(Clock(clock=to_time(now_s + 0.1 * next(times))))
+            calls += map(int, ros.call(Trigger, "stepped").message.split())
+        return [call * 1e-9 for call in calls]
+
+    late = stepped(5000.0)
+    assert "a mistake at first" in process.output()
+    ros.wait_for(lambda: "again" in process.output(), message="the timer that failed")
+    assert min(late) >= 5000.0
+    early = stepped(100.0)
+    assert 100.0 <= early[-1] < 5000.0
+    assert process.stop(signal.SIGINT) == 0
+
+
+def test_long_work_of_a_service_does_not_delay_others(ros, example):
+    process = example("works")
+    slow = ros.node.create_client(Trigger, "slow")
+    ros.wait_for(slow.service_is_ready)
+    waiting = slow.call_async(Trigger.Request())
+    ros.call(Trigger, "release")
+    ros.wait_for(waiting.done)
+    assert waiting.result().success, "the release came while the work went on"
+    assert process.stop(signal.SIGINT) == 0
+
+
+def test_work_that_fails_is_logged_and_answered(ros, example):
+    process = example("works")
+    answer = ros.call(Trigger, "fail")
+    assert (answer.success, answer.message) == (False, "RuntimeError: a mistake aside")
+    assert ros.call(Empty, "fail_without_fields") == Empty.Response()
+    ros.call(Trigger, "do")
+    ros.wait_for(lambda: "ZeroDivisionError" in process.output())
+    for name in ("fail", "fail_without_fields", "a division"):
+        assert f"{name} failed; the node continues" in process.output()
+    ros.call(Trigger, "release")
+    assert ros.call(Trigger, "slow").success, "the thread continues"
+    assert process.stop(signal.SIGINT) == 0
+
+
+def test_what_other_threads_ask_for_is_called_once_in_the_executors(ros, example):
+    process = example("works")
+    ros.call(Trigger, "release")
+    ros.wait_for(lambda: "soon" in process.output())
+    assert process.stop(signal.SIGINT) == 0
+    assert process.output().count("soon in MainThread") == process.output().count("soon") == 1
+
+
+def test_bad_input_is_reported_without_a_traceback(example):
+    process = example("refuses")
+    assert process.wait() == 2
+    assert process.output().strip() == "the field has no corners -> draw some"
+
+
+# Help of the nodes, and arguments that ROS would ignore ---------------------------------------------------------
+
+SHOWN = {
+    "console": ["subscribes to: /diagnostics,", "port (integer, default 8050, 0 to 65535"],
+    "field_simulator": ["actions: navigate_to_pose, topological_navigation", "speed (double, default"],
+    "mapper": ["services: mapper/reset, mapper/save", "merge_radius_m (double, default 0.0, in m, 0 to 1000"],
+    "planner": ["calls actions: navigate_to_pose,", 'strategy (string, default "gcb", greedy | monte_carlo'],
+    "recorder": ["subscribes to: /*", "keep_days (double, default 0.0, in d, >= 0)"],
+    "sensor_driver": ["publishes: /diagnostics, counts, fix,", "silence_limit_s (double, default 35.0, in s,"],
+}
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_help_names_topics_and_every_parameter(node):
+    text = help_of(node, "about it")
+    lines = text.splitlines()
+    assert lines[0] == f"{node}: about it"
+    assert max(map(len, lines)) <= 115
+    for row in table_of(node):
+        assert f"\n  {row.name} ({row.kind}, default " in text
+        assert " ".join(row.description.split()) in " ".join(text.split())
+    for words in SHOWN[node]:
+        assert words in " ".join(text.split())
+    assert "rosout" not in text
+    assert "get_parameters" not in text.replace("mapper/get_parameters", "")
+
+
+@pytest.mark.process
+def test_a_node_shows_its_help_without_starting():
+    shown = subprocess.run(
+        [sys.executable, "-m", "soilmoist_ros.nodes.mapper", "--help"], capture_output=True, text=True
+    )
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert shown.stdout.startswith("mapper: Merges records to samples")
+
+
+def test_arguments_that_ros_ignores_are_refused():
+    check_arguments(["mapper", "old_name:=new_name", "__ns:=/r1", "--ros-args", "-p", "field:=x"], "mapper")
+    for word, remedy in (("field:=x", "-p field:=x"), ("--params", "-p NAME:=VALUE"), ("x.yaml", "--help lists")):
+        with pytest.raises(InputError, match=f"mapper has no argument '{word}' -> .*{remedy}"):
+            check_arguments(["mapper", word, "--ros-args", "-p", "site:=y"], "mapper")
+
+
+# Memory that was freed goes back to the system: memory.py -------------------------------------------------------
+
+WORK = """
+import re, threading
+import numpy as np
+from soilmoist_ros.nodes.run import return_memory
+
+def resident_mb():
+    return int(re.search(r"VmRSS:\\s+(\\d+)", open("/proc/self/status").read())[1]) / 1024
+
+def work():
+    np.ones(3_500_000)
+    arrays = [np.ones(500_000) for _ in range(8)]
+
+if {returned}:
+    assert return_memory()
+before_mb = resident_mb()
+thread = threading.Thread(target=work)
+thread.start()
+thread.join()
+print(resident_mb() - before_mb)
+"""
+
+
+def growth_mb(returned: bool) -> float:
+    """How much a process grows by arrays that a thread has used and freed [MB]."""
+    command = [sys.executable, "-c", WORK.format(returned=returned)]
+    return float(subprocess.run(command, capture_output=True, check=True, timeout=60).stdout)
+
+
+@pytest.mark.process
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "gnu_get_libc_version"), reason="not the GNU C library")
+def test_what_a_thread_frees_goes_back():
+    assert growth_mb(True) < 10 < growth_mb(False)

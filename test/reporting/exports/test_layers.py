@@ -1,0 +1,152 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""GeoPackage and shapefiles read by GDAL: vector_files.py, vectors.py and layers.py."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from pyproj import Geod, Transformer
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.reporting.exports.layers import write_contours, write_zones
+from soilmoist_ros.reporting.exports.qgis import write_geopackage
+from soilmoist_ros.reporting.exports.source import ExportSettings
+from soilmoist_ros.reporting.geometry import field_polygon
+
+pytestmark = pytest.mark.slow  # the run that all export takes long to make
+
+LAYERS = {
+    "field": "MultiPolygon", "zones": "Polygon", "contours": "LineString", "zones_salt": "Polygon",
+    "contours_salt": "LineString", "no_go": "Polygon", "track": "LineString", "records": "Point",
+    "quarantined": "Point", "samples": "Point", "records_salt": "Point", "samples_salt": "Point",
+    "visits": "Point", "layer_styles": None,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def gpkg(exported, tmp_path_factory):
+    (path,) = write_geopackage(exported.source, tmp_path_factory.mktemp("gpkg"), ExportSettings())
+    return path
+
+
+def read(path, layer=None):
+    """Shapes and columns of a layer."""
+    about, _, wkb, columns = pyogrio.raw.read(path, layer=layer)
+    return about, shapely.from_wkb(wkb), dict(zip(about["fields"], columns, strict=True))
+
+
+def local(exported, shapes, crs):
+    move = Transformer.from_crs(crs, exported.run.frame.crs, always_xy=True)
+    return shapely.transform(shapes, lambda xy: np.column_stack(move.transform(*xy.T)))
+
+
+def test_layers_and_reference_systems(gpkg):
+    assert dict(pyogrio.list_layers(gpkg).tolist()) == LAYERS
+    for name, kind in LAYERS.items():
+        if kind:
+            assert pyogrio.read_info(gpkg, layer=name)["crs"] == "EPSG:32630"
+
+
+def test_samples_have_their_places_values_and_times(gpkg, exported):
+    _, shapes, columns = read(gpkg, "samples")
+    samples = exported.run.soil_map.samples
+    xy = shapely.get_coordinates(local(exported, shapes, "EPSG:32630"))
+    np.testing.assert_allclose(xy, samples.xy, atol=0.02)
+    assert columns["raw_counts"].tolist() == samples.counts.tolist()
+    np.testing.assert_allclose(columns["vwc"], exported.run.soil_map.curve.vwc(samples.rate_cps), rtol=1e-9)
+    assert (columns["vwc_p05"] < columns["vwc_p95"]).all()
+    first = exported.run.track[0]
+    assert columns["end_utc"][0] == np.datetime64("2023-11-14T22:13:20", "ms")
+    assert (columns["end_utc"][0] - columns["start_utc"][0]) / np.timedelta64(1, "ms") == pytest.approx(
+        1000 * first.exposure_s, abs=1
+    )
+
+
+def test_records_in_quarantine_have_a_layer_with_the_reason(gpkg, exported):
+    _, shapes, columns = read(gpkg, "quarantined")
+    assert columns["reason"].tolist() == ["impossible_count"]
+    assert columns["raw_counts"].tolist() == [99999]
+    np.testing.assert_allclose(shapely.get_coordinates(local(exported, shapes, "EPSG:32630")), [(3, 4)], atol=1e-6)
+    _, shapes, columns = read(gpkg, "records")
+    assert len(shapes) == len(exported.run.track)
+    assert "reason" not in columns
+    _, shapes, _ = read(gpkg, "records_salt")
+    assert sum(shape.is_empty for shape in shapes) == 1, "a record without a place is kept"
+
+
+def test_field_and_no_go_area(gpkg, exported):
+    _, (field,), columns = read(gpkg, "field")
+    expected = field_polygon(exported.run.soil_map)
+    assert columns["area_ha"][0] == pytest.approx(expected.area / 1e4, rel=1e-3)
+    assert local(exported, field, "EPSG:32630").symmetric_difference(expected).area < 0.01 * expected.length
+    assert columns["start_utc"][0] == np.datetime64("2023-11-14T22:07:37", "ms")
+    _, (no_go,), _ = read(gpkg, "no_go")
+    assert field.intersection(no_go).area < 1.0
+    assert no_go.area == pytest.approx(56.0, rel=2e-3)
+
+
+def test_visits_and_track(gpkg):
+    _, _, columns = read(gpkg, "visits")
+    assert (columns["name"][0], columns["reason"][0], columns["raw_counts"][0]) == (
+        "r1c2",
+        "largest variance",
+        300,
+    )
+    assert columns["arrival_utc"][0] == np.datetime64("2023-11-14T22:13:20", "ms")
+    assert np.isnat(columns["end_utc"][0])
+    _, (line,), columns = read(gpkg, "track")
+    assert line.length == pytest.approx(columns["length_m"][0], rel=2e-3)
+
+
+def test_layers_have_styles(gpkg):
+    _, _, columns = read(gpkg, "layer_styles")
+    styled = dict(zip(columns["f_table_name"], columns["styleQML"], strict=True))
+    assert styled.keys() == LAYERS.keys() - {"layer_styles"}
+    assert "255,255,255,255" in styled["samples"] == styled["samples_salt"]
+
+
+def test_zones_are_single_valid_polygons_with_their_areas(exported, tmp_path):
+    paths = write_zones(exported.source, tmp_path, ExportSettings(root_depth_mm=500.0))
+    assert [path.name for path in paths] == ["zones.zip", "zones_salt.zip"]
+    assert len(list(tmp_path.iterdir())) == 2
+    about, shapes, columns = read(paths[0])
+    assert about["crs"] == "EPSG:4326"
+    assert about["geometry_type"] == "Polygon"
+    assert all(shape.geom_type == "Polygon" and shape.is_valid for shape in shapes)
+    assert all(len(name) <= 10 and name.isascii() for name in columns)
+    areas = [abs(Geod(ellps="WGS84").geometry_area_perimeter(shape)[0]) / 1e4 for shape in shapes]
+    np.testing.assert_allclose(columns["AREA_HA"], areas, atol=6e-5)
+    assert sum(areas) == pytest.approx(field_polygon(exported.run.soil_map).area / 1e4, rel=1e-3)
+    np.testing.assert_allclose(columns["WATER_MM"], 5 * columns["VWC_PCT"], atol=0.06)
+    assert set(columns["DATE"]) == {np.datetime64("2023-11-14")}
+    mean = np.average(columns["VWC_PCT"], weights=areas)
+    assert mean == pytest.approx(100 * np.nanmean(exported.run.soil_map.vwc), rel=0.02)
+    _, _, columns = read(paths[1])
+    assert "RATE_CPS" in columns
+    assert "WATER_MM" not in columns
+
+
+def test_contours_have_the_values_of_the_map(exported, tmp_path):
+    path, *_ = write_contours(exported.source, tmp_path, ExportSettings(step=2.0))
+    about, shapes, columns = read(path)
+    assert about["crs"] == "EPSG:4326"
+    assert (columns["VWC_PCT"] % 2 == 0).all()
+    inner = field_polygon(exported.run.soil_map).buffer(-2.0)
+    for shape, value in zip(local(exported, shapes, "EPSG:4326"), columns["VWC_PCT"], strict=True):
+        places = shapely.get_coordinates(shape)
+        places = places[shapely.contains_xy(inner, places[:, 0], places[:, 1])]
+        np.testing.assert_allclose(100 * exported.run.soil_map.evaluate(places).vwc, value, atol=0.6)
+    with pytest.raises(InputError, match="no contour lines at this step"):
+        write_contours(exported.source, tmp_path, ExportSettings(step=1000.0))
+
+
+def test_a_missing_library_is_named_with_its_remedy(exported, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyogrio.raw", None)
+    with pytest.raises(InputError, match=r"pyogrio is not installed -> pip install 'soilmoist_ros\[reports\]'"):
+        write_zones(exported.source, tmp_path, ExportSettings())
+    assert list(tmp_path.iterdir()) == []

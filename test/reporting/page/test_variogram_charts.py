@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The empirical semivariogram with the model's expectation: sample_variogram.py and variogram_chart.py."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from soilmoist_ros.mapping import (
+    FieldGrid,
+    PoissonKriging,
+    Samples,
+    Variogram,
+    empirical_semivariogram,
+    make_soil_map,
+)
+from soilmoist_ros.mapping.variogram.semivariogram import default_edges
+from soilmoist_ros.reporting.page.variogram_charts import (
+    Classes,
+    _sample_covariance,
+    fitted_mode,
+    model_curve,
+    sample_variogram,
+    variogram_charts,
+)
+
+GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 60), (0, 60)], 10.0)
+ISOTROPIC = Variogram("matern32", 0.02, 8.0, 0.5)
+LONG_NORTH = Variogram("matern32", 0.02, 12.0, 0.5, 6.0, 90.0)
+
+
+def survey(variogram, n=150, seed=3, exposure_s=60.0):
+    """A map of a field drawn from the variogram."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, 60, (n, 2))
+    places = Samples(xy, np.zeros(n), np.full(n, exposure_s))
+    rate = 5 + np.linalg.cholesky(_sample_covariance(variogram, places) + 1e-9 * np.eye(n)) @ rng.normal(size=n)
+    samples = Samples(xy, rng.poisson(np.maximum(rate, 0.5) * exposure_s), np.full(n, exposure_s))
+    return make_soil_map(samples, GRID, variogram)
+
+
+def test_circles_are_those_of_the_semivariogram():
+    soil_map = survey(ISOTROPIC)
+    s = soil_map.samples
+    lag, gamma, _ = empirical_semivariogram(s.xy, s.counts, s.exposure_s, default_edges(s.xy))
+    (found,) = sample_variogram(soil_map)
+    np.testing.assert_allclose(found.lag_m, lag)
+    np.testing.assert_allclose(found.gamma, gamma, rtol=1e-9)
+    assert found.pairs.sum() < 150 * 149 / 2
+
+
+@pytest.mark.slow
+def test_without_support_circles_are_expected_on_the_curve():
+    (found,) = sample_variogram(survey(ISOTROPIC))
+    curve = model_curve(ISOTROPIC, found.lag_m, None, np.zeros(3))
+    np.testing.assert_allclose(curve, ISOTROPIC(found.lag_m), rtol=1e-12)
+    np.testing.assert_allclose(found.expected, curve, rtol=0.05)
+    assert (found.low < found.expected).all()
+    assert (found.expected < found.high).all()
+
+
+@pytest.mark.slow
+def test_circles_of_the_true_model_lie_in_the_band_nine_times_in_ten():
+    inside = [np.mean([c.inside for c in sample_variogram(survey(ISOTROPIC, 60, seed))]) for seed in range(40)]
+    assert 0.82 < np.mean(inside) < 0.97
+
+
+def test_an_anisotropic_field_differs_along_and_across():
+    along, across = sample_variogram(survey(LONG_NORTH))
+    assert (along.angle_deg, across.angle_deg) == (90.0, 0.0)
+    near = slice(0, 4)
+    assert along.gamma[near].mean() < across.gamma[near].mean()
+    for classes in (along, across):
+        curve = model_curve(LONG_NORTH, classes.lag_m, classes.angle_deg, np.zeros(3))
+        np.testing.assert_allclose(classes.expected, curve, rtol=0.12)
+
+
+@pytest.mark.slow
+def test_supports_lower_the_curve_and_the_expectation_alike():
+    soil_map = survey(ISOTROPIC)
+    spread = np.array([12.0, 0.0, 0.0])  # stretches of 12 m from west to east
+    s = soil_map.samples
+    moving = Samples(s.xy, s.counts, s.exposure_s, np.tile(spread, (len(s), 1)))
+    (found,) = sample_variogram(dataclasses.replace(soil_map, samples=moving))
+    (points,) = sample_variogram(soil_map)
+    assert (found.expected < points.expected).all()
+    curve = model_curve(ISOTROPIC, found.lag_m, None, spread)
+    np.testing.assert_allclose(found.expected[1:], curve[1:], rtol=0.06)
+
+
+def test_covariance_of_samples_is_that_of_kriging():
+    rng = np.random.default_rng(4)
+    xy, spread = rng.uniform(0, 40, (8, 2)), np.array([6.0, 1.0, 3.0])
+    places = Samples(xy, np.full(8, 50), np.full(8, 10.0), np.tile(spread, (8, 1)))
+    covariance = _sample_covariance(LONG_NORTH, places)
+    kriging = PoissonKriging(LONG_NORTH, mean_rate=5.0).fit(
+        places.xy, places.counts, places.exposure_s, places.spread
+    )
+    weights, lagrange = kriging.weights(np.array([[20.0, 20.0]]))
+    points = make_soil_map(places, GRID, LONG_NORTH)
+    rhs = (covariance + np.diag(np.full(8, 0.5))) @ weights[:, 0] + lagrange[0]
+    towards = _sample_covariance(
+        LONG_NORTH,
+        Samples(np.vstack([xy, [[20.0, 20.0]]]), np.ones(9), np.ones(9), np.vstack([places.spread, np.zeros(4)])),
+    )[:-1, -1]
+    np.testing.assert_allclose(rhs, towards, atol=1e-9)
+    assert points.curve is None
+
+
+def test_the_mode_undoes_the_posterior_means():
+    soil_map = survey(ISOTROPIC)
+    fit = type("Fit", (), {"log_sd": (0.4, 0.3, 1.2)})()
+    mode = fitted_mode(dataclasses.replace(soil_map, fit=fit))
+    assert mode.structured_sill * math.exp(0.08) == pytest.approx(ISOTROPIC.structured_sill)
+    assert mode.nugget * math.exp(0.72) == pytest.approx(ISOTROPIC.nugget)
+    assert fitted_mode(soil_map) == ISOTROPIC
+
+
+def test_few_places_have_no_circles(map_of, make_run):
+    assert sample_variogram(map_of(n=2)) == []
+    assert list(variogram_charts(make_run(soil_map=map_of(n=1)))) == []
+
+
+def test_the_chart_shows_pairs_and_both_models(make_run):
+    ((chart, classes),) = variogram_charts(make_run())
+    assert isinstance(classes, Classes)
+    assert [text for _, text in chart.top_ticks] == [str(pairs) for pairs in classes.pairs]
+    assert chart.y[1] > classes.gamma.max()
+    assert chart.y[0] <= min(classes.gamma.min(), 0)
+    assert "band" in chart.caption

@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.io import netcdf_file
+
+from soilmoist_ros.reporting.netcdf import FILL
+from soilmoist_ros.reporting.page.viewer import unpack, unpack_bits
+from soilmoist_ros.reporting.season_outputs import (
+    NAMES,
+    estimate_text,
+    mean_chart,
+    render_season,
+    season_data,
+    write_season,
+)
+
+pytestmark = pytest.mark.slow  # the season that all use takes long to make
+
+
+def test_the_folder_has_all_files_and_the_table_all_surveys(season, tmp_path):
+    assert [path.name for path in write_season(tmp_path / "out", season)] == list(NAMES)
+    with (tmp_path / "out" / "season.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    about = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [row["survey"] for row in rows] == ["survey_2", "survey_1", "run"]
+    assert rows[0]["change_rate_cps"] == ""
+    for row, survey in zip(rows, about["surveys"], strict=True):
+        assert float(row["mean_vwc"]) == survey["mean_vwc"]
+        assert survey["mean_vwc_low95"] < survey["mean_vwc"] < survey["mean_vwc_high95"]
+    assert about["simulated"] is True
+    assert 0 <= about["pattern_correlation"] <= 1
+
+
+def test_the_stack_has_every_map(season, tmp_path):
+    write_season(tmp_path, season)
+    with netcdf_file(tmp_path / "season.nc", mmap=False) as file:
+        assert file.dimensions["time"] == 3
+        vwc = file.variables["vwc"]
+        assert vwc.dimensions == ("time", "y", "x")
+        for stored, survey in zip(vwc[:], season.surveys, strict=True):
+            inside = season.grid.mask
+            np.testing.assert_allclose(stored[inside], survey.bands.vwc[inside], rtol=1e-6)
+            assert (stored[~inside] == FILL).all()
+        assert (file.variables["rate_change"][0] == FILL).all()
+        assert (file.variables["rate_change"][1][season.grid.mask] != FILL).all()
+        lat = file.variables["lat"][:]
+        assert abs(lat.mean() - season.frame.latitude_deg) < 1e-3
+
+
+def test_every_file_says_that_a_calibration_is_a_guess(season, tmp_path):
+    write_season(tmp_path, replace(season, illustrative=True))
+    assert json.loads((tmp_path / "summary.json").read_text())["calibration"] == "illustrative"
+    with (tmp_path / "season.csv").open() as file:
+        assert {row["calibration"] for row in csv.DictReader(file)} == {"illustrative"}
+    with netcdf_file(tmp_path / "season.nc", mmap=False) as file:
+        assert file.calibration == b"illustrative"
+        assert b"illustrative" in file.variables["vwc"].long_name
+
+
+def test_without_a_calibration_there_is_no_moisture(season, tmp_path):
+    surveys = [replace(one, mean_vwc=None) for one in season.surveys]
+    bare = replace(season, curve=None, surveys=surveys)
+    write_season(tmp_path, bare)
+    with netcdf_file(tmp_path / "season.nc", mmap=False) as file:
+        assert "vwc" not in file.variables
+        assert "rate" in file.variables
+    assert "counts/s" in estimate_text(surveys[1])
+    assert "% by volume" in estimate_text(season.surveys[1])
+
+
+def test_the_page_asks_for_nothing_from_elsewhere_and_names_every_survey(season):
+    page = render_season(season)
+    assert not re.search(r"""(src|href)=["']?(https?:)?//""", page)
+    for name in ("survey_1", "survey_2", "run"):
+        assert f">{name}<" in page
+    assert 'type="range"' in page
+    assert "SIMULATED DATA" in page
+
+
+def test_layers_have_a_map_of_every_survey_in_one_scale(season):
+    data = season_data(season)
+    assert [layer["key"] for layer in data["layers"]] == ["vwc", "rate", "change", "vwc_sd", "rate_sd"]
+    shape = (data["grids"][0]["ny"], data["grids"][0]["nx"])
+    for layer in data["layers"]:
+        assert len(layer["maps"]) == 3
+        assert "title" not in layer or layer["from"] < layer["to"]
+    moisture = unpack(data["layers"][0]["maps"][1], shape)
+    np.testing.assert_allclose(moisture, 100 * season.surveys[1].bands.vwc, atol=0.01)
+    change = data["layers"][2]
+    assert np.isnan(unpack(change["maps"][0], shape)).all()
+    unsure = unpack_bits(change["maps"][1]["hatch"], shape)
+    np.testing.assert_array_equal(unsure, season.surveys[1].change.significant == 0)
+
+
+def test_without_a_calibration_the_page_shows_the_rate(season):
+    bare = replace(season, curve=None, surveys=[replace(one, mean_vwc=None) for one in season.surveys])
+    assert [layer["key"] for layer in season_data(bare)["layers"]] == ["rate", "change", "rate_sd"]
+    assert "mean rate" in mean_chart(bare).y_label
+    assert "counts/s" in render_season(bare)
+
+
+def test_the_chart_shows_every_mean_with_its_interval(season):
+    area, line, dots = mean_chart(season).marks
+    assert len(dots.x) == 3
+    assert (np.asarray(area.low) < np.asarray(line.y)).all()
+    assert line.y[0] == pytest.approx(100 * season.surveys[0].mean_vwc.value)
+
+
+def test_colours_of_the_change_are_as_the_page_says(season):
+    """Drier is the first colour of a change of the moisture: brown; the help must say so."""
+    change = season_data(season)["layers"][2]
+    red, green, blue = (int(change["colours"][0][at : at + 2], 16) for at in (1, 3, 5))
+    assert red > green > blue, "brown"
+    assert "In the change, brown is drier and green wetter." in render_season(season)
+
+
+def test_moisture_has_its_rate_in_brackets_and_the_map_comes_first(season):
+    page = render_season(season)
+    assert f"[{season.surveys[0].mean_rate.value:.3f} counts/s]" in page
+    assert page.index('id="map"') < page.index('class="lead"') < page.index('id="surveys"')
+    assert str(season.surveys[0].run.path.parent) not in page
+
+
+def test_surveys_have_their_end_in_utc_and_in_the_time_of_the_field(season):
+    def dated(one):
+        survey = replace(one.run.survey, stamp_s=one.run.survey.stamp_s + 1.75e9)  # 15:06:40 UTC and the mission
+        return replace(one, run=replace(one.run, survey=survey))
+
+    there = replace(season, surveys=[dated(one) for one in season.surveys], time_zone="Australia/Sydney")
+    page = render_season(there)
+    assert re.search(r"<td>15:\d\d UTC, 2025-06-1\d 01:\d\d Australia/Sydney</td>", page)
+    assert re.search(r"<td>15:\d\d UTC</td>", render_season(replace(there, time_zone="")))
+    assert "UTC</td>" not in render_season(season)
+
+
+def test_a_guessed_calibration_is_named(season):
+    guessed = replace(season, illustrative=True)
+    assert season_data(guessed)["layers"][0]["unit"] == "% by volume, illustrative"

@@ -1,0 +1,186 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely.geometry import Polygon, shape
+
+from soilmoist_ros.exploration.mission.visit import Visit
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.plain_values import csv_text, text_of_csv
+from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
+from soilmoist_ros.reporting import write_samples
+from soilmoist_ros.reporting.opened_run import OpenedRun
+from soilmoist_ros.reporting.text_files import samples_collection, write_visits
+
+
+def refuse(constant):
+    raise AssertionError(f"{constant} is not JSON")
+
+
+def load(path):
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+
+
+@pytest.fixture(scope="module")
+def collection(make_run, tmp_path_factory):
+    return load(write_samples(tmp_path_factory.mktemp("gj") / "samples.geojson", make_run()))
+
+
+def kinds(collection):
+    return [feature["properties"]["kind"] for feature in collection["features"]]
+
+
+def of_kind(collection, kind):
+    return [feature for feature in collection["features"] if feature["properties"]["kind"] == kind]
+
+
+def test_kinds(collection):
+    assert kinds(collection) == ["field", "no_go", "track", *["sample"] * 12]
+    assert collection["type"] == "FeatureCollection"
+
+
+def test_polygon_is_right_handed_with_its_hole(collection):
+    field = shape(collection["features"][0]["geometry"])
+    assert field.exterior.is_ccw
+    assert [ring.is_ccw for ring in field.interiors] == [False]
+    assert collection["features"][0]["properties"]["area_m2"] == pytest.approx(1106.5)
+
+
+def test_places_are_rounded_and_lead_back(collection, the_map):
+    lon_lat = np.array([f["geometry"]["coordinates"] for f in of_kind(collection, "sample")])
+    assert np.array_equal(lon_lat, np.round(lon_lat, 7))
+    back = LocalFrame(53.27, -0.52).to_local(lon_lat[:, 1], lon_lat[:, 0])
+    np.testing.assert_allclose(back, the_map.samples.xy, atol=0.01)
+
+
+def test_sample_values(collection, the_map):
+    found = of_kind(collection, "sample")[0]["properties"]
+    rate = the_map.samples.rate_cps[0]
+    assert found["raw_counts"] == the_map.samples.counts[0]
+    assert found["rate_cps"] == pytest.approx(rate)
+    assert found["rate_sd_cps"] == pytest.approx(rate / np.sqrt(found["raw_counts"]))
+    assert found["vwc"] == pytest.approx(float(the_map.curve.vwc(rate)))
+    assert found["vwc_p05"] < found["vwc"] < found["vwc_p95"]
+
+
+def test_a_sample_has_no_more_water_than_the_pores_of_its_soil(make_run, the_map, tmp_path):
+    n0_cps = float(the_map.samples.rate_cps.mean()) / 0.4
+    soil = dataclasses.replace(the_map, curve=dataclasses.replace(the_map.curve, n0_cps=n0_cps))
+    samples = of_kind(load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil))), "sample")
+    values = [one["properties"] for one in samples if one["properties"]["vwc"] is not None]
+    assert max(one["vwc"] for one in values) == pytest.approx(1 - 1.4 / 2.65)
+    assert all(one["vwc_p05"] <= one["vwc"] <= one["vwc_p95"] for one in values)
+
+
+def test_samples_know_when_they_were_counted(make_run):
+    run = make_run()
+    first, *more = run.track
+    jump = dataclasses.replace(first, stamp_s=first.stamp_s + 1e4, x_m=first.x_m + 0.1)
+    found = samples_collection(dataclasses.replace(run, track=[*more, first, jump]))
+    times = [
+        [one["properties"][name] for name in ("first_stamp_s", "last_stamp_s", "n_records")]
+        for one in of_kind(found, "sample")
+    ]
+    assert times[0] == [first.stamp_s - first.exposure_s, first.stamp_s + 1e4, 2]
+    assert times[1] == [more[0].stamp_s - more[0].exposure_s, more[0].stamp_s, 1]
+
+
+def test_no_go_area_fills_the_hole_of_the_field(collection):
+    (no_go,) = of_kind(collection, "no_go")
+    (hole,) = shape(collection["features"][0]["geometry"]).interiors
+    assert shape(no_go["geometry"]).equals(Polygon(hole))
+    assert no_go["properties"]["area_m2"] == 56.0
+
+
+def test_bbox_holds_everything(collection):
+    west, south, east, north = collection["bbox"]
+    for feature in collection["features"]:
+        x0, y0, x1, y1 = shape(feature["geometry"]).bounds
+        assert west <= x0 <= x1 <= east
+        assert south <= y0 <= y1 <= north
+
+
+def test_undefined_is_null(make_run, steep, uncalibrated, tmp_path):
+    for soil in (steep, uncalibrated):
+        found = load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil)))
+        values = [f["properties"]["vwc"] for f in found["features"] if f["properties"]["kind"] == "sample"]
+        assert None in values
+
+
+def test_nothing_counted_and_nowhere_moved(make_run, the_map, tmp_path):
+    soil = make_soil_map(Samples([(1.0, 2.0)], [0], [10.0]), the_map.grid, Variogram("gaussian", 0, 9, 1))
+    found = load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil, track=())))
+    assert kinds(found) == ["field", "no_go", "sample"]
+    (sample,) = of_kind(found, "sample")
+    assert sample["properties"]["rate_cps"] == 0
+    assert sample["properties"]["rate_sd_cps"] is None
+    assert sample["properties"]["n_records"] == 0
+    assert sample["properties"]["first_stamp_s"] is None
+
+
+def test_field_across_the_antimeridian_is_cut(make_run, tmp_path):
+    run = make_run(frame=LocalFrame(-17.0, 180.0))
+    found = load(write_samples(tmp_path / "s.geojson", run))
+    west, _, east, _ = found["bbox"]
+    assert west > 179
+    assert east < -179
+    field, track = (shape(of_kind(found, kind)[0]["geometry"]) for kind in ("field", "track"))
+    assert field.geom_type == "MultiPolygon"
+    assert all(part.bounds[2] - part.bounds[0] < 0.001 for part in field.geoms)
+    assert all(part.exterior.is_ccw for part in field.geoms)
+    assert track.geom_type == "MultiLineString"
+
+
+@pytest.mark.parametrize("latitude", [89.9999, 89.9996, -89.9999, 90.0])
+def test_field_at_a_pole_is_written(make_run, tmp_path, latitude):
+    found = load(write_samples(tmp_path / "s.geojson", make_run(frame=LocalFrame(latitude, 30.0))))
+    assert kinds(found)[0] == "field"
+    assert shape(found["features"][0]["geometry"]).is_valid
+
+
+def test_no_go_area_over_the_edge(make_run, map_of, tmp_path):
+    soil = map_of(holes=[[(10.0, -40.0), (30.0, -40.0), (30.0, 0.0), (10.0, 0.0)]])
+    found = load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil)))
+    assert shape(found["features"][0]["geometry"]).is_valid
+    assert isinstance(soil.grid, FieldGrid)
+
+
+# The tables of a mission ----------------------------------------------------------------------------------------
+
+
+def test_times_of_day_keep_their_milliseconds(tmp_path):
+    stamp_s = 1_780_293_679.685
+    visit = Visit("a", 1.0, 2.0, 79.685, 60.0, 262, "middle", arrival_stamp_s=stamp_s)
+    path = write_visits(tmp_path / "visits.csv", SimpleNamespace(visits=[visit]))
+    (row,) = csv.DictReader(path.read_text().splitlines())
+    assert float(row["arrival_stamp_s"]) == stamp_s
+    assert row["end_stamp_s"] == ""
+    assert (row["arrived_s"], row["dwell_s"]) == ("79.685", "60")
+
+
+@given(st.text(max_size=8), st.sampled_from("=+-@\t'＝"))
+def test_no_text_is_a_formula_of_a_spreadsheet_and_every_text_comes_back(text, first):
+    for name in (text, first + text, f'{first}HYPERLINK("http://x","y")'):
+        cell = csv_text(name)
+        assert not cell.startswith(("=", "+", "-", "@", "\t", "\r", "＝"))
+        assert text_of_csv(cell) == name
+
+
+def test_numbers_stay_numbers_beside_a_formula(tmp_path):
+    visit = Visit("=1+2", -1.5, -2.0, 0.0, 60.0, 262, "@SUM(A1)")
+    path = write_visits(tmp_path / "visits.csv", SimpleNamespace(visits=[visit]))
+    (row,) = csv.DictReader(path.read_text().splitlines())
+    assert (row["name"], row["reason"], row["x_m"], row["y_m"]) == ("'=1+2", "'@SUM(A1)", "-1.5", "-2")
+    (tmp_path / "summary.json").write_text("{}")
+    (again,) = OpenedRun(tmp_path).visits
+    assert (again.name, again.reason, again.x_m) == ("=1+2", "@SUM(A1)", -1.5)
