@@ -32,14 +32,11 @@ from smp_forest import run
 
 from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.covariates.reading import read_covariates
-from soilmoist_ros.mapping.covariates.source import CovariateSource
+from soilmoist_ros.mapping.covariates import Covariates, CovariateSource, read_covariates
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.covariates import Covariates
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
-from soilmoist_ros.mapping.samples.samples import Samples, as_samples
+from soilmoist_ros.mapping.knowledge import EarlierSurvey, Knowledge
+from soilmoist_ros.mapping.samples import Samples, as_samples
 
 Array = NDArray[np.float64]
 

@@ -35,7 +35,7 @@ def measure(samples: int, cells: int, workers: int, scheduler: str | None) -> di
 
     from soilmoist_ros.foundation.workers import shared_work
     from soilmoist_ros.mapping import FieldGrid, Variogram, make_soil_map
-    from soilmoist_ros.mapping.samples.samples import merge_records
+    from soilmoist_ros.mapping.samples import merge_records
 
     rng = np.random.default_rng(1)
     side = SPACING_M * np.sqrt(samples)

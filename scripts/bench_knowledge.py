@@ -31,9 +31,8 @@ from scipy.spatial.distance import cdist
 
 from soilmoist_ros.foundation import DAY_S
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Samples, Variogram
-from soilmoist_ros.mapping.knowledge.covariates import Covariates
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
+from soilmoist_ros.mapping.covariates import Covariates
+from soilmoist_ros.mapping.knowledge import NOTHING, EarlierSurvey, Knowledge
 from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]

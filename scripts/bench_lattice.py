@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 
 import soilmoist_ros
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.lab.hindsight import (
+from soilmoist_ros.lab.comparisons import (
     LATTICE_DWELLS,
     QUARTER,
     Against,

@@ -26,14 +26,15 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import results
 
-from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.mission.actions import RequestPlan
-from soilmoist_ros.exploration.mission.types import PlanKind
+from soilmoist_ros.exploration.control.explorer import Explorer
+from soilmoist_ros.exploration.control.field_access import cell_stops
+from soilmoist_ros.exploration.mission.events import RequestPlan
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy
-from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import open_lattice
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid
 from soilmoist_ros.mapping.field import Field
@@ -126,7 +127,8 @@ def decision_rows(repeats: int, samples: int = 60) -> list[tuple[str, ...]]:
                 field_map = FieldMap(grid, FieldMapSettings(model, fit, for_planning=True))
                 explorer = Explorer(
                     [Property(field_map)], stops, travel, make_strategy(strategy, "authors"),
-                    make_strategy("random"), parse_dwell("ami:0.03"), np.random.default_rng(2),
+                    make_strategy("random"), MissionRules(budget_s=7200, dwell=parse_dwell("ami:0.03")),
+                    np.random.default_rng(2),
                 )  # fmt: skip
                 updates, choices = [], []
                 for number in range(samples + repeats):

@@ -28,9 +28,9 @@ import results
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.mapping import Variogram
-from soilmoist_ros.mapping.samples.spread import footprint_spread
-from soilmoist_ros.mapping.variogram.correlation import BUILT_IN
+from soilmoist_ros.mapping.samples import footprint_spread
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.model import BUILT_IN
 
 SIDE_M = 280.0
 BOX = (0.0, 0.0), (SIDE_M, SIDE_M)

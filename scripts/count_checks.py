@@ -20,8 +20,7 @@ import numpy as np
 import results
 
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
-from soilmoist_ros.sensing.checks.checks import RecordChecks
-from soilmoist_ros.sensing.checks.finding import Checked
+from soilmoist_ros.sensing.checks.totals import Checked, RecordChecks
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord

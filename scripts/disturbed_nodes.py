@@ -19,7 +19,7 @@ from rehearsal.cases import OF_MOTION, Fault, Ground, Span
 from rehearsal.judge import Judge, Limits, Violation
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.map_records import MapRecords
 from soilmoist_ros.recording.map_sources import DRIVER, OWN, RecordTail

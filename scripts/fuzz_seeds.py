@@ -18,7 +18,7 @@ import numpy as np
 from soilmoist_ros.exploration.mission.events import Command, GoalReached, Moved, Planned, RecordArrived, Tick
 from soilmoist_ros.exploration.mission.journal import EVENT
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.stored import event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import MissionRules, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice

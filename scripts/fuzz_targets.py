@@ -58,7 +58,7 @@ from soilmoist_ros.console.plan.outline import outline
 from soilmoist_ros.console.plan.work import TASKS
 from soilmoist_ros.console.requests import request_from_json
 from soilmoist_ros.exploration.mission.journal import EVENT, interrupted_mission, interrupted_records
-from soilmoist_ros.exploration.mission.stored import state_from_json
+from soilmoist_ros.exploration.mission.state import state_from_json
 from soilmoist_ros.exploration.mission.types import MissionRules
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
@@ -67,8 +67,7 @@ from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.plain_values import read_json
 from soilmoist_ros.lab.campaign_file import load_campaign
 from soilmoist_ros.lab.mission_store import DamagedMissionError, unpack
-from soilmoist_ros.mapping.covariates.reading import read_covariates
-from soilmoist_ros.mapping.covariates.source import CovariateSource
+from soilmoist_ros.mapping.covariates import CovariateSource, read_covariates
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.pipeline.bag_lines import fix_topic, logger_topic, read_fixes, text_lines
@@ -80,7 +79,7 @@ from soilmoist_ros.recording.bag.verify import recover_bag, verify_bag
 from soilmoist_ros.recording.journal import ENTRIES, load_journal
 from soilmoist_ros.recording.stored_records import read_records
 from soilmoist_ros.reporting.opened_run import open_run
-from soilmoist_ros.sensing.corrections.neutron_monitor import read_neutron_monitor
+from soilmoist_ros.sensing.corrections.intensity import read_neutron_monitor
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
 from soilmoist_ros.sensing.formats.logger_reader import parse_log, read_log
 from soilmoist_ros.sensing.moisture.cores import read_soil_cores

@@ -36,9 +36,9 @@ from unique_identifier_msgs.msg import UUID
 from msg_adapters.places import pose_stamped
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
-from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
+from soilmoist_ros.exploration.travel.travel_graph import open_lattice
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.process_group import ProcessGroup, free_domain, loopback_environment
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED

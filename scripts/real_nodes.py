@@ -48,7 +48,7 @@ from msg_adapters.soilmoist_types import reply_from_message, request_to_message,
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply
 from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
 from soilmoist_ros.nodes.process_group import ProcessGroup, loopback_environment
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, VISITS

@@ -24,10 +24,9 @@ from numpy.typing import ArrayLike
 
 from soilmoist_ros.mapping import PoissonKriging, Variogram, empirical_semivariogram
 from soilmoist_ros.sensing import CalibrationCurve, Site, process_logs, read_log
-from soilmoist_ros.sensing.corrections.factors import Corrections, absolute_humidity_gm3
-from soilmoist_ros.sensing.corrections.surroundings import f_road
+from soilmoist_ros.sensing.corrections.factors import Corrections, absolute_humidity_gm3, f_road
+from soilmoist_ros.sensing.moisture.curve import UniversalCurve
 from soilmoist_ros.sensing.moisture.footprint import Footprint, pressure_scale, vegetation_scale
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
 
 DATA = Path(__file__).resolve().parent.parent / "test" / "data"
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"

@@ -21,8 +21,7 @@ import results
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping import FieldGrid, FieldMap, FieldMapSettings, Samples
-from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD, possible_moisture
-from soilmoist_ros.mapping.soil_map import SoilMap
+from soilmoist_ros.mapping.soil_map import QUANTILE_SD, SoilMap, possible_moisture
 from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field

@@ -49,7 +49,7 @@ ROS = {
     "unique_identifier_msgs",
     "visualization_msgs",
 }
-MAX_FILES = 14
+MAX_FILES = 20
 """Files in a folder at most."""
 
 

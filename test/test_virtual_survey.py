@@ -5,8 +5,8 @@ import pytest
 
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.moisture.site import load_site
-from soilmoist_ros.sensing.position.nmea import read_nmea
 from soilmoist_ros.sensing.position.track import Track
+from soilmoist_ros.sensing.position.track_file import read_positions
 from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
 from virtual_survey import serpentine, simulate_log, stop_and_go, write_survey
@@ -19,7 +19,7 @@ def survey(tmp_path_factory):
     folder = tmp_path_factory.mktemp("survey")
     field = write_survey(folder, seed=3)
     log = read_log(folder / "survey.log", "thorvald_crs")
-    fixes, problems = read_nmea(folder / "survey.nmea")
+    fixes, problems = read_positions(folder / "survey.nmea")
     assert not problems
     processed = process_logs([log], load_site(folder / "site.yaml"), field.frame, Track(fixes))
     return field, log, processed

@@ -11,65 +11,65 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
+    from soilmoist_ros.exploration.control.explorer import STREAMS_PER_ROBOT as STREAMS_PER_ROBOT
     from soilmoist_ros.exploration.control.explorer import Explorer as Explorer
-    from soilmoist_ros.exploration.control.explorer import cell_stops as cell_stops
+    from soilmoist_ros.exploration.control.explorer import ExplorerSettings as ExplorerSettings
+    from soilmoist_ros.exploration.control.explorer import nominal_rate_cps as nominal_rate_cps
     from soilmoist_ros.exploration.control.explorer import planning_grid as planning_grid
-    from soilmoist_ros.exploration.control.mission_clock import MissionClock as MissionClock
-    from soilmoist_ros.exploration.control.mission_clock import boot_id as boot_id
+    from soilmoist_ros.exploration.control.explorer import strategy_stream as strategy_stream
+    from soilmoist_ros.exploration.control.field_access import AccessRules as AccessRules
+    from soilmoist_ros.exploration.control.field_access import FieldAccess as FieldAccess
+    from soilmoist_ros.exploration.control.field_access import cell_stops as cell_stops
     from soilmoist_ros.exploration.control.mission_control import DATUM as DATUM
     from soilmoist_ros.exploration.control.mission_control import PLACE_TIME as PLACE_TIME
     from soilmoist_ros.exploration.control.mission_control import RECORD_STAMP as RECORD_STAMP
     from soilmoist_ros.exploration.control.mission_control import MissionControl as MissionControl
-    from soilmoist_ros.exploration.control.mission_setup import STREAMS_PER_ROBOT as STREAMS_PER_ROBOT
-    from soilmoist_ros.exploration.control.mission_setup import AccessRules as AccessRules
-    from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings as ExplorerSettings
-    from soilmoist_ros.exploration.control.mission_setup import FieldAccess as FieldAccess
-    from soilmoist_ros.exploration.control.mission_setup import nominal_rate_cps as nominal_rate_cps
-    from soilmoist_ros.exploration.control.mission_setup import strategy_stream as strategy_stream
+    from soilmoist_ros.exploration.control.mission_feed import MissionClock as MissionClock
+    from soilmoist_ros.exploration.control.mission_feed import boot_id as boot_id
     from soilmoist_ros.exploration.control.operator_request import OperatorRequest as OperatorRequest
     from soilmoist_ros.exploration.control.operator_request import Reply as Reply
     from soilmoist_ros.exploration.control.operator_request import ReplyCode as ReplyCode
     from soilmoist_ros.exploration.control.team import PendingMeasurement as PendingMeasurement
     from soilmoist_ros.exploration.control.team import Team as Team
     from soilmoist_ros.exploration.control.team import pending_measurement as pending_measurement
-    from soilmoist_ros.exploration.guard.emergency import EmergencyTopic as EmergencyTopic
     from soilmoist_ros.exploration.guard.failsafes import FAILSAFES as FAILSAFES
     from soilmoist_ros.exploration.guard.failsafes import LIMITS as LIMITS
     from soilmoist_ros.exploration.guard.failsafes import Cause as Cause
     from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M as ROBOT_RADIUS_M
     from soilmoist_ros.exploration.guard.fence import Fence as Fence
+    from soilmoist_ros.exploration.guard.fence import KeepoutMask as KeepoutMask
+    from soilmoist_ros.exploration.guard.fence import keepout_mask as keepout_mask
     from soilmoist_ros.exploration.guard.fence import unreachable as unreachable
     from soilmoist_ros.exploration.guard.fenced_graph import FencedGraph as FencedGraph
     from soilmoist_ros.exploration.guard.fenced_graph import Outside as Outside
-    from soilmoist_ros.exploration.guard.keepout import KeepoutMask as KeepoutMask
-    from soilmoist_ros.exploration.guard.keepout import keepout_mask as keepout_mask
     from soilmoist_ros.exploration.guard.robot_frames import ASKED_M as ASKED_M
     from soilmoist_ros.exploration.guard.robot_frames import ROBOT as ROBOT
     from soilmoist_ros.exploration.guard.robot_frames import FrameSettings as FrameSettings
     from soilmoist_ros.exploration.guard.robot_frames import RobotFrames as RobotFrames
-    from soilmoist_ros.exploration.guard.transforms import Transform as Transform
-    from soilmoist_ros.exploration.guard.transforms import yaw_rotation as yaw_rotation
+    from soilmoist_ros.exploration.guard.robot_frames import Transform as Transform
+    from soilmoist_ros.exploration.guard.robot_frames import yaw_rotation as yaw_rotation
+    from soilmoist_ros.exploration.guard.signals import EmergencyTopic as EmergencyTopic
     from soilmoist_ros.exploration.guard.watch import POSES_FROZEN_S as POSES_FROZEN_S
     from soilmoist_ros.exploration.guard.watch import Watch as Watch
     from soilmoist_ros.exploration.guard.watch import WatchLimits as WatchLimits
-    from soilmoist_ros.exploration.mission.actions import ANYBODYS as ANYBODYS
-    from soilmoist_ros.exploration.mission.actions import FORGOTTEN as FORGOTTEN
-    from soilmoist_ros.exploration.mission.actions import Action as Action
-    from soilmoist_ros.exploration.mission.actions import CancelGoal as CancelGoal
-    from soilmoist_ros.exploration.mission.actions import Finish as Finish
-    from soilmoist_ros.exploration.mission.actions import GoTo as GoTo
-    from soilmoist_ros.exploration.mission.actions import Publish as Publish
-    from soilmoist_ros.exploration.mission.actions import RequestPlan as RequestPlan
-    from soilmoist_ros.exploration.mission.actions import StartCounting as StartCounting
-    from soilmoist_ros.exploration.mission.actions import VisitDone as VisitDone
+    from soilmoist_ros.exploration.mission.events import ANYBODYS as ANYBODYS
+    from soilmoist_ros.exploration.mission.events import FORGOTTEN as FORGOTTEN
+    from soilmoist_ros.exploration.mission.events import Action as Action
+    from soilmoist_ros.exploration.mission.events import CancelGoal as CancelGoal
     from soilmoist_ros.exploration.mission.events import Command as Command
     from soilmoist_ros.exploration.mission.events import Event as Event
+    from soilmoist_ros.exploration.mission.events import Finish as Finish
     from soilmoist_ros.exploration.mission.events import GoalFailed as GoalFailed
     from soilmoist_ros.exploration.mission.events import GoalReached as GoalReached
+    from soilmoist_ros.exploration.mission.events import GoTo as GoTo
     from soilmoist_ros.exploration.mission.events import Moved as Moved
     from soilmoist_ros.exploration.mission.events import Planned as Planned
+    from soilmoist_ros.exploration.mission.events import Publish as Publish
     from soilmoist_ros.exploration.mission.events import RecordArrived as RecordArrived
+    from soilmoist_ros.exploration.mission.events import RequestPlan as RequestPlan
+    from soilmoist_ros.exploration.mission.events import StartCounting as StartCounting
     from soilmoist_ros.exploration.mission.events import Tick as Tick
+    from soilmoist_ros.exploration.mission.events import VisitDone as VisitDone
     from soilmoist_ros.exploration.mission.journal import EVENT as EVENT
     from soilmoist_ros.exploration.mission.journal import Journal as Journal
     from soilmoist_ros.exploration.mission.journal import MissionJournal as MissionJournal
@@ -78,7 +78,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.journal import is_under_way as is_under_way
     from soilmoist_ros.exploration.mission.journal import noted_records as noted_records
     from soilmoist_ros.exploration.mission.mission import Mission as Mission
-    from soilmoist_ros.exploration.mission.stored import state_from_json as state_from_json
+    from soilmoist_ros.exploration.mission.state import state_from_json as state_from_json
     from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD as MAX_UNTIL_SD
     from soilmoist_ros.exploration.mission.types import OTHER_ROBOT as OTHER_ROBOT
     from soilmoist_ros.exploration.mission.types import PUBLISHED_MIN_LAST_DWELL_S as PUBLISHED_MIN_LAST_DWELL_S
@@ -96,19 +96,19 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.types import Verb as Verb
     from soilmoist_ros.exploration.mission.visit import Visit as Visit
     from soilmoist_ros.exploration.mission.visit import VisitEnd as VisitEnd
-    from soilmoist_ros.exploration.navigation.action_status import ACTIVE as ACTIVE
-    from soilmoist_ros.exploration.navigation.action_status import ENDED as ENDED
-    from soilmoist_ros.exploration.navigation.action_status import ActionStatus as ActionStatus
-    from soilmoist_ros.exploration.navigation.framed import FramedNavigator as FramedNavigator
+    from soilmoist_ros.exploration.navigation.goal_client import ACTIVE as ACTIVE
+    from soilmoist_ros.exploration.navigation.goal_client import ENDED as ENDED
+    from soilmoist_ros.exploration.navigation.goal_client import ActionStatus as ActionStatus
     from soilmoist_ros.exploration.navigation.goal_client import CancelSent as CancelSent
     from soilmoist_ros.exploration.navigation.goal_client import GoalClient as GoalClient
     from soilmoist_ros.exploration.navigation.goal_client import GoalLimits as GoalLimits
     from soilmoist_ros.exploration.navigation.goal_client import Listed as Listed
     from soilmoist_ros.exploration.navigation.goal_client import Request as Request
     from soilmoist_ros.exploration.navigation.goal_client import SendGoal as SendGoal
-    from soilmoist_ros.exploration.navigation.nav2_words import failure as failure
-    from soilmoist_ros.exploration.navigation.nav2_words import progress as progress
+    from soilmoist_ros.exploration.navigation.goal_client import failure as failure
+    from soilmoist_ros.exploration.navigation.goal_client import progress as progress
     from soilmoist_ros.exploration.navigation.navigator import Ended as Ended
+    from soilmoist_ros.exploration.navigation.navigator import FramedNavigator as FramedNavigator
     from soilmoist_ros.exploration.navigation.navigator import Navigator as Navigator
     from soilmoist_ros.exploration.navigation.pose_client import CancelAll as CancelAll
     from soilmoist_ros.exploration.navigation.pose_client import PoseClient as PoseClient
@@ -116,8 +116,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.navigation.pose_client import SendPose as SendPose
     from soilmoist_ros.exploration.navigation.pose_client import drivers as drivers
     from soilmoist_ros.exploration.navigation.track import Track as Track
-    from soilmoist_ros.exploration.navigation.way_points import WayPoint as WayPoint
-    from soilmoist_ros.exploration.navigation.way_points import way_points as way_points
     from soilmoist_ros.exploration.planning.dwell import DWELL_RULES as DWELL_RULES
     from soilmoist_ros.exploration.planning.dwell import DwellRule as DwellRule
     from soilmoist_ros.exploration.planning.dwell import Optimal as Optimal
@@ -144,11 +142,12 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.strategies.strategy import Choice as Choice
     from soilmoist_ros.exploration.strategies.strategy import Situation as Situation
     from soilmoist_ros.exploration.strategies.strategy import Strategy as Strategy
-    from soilmoist_ros.exploration.travel.graph_builders import crop_rows as crop_rows
-    from soilmoist_ros.exploration.travel.graph_builders import open_lattice as open_lattice
     from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion as LearnedMotion
     from soilmoist_ros.exploration.travel.stop import Stop as Stop
+    from soilmoist_ros.exploration.travel.stop import Way as Way
+    from soilmoist_ros.exploration.travel.stop import WayPoint as WayPoint
     from soilmoist_ros.exploration.travel.stop import stops_xy as stops_xy
+    from soilmoist_ros.exploration.travel.stop import way_points as way_points
     from soilmoist_ros.exploration.travel.topological_map import KNOWN_ACTIONS as KNOWN_ACTIONS
     from soilmoist_ros.exploration.travel.topological_map import TopologicalMap as TopologicalMap
     from soilmoist_ros.exploration.travel.topological_map import make_topological_map as make_topological_map
@@ -162,40 +161,34 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.travel.travel import polyline_length_m as polyline_length_m
     from soilmoist_ros.exploration.travel.travel import polyline_turn_rad as polyline_turn_rad
     from soilmoist_ros.exploration.travel.travel_graph import TravelGraph as TravelGraph
-    from soilmoist_ros.exploration.travel.way import Way as Way
+    from soilmoist_ros.exploration.travel.travel_graph import crop_rows as crop_rows
+    from soilmoist_ros.exploration.travel.travel_graph import open_lattice as open_lattice
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "control.explorer": "Explorer cell_stops planning_grid",
-        "control.mission_clock": "MissionClock boot_id",
+        "control.explorer": "Explorer ExplorerSettings STREAMS_PER_ROBOT nominal_rate_cps planning_grid strategy_stream",
+        "control.field_access": "AccessRules FieldAccess cell_stops",
         "control.mission_control": "DATUM MissionControl PLACE_TIME RECORD_STAMP",
-        "control.mission_setup": "AccessRules ExplorerSettings FieldAccess STREAMS_PER_ROBOT nominal_rate_cps strategy_stream",
+        "control.mission_feed": "MissionClock boot_id",
         "control.operator_request": "OperatorRequest Reply ReplyCode",
         "control.team": "PendingMeasurement Team pending_measurement",
-        "guard.emergency": "EmergencyTopic",
         "guard.failsafes": "Cause FAILSAFES LIMITS",
-        "guard.fence": "Fence ROBOT_RADIUS_M unreachable",
+        "guard.fence": "Fence KeepoutMask ROBOT_RADIUS_M keepout_mask unreachable",
         "guard.fenced_graph": "FencedGraph Outside",
-        "guard.keepout": "KeepoutMask keepout_mask",
-        "guard.robot_frames": "ASKED_M FrameSettings ROBOT RobotFrames",
-        "guard.transforms": "Transform yaw_rotation",
+        "guard.robot_frames": "ASKED_M FrameSettings ROBOT RobotFrames Transform yaw_rotation",
+        "guard.signals": "EmergencyTopic",
         "guard.watch": "POSES_FROZEN_S Watch WatchLimits",
-        "mission.actions": "ANYBODYS Action CancelGoal FORGOTTEN Finish GoTo Publish RequestPlan StartCounting VisitDone",
-        "mission.events": "Command Event GoalFailed GoalReached Moved Planned RecordArrived Tick",
+        "mission.events": "ANYBODYS Action CancelGoal Command Event FORGOTTEN Finish GoTo GoalFailed GoalReached Moved Planned Publish RecordArrived RequestPlan StartCounting Tick VisitDone",
         "mission.journal": "EVENT Journal MissionJournal interrupted_mission interrupted_records is_under_way noted_records",
         "mission.mission": "Mission",
-        "mission.stored": "state_from_json",
+        "mission.state": "state_from_json",
         "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT OnSilence PUBLISHED_MIN_LAST_DWELL_S Phase Polygons READY Response TRIGGERS Verb",
         "mission.visit": "Visit VisitEnd",
-        "navigation.action_status": "ACTIVE ActionStatus ENDED",
-        "navigation.framed": "FramedNavigator",
-        "navigation.goal_client": "CancelSent GoalClient GoalLimits Listed Request SendGoal",
-        "navigation.nav2_words": "failure progress",
-        "navigation.navigator": "Ended Navigator",
+        "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure progress",
+        "navigation.navigator": "Ended FramedNavigator Navigator",
         "navigation.pose_client": "CancelAll PoseClient PoseRequest SendPose drivers",
         "navigation.track": "Track",
-        "navigation.way_points": "WayPoint way_points",
         "planning.dwell": "DWELL_RULES DwellRule Optimal dwell_rule parse_dwell",
         "planning.efficiency": "least_variance",
         "planning.forecast": "Forecast forecast_from_text forecast_to_text hundredths",
@@ -205,12 +198,10 @@ __getattr__, __dir__, __all__ = open_door(
         "planning.prospect": "Counting",
         "strategies.registry": "BUILT_IN STRATEGIES StrategyKind make_strategy strategy_kind warm_up",
         "strategies.strategy": "Choice Situation Strategy",
-        "travel.graph_builders": "crop_rows open_lattice",
         "travel.learned_motion": "LearnedMotion",
-        "travel.stop": "Stop stops_xy",
+        "travel.stop": "Stop Way WayPoint stops_xy way_points",
         "travel.topological_map": "KNOWN_ACTIONS TopologicalMap make_topological_map parse_topological_map read_topological_map zone_radius_m",
         "travel.travel": "FreeTravel GraphTravel RobotMotion TravelModel polyline_length_m polyline_turn_rad",
-        "travel.travel_graph": "TravelGraph",
-        "travel.way": "Way",
+        "travel.travel_graph": "TravelGraph crop_rows open_lattice",
     },
 )

@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from soilmoist_ros.lab.campaign_file import Mission as Mission
     from soilmoist_ros.lab.campaign_file import load_campaign as load_campaign
     from soilmoist_ros.lab.campaign_file import missions as missions
+    from soilmoist_ros.lab.comparisons import LATTICES as LATTICES
+    from soilmoist_ros.lab.comparisons import PairedDifference as PairedDifference
+    from soilmoist_ros.lab.comparisons import hindsight_table as hindsight_table
+    from soilmoist_ros.lab.comparisons import paired_differences as paired_differences
     from soilmoist_ros.lab.computing import Failure as Failure
     from soilmoist_ros.lab.figures import campaign_figures as campaign_figures
-    from soilmoist_ros.lab.hindsight import LATTICES as LATTICES
-    from soilmoist_ros.lab.hindsight import hindsight_table as hindsight_table
     from soilmoist_ros.lab.mission_store import MissionStore as MissionStore
     from soilmoist_ros.lab.mission_store import StoredMission as StoredMission
     from soilmoist_ros.lab.mission_store import code_version as code_version
-    from soilmoist_ros.lab.paired import PairedDifference as PairedDifference
-    from soilmoist_ros.lab.paired import paired_differences as paired_differences
     from soilmoist_ros.lab.progress import CampaignProgress as CampaignProgress
     from soilmoist_ros.lab.progress import Progress as Progress
     from soilmoist_ros.lab.report import write_campaign_report as write_campaign_report
@@ -40,11 +40,10 @@ __getattr__, __dir__, __all__ = open_door(
         "campaign": "CampaignInterrupted RUNS run_campaign stored_rows",
         "campaign_data": "CampaignData",
         "campaign_file": "Campaign FindingKey Mission load_campaign missions",
+        "comparisons": "LATTICES PairedDifference hindsight_table paired_differences",
         "computing": "Failure",
         "figures": "campaign_figures",
-        "hindsight": "LATTICES hindsight_table",
         "mission_store": "MissionStore StoredMission code_version",
-        "paired": "PairedDifference paired_differences",
         "progress": "CampaignProgress Progress",
         "report": "write_campaign_report",
         "table": "CASE Finished missions_table results_table",

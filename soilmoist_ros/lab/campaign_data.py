@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 from soilmoist_ros.exploration import STRATEGIES
 from soilmoist_ros.lab.campaign_file import Campaign, Mission, missions
-from soilmoist_ros.lab.hindsight import hindsight_table
+from soilmoist_ros.lab.comparisons import PairedDifference, hindsight_table, paired_differences
 from soilmoist_ros.lab.mission_store import StoredMission
-from soilmoist_ros.lab.paired import PairedDifference, paired_differences
 from soilmoist_ros.lab.table import CASE, Finished, missions_table, results_table
 
 if TYPE_CHECKING:
@@ -53,18 +52,12 @@ NAMES = {
 
 @dataclass(frozen=True)
 class Case:
-    """Missions on one field that differ in strategy, dwell and seed only.
+    """Missions on one field that differ in strategy, dwell and seed only."""
 
-    :param number: position in the campaign
-    :param field: field, as in the settings
-    :param title: display name; includes the settings that distinguish cases of one field
-    :param hours: mission time [h]
-    """
-
-    number: int
-    field: str
-    title: str
-    hours: float
+    number: int  # position in the campaign
+    field: str  # field, as in the settings
+    title: str  # display name; includes the settings that distinguish cases of one field
+    hours: float  # mission time [h]
 
 
 class CampaignData:

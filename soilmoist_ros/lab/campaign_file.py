@@ -30,15 +30,14 @@ from soilmoist_ros.foundation import (
     resource,
     resource_names,
 )
-from soilmoist_ros.lab.hindsight import LATTICE_DWELLS
+from soilmoist_ros.lab.comparisons import LATTICE_DWELLS
 from soilmoist_ros.simulation import SETTINGS, MissionSettings, PropertySettings
 from soilmoist_ros.simulation import Setting as MissionSetting
 
 FindingKey = Literal["ami_high", "ami_low", "adaptive_sampling", "greedy_border"]
 """Short names of the published findings."""
 KEY_DIGITS = 16
-MAX_RUNS = 1_000_000
-"""Runs with different seeds, given by their number."""
+MAX_RUNS = 1_000_000  # runs with different seeds, given by their number
 _OLD_KEYS = {"variogram": "model", "also": "properties", "also_weight": "properties"}
 _log = logging.getLogger(__name__)
 
@@ -118,12 +117,9 @@ else:
 class Experiment(Choices):
     """One experiment: the grid over all listed values."""
 
-    name: Annotated[str, Setting(pattern=r"^[\w-]+$")]
-    """Short name."""
-    title: str = ""
-    """Heading in the report."""
-    description: str = ""
-    """Description in the report."""
+    name: Annotated[str, Setting(pattern=r"^[\w-]+$")]  # short name
+    title: str = ""  # heading in the report
+    description: str = ""  # description in the report
     hindsight: bool = False
     """Run lattices with fixed dwells of 10, 20, 30 and 60 s too; the report compares all with the best of them."""
 
@@ -131,10 +127,8 @@ class Experiment(Choices):
 class Published(Section):
     """Comparison with the published experiments: the fields that represent each published case."""
 
-    high_gradient: Many[Name] | None = None
-    """Fields with a high contrast."""
-    low_gradient: Many[Name] | None = None
-    """Fields with a low contrast."""
+    high_gradient: Many[Name] | None = None  # fields with a high contrast
+    low_gradient: Many[Name] | None = None  # fields with a low contrast
     reasons: Mapping[FindingKey, str] = Setting(default_factory=dict)
     """Known reasons why the campaign differs from a finding; shown if it differs."""
 
@@ -255,10 +249,7 @@ def mission_key(settings: MissionSettings, digests: dict[str, str] | None = None
     """
     values = settings.as_dict()
     digests = {} if digests is None else digests
-    paths = {
-        "field": _field_file(settings.field_name),
-        "graph": Path(settings.graph) if settings.graph else None,
-    }
+    paths = {"field": _field_file(settings.field_name), "graph": Path(settings.graph) if settings.graph else None}
 
     def digest(path: Path) -> str:
         if str(path) not in digests:

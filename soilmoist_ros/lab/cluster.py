@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compute the missions of a campaign on a Dask cluster.
 
-A task of the cluster is a batch of missions, because the administration of each task takes time. A few batches for
-each thread of the cluster are submitted at a time, and each result is released as soon as it is here. So neither
-this process nor the cluster holds more than that, however many missions a campaign has.
+A few missions for each thread of the cluster are submitted at a time, and each result is released as soon as it is
+here. So neither this process nor the cluster holds more than that, however many missions a campaign has.
 """
 
 from __future__ import annotations
@@ -13,33 +12,20 @@ import logging
 import queue
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import Any, Final
 
 from distributed import WorkerPlugin
 
 from soilmoist_ros.foundation import InputError, connect
 from soilmoist_ros.lab.campaign_file import Mission
-from soilmoist_ros.lab.computing import (
-    Failure,
-    Finished,
-    Flow,
-    Simulate,
-    WorkersLostError,
-    compute,
-)
+from soilmoist_ros.lab.computing import Failure, Finished, Flow, Simulate, WorkersLostError, compute
 from soilmoist_ros.lab.mission_store import code_version
 
 IN_FLIGHT = 3
-"""Batches in flight for each thread of the cluster: one runs, the others bridge the way to the scheduler."""
-MAX_BATCH = 16
-"""Maximum number of missions in a batch."""
-BATCH_S = 1.0
-"""A batch begins no mission after this time [s]; the rest of it is submitted again."""
-LOOK_S = 2.0
-"""Time between two looks at the number of workers [s]."""
+"""Missions in flight for each thread of the cluster: one runs, the others bridge the way to the scheduler."""
+LOOK_S = 2.0  # time between two looks at the number of workers [s]
 NAME: Final = "soilmoist_ros-campaign"
 SAMPLING: Final = ("profile", "profile-cycle")
 """What Dask calls 100 times a second to see where its tasks are, which takes some of the worker's time."""
@@ -47,16 +33,8 @@ _log = logging.getLogger("distributed.worker")  # which Dask shows in the termin
 REMEDY = "install the same version of soilmoist_ros there, start its worker again, and run the same command again"
 
 
-@dataclass(frozen=True)
-class _Refused:
-    """A worker with another version did not compute a batch; it leaves the cluster, so another one will."""
-
-
 def on_cluster(
-    todo: Iterable[Mission],
-    simulate: Simulate,
-    scheduler: str,
-    waits: Callable[[str], None] = lambda note: None,
+    todo: Iterable[Mission], simulate: Simulate, scheduler: str, waits: Callable[[str], None] = lambda note: None
 ) -> Flow:
     """Compute on the workers of a Dask cluster, which must have the same version of this package.
 
@@ -70,72 +48,50 @@ def on_cluster(
     """
     with connect(scheduler) as client, _same_version(client, simulate):
         arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        waiting, running = deque(todo), dict[Any, list[Mission]]()
-        threads, looked_s, most = 0, -LOOK_S, MAX_BATCH
+        waiting, running = deque(todo), dict[Any, Mission]()
+        threads, looked_s = 0, -LOOK_S
         while waiting or running:
             if time.monotonic() >= looked_s + LOOK_S:
                 threads, looked_s = _threads(client, scheduler), time.monotonic()
                 if not threads:
                     waits(f"waiting for a worker: dask worker {scheduler}")
             while waiting and len(running) < IN_FLIGHT * threads:
-                share = -(-len(waiting) // (IN_FLIGHT * threads))
-                batch = [waiting.popleft() for _ in range(min(most, share))]
-                key = f"missions-{batch[0].key}-{len(batch)}"
-                future = client.submit(_compute, batch, simulate, code_version(), key=key, pure=False)
-                running[future] = batch
+                mission = waiting.popleft()
+                key = f"mission-{mission.key}"
+                future = client.submit(_compute, mission, simulate, code_version(), key=key, pure=False)
+                running[future] = mission
                 future.add_done_callback(arrived.put)
-            for future in _all_of(arrived):
-                batch = running.pop(future)
-                results = _results(future, scheduler)
+            with suppress(queue.Empty):
+                future = arrived.get(timeout=LOOK_S)
+                mission = running.pop(future)
+                finished = _finished(future, mission, scheduler)
                 future.release()
-                if isinstance(results, BaseException) and len(batch) > 1:
-                    results, most = [], 1  # which of them is to blame?
-                elif isinstance(results, BaseException):
-                    text = " ".join(str(results).split())
-                    failure = Failure(batch[0], f"lost on the cluster ({type(results).__name__}: {text})")
-                    results = [Finished(batch[0], failure, float("nan"))]
-                finished = [] if isinstance(results, _Refused) else results
-                waiting.extendleft(reversed(batch[len(finished) :]))
-                yield from finished
+                if finished is None:
+                    waiting.appendleft(mission)
+                else:
+                    yield finished
 
 
-def _compute(batch: Sequence[Mission], simulate: Simulate, version: str) -> list[Finished] | _Refused:
-    """The first missions of a batch, at least one."""
-    if code_version() != version:
-        return _Refused()
-    begin_s, finished = time.monotonic(), list[Finished]()
-    for mission in batch:
-        finished.append(compute(mission, simulate))
-        if time.monotonic() - begin_s >= BATCH_S:
-            break
-    return finished
+def _compute(mission: Mission, simulate: Simulate, version: str) -> Finished | None:
+    """A mission; ``None`` by a worker of another version, which leaves the cluster, so that another one will."""
+    return compute(mission, simulate) if code_version() == version else None
 
 
-def _all_of(arrived: queue.SimpleQueue[Any]) -> list[Any]:
-    """All futures that have arrived; waits for the first one for a while."""
-    try:
-        found = [arrived.get(timeout=LOOK_S)]
-    except queue.Empty:
-        return []
-    while not arrived.empty():
-        found.append(arrived.get())
-    return found
-
-
-def _results(future: Any, scheduler: str) -> list[Finished] | _Refused | BaseException:
+def _finished(future: Any, mission: Mission, scheduler: str) -> Finished | None:
     """What a future has computed, or why it was lost.
 
     :raises WorkersLostError: if it was cancelled, which happens when the scheduler is lost
     """
-    if future.status == "cancelled":
-        raise _lost(scheduler)
     try:
-        results: list[Finished] | _Refused = future.result()
+        if future.status != "cancelled":
+            found: Finished | None = future.result()
+            return found
     except Exception as error:
-        if future.status == "cancelled":
-            raise _lost(scheduler) from None
-        return error
-    return results
+        if future.status != "cancelled":
+            text = " ".join(str(error).split())
+            failure = Failure(mission, f"lost on the cluster ({type(error).__name__}: {text})")
+            return Finished(mission, failure, float("nan"))
+    raise _lost(scheduler)
 
 
 def _lost(scheduler: str) -> WorkersLostError:

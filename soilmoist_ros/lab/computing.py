@@ -24,8 +24,7 @@ from soilmoist_ros.lab.campaign_file import Mission
 from soilmoist_ros.lab.mission_store import pack
 from soilmoist_ros.simulation import MissionResult, MissionSettings
 
-_stop: ctypes.c_bool | None = None
-"""Set in a worker process when the campaign is stopped."""
+_stop: ctypes.c_bool | None = None  # set in a worker process when the campaign is stopped
 MissionProgress = Callable[[float], None]
 Simulate = Callable[[MissionSettings, MissionProgress | None], MissionResult]
 
@@ -65,8 +64,7 @@ class Finished:
     time_s: float
 
 
-Flow = Generator[Finished, None, None]
-"""Missions in the order in which they finish; closing it stops the workers."""
+Flow = Generator[Finished, None, None]  # missions in the order in which they finish; closing it stops the workers
 
 
 def compute(mission: Mission, simulate: Simulate, progress: MissionProgress | None = None) -> Finished:

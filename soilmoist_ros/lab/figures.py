@@ -4,36 +4,36 @@
 
 from __future__ import annotations
 
+import io
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.lab.campaign_data import (
-    CampaignData,
-    Case,
-    strategies_in,
-)
-from soilmoist_ros.lab.figure_style import (
+from soilmoist_ros.lab.campaign_data import CampaignData, Case, strategies_in
+from soilmoist_ros.lab.mission_store import StoredMission
+from soilmoist_ros.reporting import (
     BLUE,
     FAINT,
-    GREEN,
     INK,
-    NORMAL,
     ORANGE,
+    RATE,
     SMALL,
     SOFT,
-    colours,
+    UNCERTAIN,
+    Picture,
+    colour_map,
+    data_uri,
+    dwell_text,
     extension,
-    label,
-    new_figure,
-    of_text_width,
     plain_axes,
+    robust_range,
+    strategy_text,
+    strategy_traits,
 )
-from soilmoist_ros.lab.mission_store import StoredMission
-from soilmoist_ros.reporting import RATE, UNCERTAIN, dwell_text, robust_range, strategy_text, strategy_traits
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,18 +41,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-Look = tuple[str, Any, float]
-"""Colour, dashes and width of a line."""
-EndName = tuple[float, str, str]
-"""Last value of a line, its name and its colour."""
+Look = tuple[str, Any, float]  # colour, dashes and width of a line
+EndName = tuple[float, str, str]  # last value of a line, its name and its colour
 
 WIDTH_IN = 10.0
 OTHER: Look = (INK, "-.", 1.5)
 ERROR = "Mean squared error [(counts/s)²]"
 MAX_EXAMPLES = 5
 KEYS_PER_ROW = 5
-KEY_IN = 0.55
-"""Height of the strip below the examples [in]."""
+KEY_IN = 0.55  # height of the strip below the examples [in]
+GREEN = "#009e73"
+NORMAL = 9.5  # size of text [pt]
+PNG_DPI = 190
+LARGEST_SVG = 250_000  # larger drawings become pictures of pixels [bytes]
+TEXT_IN = 174 / 25.4  # width of the text of a journal page [in]
+HEIGHTENED, ENLARGED = 1.12, 1.07
+"""Height and text of a figure grow by more than the share of the width, to be read on paper."""
 
 
 def _look(strategy: str) -> Look:
@@ -342,7 +346,7 @@ def _panel(
     half = (stored.x_m[1] - stored.x_m[0]) / 2 if len(stored.x_m) > 1 else 0.5
     extent = (stored.x_m[0] - half, stored.x_m[-1] + half, stored.y_m[0] - half, stored.y_m[-1] + half)
     image = axes.imshow(
-        values, origin="lower", extent=extent, cmap=colours(cmap), vmin=limits[0], vmax=limits[1],
+        values, origin="lower", extent=extent, cmap=colour_map(cmap), vmin=limits[0], vmax=limits[1],
         interpolation="nearest", aspect="equal",
     )  # fmt: skip
     for ring in stored.outlines:
@@ -391,3 +395,62 @@ def _bars(figure: Figure, image: Any, shade: Any, extend: tuple[str, str]) -> No
         bar.ax.tick_params(colors=SOFT, labelcolor=INK, labelsize=SMALL, length=3, width=0.8, pad=2)
         bar.ax.locator_params(nbins=5)
         bar.outline.set(edgecolor=FAINT, linewidth=0.8)
+
+
+@dataclass(frozen=True)
+class FigureSection:
+    """One figure of a page with its texts."""
+
+    key: str  # anchor in the page
+    title: str  # heading
+    picture: Picture  # the figure
+    caption: str  # what to see in it
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """An empty white figure that does not use pyplot."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def label(axes: Axes, x: str = "", y: str = "", title: str = "") -> None:
+    """Axis labels and a title at the left."""
+    axes.set_xlabel(x, fontsize=NORMAL, color=INK)
+    axes.set_ylabel(y, fontsize=NORMAL, color=INK)
+    if title:
+        axes.set_title(title, fontsize=NORMAL, color=INK, loc="left", fontweight="bold")
+
+
+def of_text_width(figure: Figure) -> Figure:
+    """A figure for the screen, made as wide as the text of a journal page: smaller, with thinner lines."""
+    from matplotlib.lines import Line2D
+    from matplotlib.text import Text
+
+    width_in, height_in = figure.get_size_inches()
+    share = TEXT_IN / width_in
+    figure.set_size_inches(TEXT_IN, HEIGHTENED * share * height_in)
+    for text in figure.findobj(Text):
+        text.set_fontsize(ENLARGED * share * text.get_fontsize())
+    for line in figure.findobj(Line2D):
+        line.set_linewidth(share * line.get_linewidth())
+    return figure
+
+
+def picture(figure: Figure, alt: str, vector: bool = False) -> Picture:
+    """Render as SVG if requested and small, else as PNG at twice the screen's resolution."""
+    if vector:
+        svg = _render(figure, "svg")
+        if len(svg) <= LARGEST_SVG:
+            return Picture(data_uri("image/svg+xml", svg), alt)
+    return Picture(data_uri("image/png", _render(figure, "png")), alt)
+
+
+def _render(figure: Figure, kind: str) -> bytes:
+    stream = io.BytesIO()
+    metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
+    figure.savefig(stream, format=kind, dpi=PNG_DPI if kind == "png" else 72, metadata=metadata)
+    return stream.getvalue()

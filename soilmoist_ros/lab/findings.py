@@ -24,38 +24,24 @@ Verdict = Literal["confirmed", "partly", "not seen", "not tested"]
 Reasons = Mapping[FindingKey, str]
 
 MIN_RUNS = 3
-LITTLE = 0.20
-"""Largest difference that counts as little, as a share of the mean squared error."""
-FAR_LESS = 0.25
-"""Smallest saving that counts as far less driving, as a share of the distance."""
-SLIGHTLY = 0.50
-"""Largest increase that counts as slightly higher, as a share of the error."""
+LITTLE = 0.20  # largest difference that counts as little, as a share of the mean squared error
+FAR_LESS = 0.25  # smallest saving that counts as far less driving, as a share of the distance
+SLIGHTLY = 0.50  # largest increase that counts as slightly higher, as a share of the error
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A measured difference, paired by seed.
+    """A measured difference, paired by seed."""
 
-    :param where: field
-    :param what: the two sets of missions
-    :param quantity: measure with its unit
-    :param value: mean over the runs of the first set
-    :param reference: mean over the runs of the second set
-    :param difference: mean of the paired differences, value minus reference
-    :param standard_error: standard error of the difference; NaN with fewer than two pairs
-    :param pairs: number of seeds in both sets
-    :param outcome: whether the difference supports the finding
-    """
-
-    where: str
-    what: str
-    quantity: str
-    value: float
-    reference: float
-    difference: float
-    standard_error: float
-    pairs: int
-    outcome: Outcome
+    where: str  # field
+    what: str  # the two sets of missions
+    quantity: str  # measure with its unit
+    value: float  # mean over the runs of the first set
+    reference: float  # mean over the runs of the second set
+    difference: float  # mean of the paired differences, value minus reference
+    standard_error: float  # standard error of the difference; NaN with fewer than two pairs
+    pairs: int  # number of seeds in both sets
+    outcome: Outcome  # whether the difference supports the finding
 
     @property
     def relative(self) -> float:
@@ -65,22 +51,15 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Finding:
-    """A published finding and the verdict of the campaign.
+    """A published finding and the verdict of the campaign."""
 
-    :param key: short name
-    :param statement: the finding
-    :param rule: condition for the verdict ``confirmed``
-    :param summary: the measured numbers in a sentence
-    :param reason: why the finding is not confirmed, from the campaign's file; may be empty
-    """
-
-    key: FindingKey
-    statement: str
-    rule: str
+    key: FindingKey  # short name
+    statement: str  # the finding
+    rule: str  # condition for the verdict ``confirmed``
     verdict: Verdict
-    summary: str
+    summary: str  # the measured numbers in a sentence
     comparisons: tuple[Comparison, ...]
-    reason: str
+    reason: str  # why the finding is not confirmed, from the campaign's file; may be empty
 
 
 def findings(data: CampaignData) -> list[Finding]:
@@ -227,8 +206,7 @@ def _border(data: CampaignData) -> Iterator[Comparison]:
             yield _compared(case.title, "Greedy against Monte Carlo", quantity, greedy, other, _higher)
 
 
-_Judge = Callable[[float, float, float], Outcome]
-"""Outcome of (difference, standard error, reference)."""
+_Judge = Callable[[float, float, float], Outcome]  # outcome of (difference, standard error, reference)
 
 
 def _compared(

@@ -36,8 +36,7 @@ from soilmoist_ros.simulation import (
 Array = NDArray[np.float64]
 SCHEMA = 4
 SUFFIX = ".npz"
-COMPUTING = ("sensing", "mapping", "exploration", "simulation")
-"""Sub-packages whose code determines a mission."""
+COMPUTING = ("sensing", "mapping", "exploration", "simulation")  # sub-packages whose code determines a mission
 
 
 class DamagedMissionError(SoilmoistError):

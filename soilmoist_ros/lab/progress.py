@@ -66,19 +66,12 @@ class Pace:
     takes as long as the finished ones of its combination have taken on average, or as all finished ones, as long
     as none of its combination has finished. The number of workers that share the work follows from the time that
     the finished missions have taken, divided by the time since the first of them began.
-
-    :param total: missions of the campaign
     :param todo: missions that are not stored yet
     :param progress: called at once, and after each mission
-    :param clock: time [s]
     """
 
     def __init__(
-        self,
-        total: int,
-        todo: Iterable[Mission],
-        progress: Progress,
-        clock: Callable[[], float] = time.monotonic,
+        self, total: int, todo: Iterable[Mission], progress: Progress, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._left = Counter(_combination(mission) for mission in todo)
         self._taken: dict[MissionSettings, tuple[int, float]] = {}

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace as Row
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,12 +17,11 @@ from soilmoist_ros.lab import figures
 from soilmoist_ros.lab.campaign import RUNS, stored_rows
 from soilmoist_ros.lab.campaign_data import CampaignData, Case
 from soilmoist_ros.lab.campaign_file import Campaign, missions
+from soilmoist_ros.lab.comparisons import LATTICES, PairedDifference
 from soilmoist_ros.lab.computing import Failure
-from soilmoist_ros.lab.figure_style import FigureSection, picture
+from soilmoist_ros.lab.figures import FigureSection, picture
 from soilmoist_ros.lab.findings import Comparison, findings
-from soilmoist_ros.lab.hindsight import LATTICES
 from soilmoist_ros.lab.mission_store import MissionStore, code_version
-from soilmoist_ros.lab.paired import PairedDifference
 from soilmoist_ros.lab.table import Finished
 from soilmoist_ros.reporting import dwell_text, length, plain, render_page, strategy_text
 
@@ -30,89 +29,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NAME = "report.html"
-
-
-@dataclass(frozen=True)
-class ExperimentRow:
-    """One experiment in words."""
-
-    title: str
-    description: str
-    fields: str
-    strategies: str
-    dwells: str
-    hours: str
-    runs: str
-    missions: int
-
-
-@dataclass(frozen=True)
-class FinalRow:
-    """Final values of one combination as text: mean ± standard deviation over its runs.
-
-    ``field_rows`` is the number of rows of the field in the field's first row, else 0.
-    """
-
-    field: str
-    field_rows: int
-    last: bool
-    strategy: str
-    dwell: str
-    runs: int
-    values: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class HindsightRow:
-    """A combination against the best lattice in hindsight, as text."""
-
-    strategy: str
-    dwell: str
-    pairs: int
-    end: str
-    distance: str
-    quarter: str
-
-
-@dataclass(frozen=True)
-class HindsightField:
-    """The best lattices of a field in words, and the other combinations."""
-
-    title: str
-    best: str
-    rows: tuple[HindsightRow, ...]
-
-
-@dataclass(frozen=True)
-class DifferenceRow:
-    """Two combinations over shared seeds, as text: mean difference with its interval, and as a share.
-
-    ``clear`` has whether the interval of the error, and that of the distance, leaves out zero.
-    """
-
-    first: str
-    second: str
-    pairs: int
-    error: str
-    error_share: str
-    distance: str
-    distance_share: str
-    clear: tuple[bool, bool]
-
-
-@dataclass(frozen=True)
-class ComparisonRow:
-    """One comparison as text."""
-
-    where: str
-    what: str
-    quantity: str
-    value: str
-    reference: str
-    difference: str
-    relative: str
-    pairs: int
-    outcome: str
 
 
 def write_campaign_report(
@@ -174,12 +90,12 @@ def render_campaign_report(data: CampaignData, failures: Sequence[Failure] = ())
     )
 
 
-def _experiments(data: CampaignData) -> Iterator[ExperimentRow]:
+def _experiments(data: CampaignData) -> Iterator[Row]:
     everything = missions(data.campaign)
     titles = dict(zip(data.missions["field"], data.missions["field_title"], strict=True))
     for experiment in data.campaign.experiments:
         mine = [mission.settings for mission in everything if experiment.name in mission.experiments]
-        yield ExperimentRow(
+        yield Row(
             title=experiment.title or experiment.name,
             description=experiment.description,
             fields=", ".join(str(titles.get(name, name)) for name in dict.fromkeys(s.field for s in mine)),
@@ -299,7 +215,7 @@ def _runs(rows: pd.DataFrame) -> str:
     return f"{count} runs" if count != 1 else "one run"
 
 
-def _finals(data: CampaignData) -> Iterator[FinalRow]:
+def _finals(data: CampaignData) -> Iterator[Row]:
     """Rows of the table, field by field."""
     for case in data.cases:
         groups = data.groups(case)
@@ -316,10 +232,13 @@ def _finals(data: CampaignData) -> Iterator[FinalRow]:
             )
             first = len(groups) if position == 0 else 0
             last = position == len(groups) - 1
-            yield FinalRow(case.title, first, last, strategy_text(strategy), dwell_text(dwell), len(rows), values)
+            yield Row(
+                field=case.title, field_rows=first, last=last, strategy=strategy_text(strategy),
+                dwell=dwell_text(dwell), runs=len(rows), values=values,
+            )  # fmt: skip
 
 
-def _differences(data: CampaignData, case: Case) -> list[DifferenceRow]:
+def _differences(data: CampaignData, case: Case) -> list[Row]:
     """Pairs of combinations with at least two shared seeds: error at the end, and distance."""
     found = data.differences(case)
     several = len({one.dwell for one in found} | {one.other_dwell for one in found}) > 1
@@ -337,20 +256,22 @@ def _differences(data: CampaignData, case: Case) -> list[DifferenceRow]:
         if error is None or distance is None or error.pairs < 2:
             continue
         texts.append(
-            DifferenceRow(
-                first,
-                second,
-                error.pairs,
-                _interval(error),
-                _signed_percent(error.difference / error.other_mean if error.other_mean else float("nan")),
-                _interval(distance, max_decimals=0),
-                _signed_percent(
-                    distance.difference / distance.other_mean if distance.other_mean else float("nan")
-                ),
-                (error.clear, distance.clear),
+            Row(
+                first=first,
+                second=second,
+                pairs=error.pairs,
+                clear=(error.clear, distance.clear),
+                error=_interval(error),
+                error_share=_share_of_other(error),
+                distance=_interval(distance, max_decimals=0),
+                distance_share=_share_of_other(distance),
             )
         )
     return texts
+
+
+def _share_of_other(one: PairedDifference) -> str:
+    return _signed_percent(one.difference / one.other_mean if one.other_mean else float("nan"))
 
 
 def _interval(one: PairedDifference, max_decimals: int = 6) -> str:
@@ -362,7 +283,7 @@ def _interval(one: PairedDifference, max_decimals: int = 6) -> str:
     return f"{difference} ({low} to {high})"
 
 
-def _hindsight(data: CampaignData) -> Iterator[HindsightField]:
+def _hindsight(data: CampaignData) -> Iterator[Row]:
     """Fields with lattices from which hindsight chooses."""
     for case in data.cases:
         table = data.hindsight[data.hindsight["case"] == case.number]
@@ -375,18 +296,18 @@ def _hindsight(data: CampaignData) -> Iterator[HindsightField]:
             f"(counts/s)², {driven}; at a quarter of the time: {dwell_text(first['quarter_best'])}"
         )
         rows = tuple(
-            HindsightRow(
-                strategy_text(row["strategy"]),
-                dwell_text(row["dwell"]),
-                row["pairs"],
-                _ratio(row["end_ratio"], row["end_ratio_se"]),
-                f"{row['distance_ratio']:.2f}",
-                _ratio(row["quarter_ratio"], row["quarter_ratio_se"]),
+            Row(
+                strategy=strategy_text(row["strategy"]),
+                dwell=dwell_text(row["dwell"]),
+                pairs=row["pairs"],
+                end=_ratio(row["end_ratio"], row["end_ratio_se"]),
+                distance=f"{row['distance_ratio']:.2f}",
+                quarter=_ratio(row["quarter_ratio"], row["quarter_ratio_se"]),
             )
             for row in table.to_dict("records")
             if (row["strategy"], row["dwell"]) not in LATTICES
         )
-        yield HindsightField(case.title, best, rows)
+        yield Row(title=case.title, best=best, rows=rows)
 
 
 def _ratio(value: float, error: float) -> str:
@@ -407,8 +328,8 @@ def mean_sd_text(values: pd.Series, max_decimals: int = 6) -> str:
     return f"{mean:.{decimals}f} ± {sd:.{decimals}f}".replace("-", "−")
 
 
-def _as_text(item: Comparison) -> ComparisonRow:
-    return ComparisonRow(
+def _as_text(item: Comparison) -> Row:
+    return Row(
         where=item.where,
         what=item.what,
         quantity=item.quantity,

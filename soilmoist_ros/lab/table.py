@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, csv_text, install
 from soilmoist_ros.lab.campaign_file import Mission
-from soilmoist_ros.lab.hindsight import QUARTER, hindsight_table
+from soilmoist_ros.lab.comparisons import QUARTER, hindsight_table, paired_table
 from soilmoist_ros.lab.mission_store import StoredMission
-from soilmoist_ros.lab.paired import paired_table
 from soilmoist_ros.simulation import SETTINGS, MapErrors, SeriesRow, series_columns
 
 if TYPE_CHECKING:
@@ -29,8 +28,7 @@ Array = NDArray[np.float64]
 METRICS = ("distance_m", "samples", "mse", "mse_10s", "vwc_rmse", "coverage95", "counting_share")
 """Columns of the mission and its first property; columns of additional properties end in their names."""
 
-COMPARED = ("strategy", "dwell", "seed")
-"""Settings that may differ between the missions of a case."""
+COMPARED = ("strategy", "dwell", "seed")  # settings that may differ between the missions of a case
 CASE = tuple(name for name in SETTINGS if name not in COMPARED)
 """Settings that are equal for all missions of a case."""
 
@@ -53,32 +51,19 @@ def require_pandas() -> Any:
 
 @dataclass(frozen=True, eq=False)
 class MissionRow:
-    """What the tables need of a mission; small, because a campaign keeps it of every mission.
+    """What the tables need of a mission; small, because a campaign keeps it of every mission."""
 
-    :param key: digest of its settings
-    :param field_title: name of the field for reports
-    :param ended: reason for the end
-    :param efficiency: efficiency of its plan; NaN if it has none
-    :param end_s: time at which it ended [s]; NaN if unknown
-    :param mse_quarter: mean squared error at a quarter of the mission time [(counts/s)^2]
-    :param border_share: see :func:`border_share`
-    :param final: final metrics
-    :param times_s: time grid [s], shape (n,)
-    :param names: names of the metrics
-    :param values: metrics on the time grid, shape (m, n)
-    """
-
-    key: str
-    field_title: str
-    ended: str
-    efficiency: float
-    end_s: float
-    mse_quarter: float
-    border_share: float
-    final: Mapping[str, float]
-    times_s: Array
-    names: tuple[str, ...]
-    values: Array
+    key: str  # digest of its settings
+    field_title: str  # name of the field for reports
+    ended: str  # reason for the end
+    efficiency: float  # efficiency of its plan; NaN if it has none
+    end_s: float  # time at which it ended [s]; NaN if unknown
+    mse_quarter: float  # mean squared error at a quarter of the mission time [(counts/s)^2]
+    border_share: float  # see :func:`border_share`
+    final: Mapping[str, float]  # final metrics
+    times_s: Array  # time grid [s], shape (n,)
+    names: tuple[str, ...]  # names of the metrics
+    values: Array  # metrics on the time grid, shape (m, n)
 
     @property
     def metrics(self) -> dict[str, Array]:

@@ -12,17 +12,20 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     from soilmoist_ros.mapping.border_file import BorderSource as BorderSource
     from soilmoist_ros.mapping.border_file import read_border as read_border
-    from soilmoist_ros.mapping.cells import BANDS as BANDS
-    from soilmoist_ros.mapping.cells import CELL as CELL
-    from soilmoist_ros.mapping.cells import map_cells as map_cells
-    from soilmoist_ros.mapping.cells import placed_cells as placed_cells
-    from soilmoist_ros.mapping.covariates.rasters import RasterBands as RasterBands
-    from soilmoist_ros.mapping.covariates.rasters import opened_raster as opened_raster
-    from soilmoist_ros.mapping.covariates.reading import coverage as coverage
-    from soilmoist_ros.mapping.covariates.reading import read_covariates as read_covariates
-    from soilmoist_ros.mapping.covariates.reading import require_covariates as require_covariates
-    from soilmoist_ros.mapping.covariates.reading import unused_parts as unused_parts
-    from soilmoist_ros.mapping.covariates.source import CovariateSource as CovariateSource
+    from soilmoist_ros.mapping.covariate_files import RasterBands as RasterBands
+    from soilmoist_ros.mapping.covariate_files import opened_raster as opened_raster
+    from soilmoist_ros.mapping.covariates import Covariates as Covariates
+    from soilmoist_ros.mapping.covariates import CovariateSource as CovariateSource
+    from soilmoist_ros.mapping.covariates import coverage as coverage
+    from soilmoist_ros.mapping.covariates import joined as joined
+    from soilmoist_ros.mapping.covariates import read_covariates as read_covariates
+    from soilmoist_ros.mapping.covariates import require_covariates as require_covariates
+    from soilmoist_ros.mapping.covariates import unused_parts as unused_parts
+    from soilmoist_ros.mapping.drift import Change as Change
+    from soilmoist_ros.mapping.drift import Changing as Changing
+    from soilmoist_ros.mapping.drift import Drift as Drift
+    from soilmoist_ros.mapping.drift import DriftModel as DriftModel
+    from soilmoist_ros.mapping.drift import TimedSamples as TimedSamples
     from soilmoist_ros.mapping.expected_counts import UNEXPECTED as UNEXPECTED
     from soilmoist_ros.mapping.expected_counts import without_verdict as without_verdict
     from soilmoist_ros.mapping.field import MIN_AREA_M2 as MIN_AREA_M2
@@ -40,61 +43,54 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.field_map import default_merge_radius_m as default_merge_radius_m
     from soilmoist_ros.mapping.field_map import drifting as drifting
     from soilmoist_ros.mapping.grid import FieldGrid as FieldGrid
-    from soilmoist_ros.mapping.health import MAP_PART as MAP_PART
-    from soilmoist_ros.mapping.health import RAIN as RAIN
-    from soilmoist_ros.mapping.health import map_health as map_health
-    from soilmoist_ros.mapping.knowledge.change import FALSE_SHARE as FALSE_SHARE
-    from soilmoist_ros.mapping.knowledge.change import Estimate as Estimate
-    from soilmoist_ros.mapping.knowledge.change import FieldChange as FieldChange
-    from soilmoist_ros.mapping.knowledge.change import field_change as field_change
-    from soilmoist_ros.mapping.knowledge.change import mean_places as mean_places
-    from soilmoist_ros.mapping.knowledge.change import mean_variance_of as mean_variance_of
-    from soilmoist_ros.mapping.knowledge.change import moisture_slope as moisture_slope
-    from soilmoist_ros.mapping.knowledge.covariates import Covariates as Covariates
-    from soilmoist_ros.mapping.knowledge.covariates import joined as joined
-    from soilmoist_ros.mapping.knowledge.drift import Change as Change
-    from soilmoist_ros.mapping.knowledge.drift import Changing as Changing
-    from soilmoist_ros.mapping.knowledge.drift import Drift as Drift
-    from soilmoist_ros.mapping.knowledge.drift import DriftModel as DriftModel
-    from soilmoist_ros.mapping.knowledge.drift import TimedSamples as TimedSamples
-    from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey as EarlierSurvey
-    from soilmoist_ros.mapping.knowledge.earlier import samples_at_end as samples_at_end
-    from soilmoist_ros.mapping.knowledge.joint_kriging import JointKriging as JointKriging
-    from soilmoist_ros.mapping.knowledge.joint_kriging import Persistence as Persistence
-    from soilmoist_ros.mapping.knowledge.joint_kriging import estimate_persistence as estimate_persistence
-    from soilmoist_ros.mapping.knowledge.knowledge import NOTHING as NOTHING
-    from soilmoist_ros.mapping.knowledge.knowledge import Knowledge as Knowledge
+    from soilmoist_ros.mapping.knowledge import NOTHING as NOTHING
+    from soilmoist_ros.mapping.knowledge import EarlierSurvey as EarlierSurvey
+    from soilmoist_ros.mapping.knowledge import Knowledge as Knowledge
+    from soilmoist_ros.mapping.knowledge import samples_at_end as samples_at_end
     from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging as PoissonKriging
-    from soilmoist_ros.mapping.kriging.targets import Points as Points
-    from soilmoist_ros.mapping.kriging.targets import coincident as coincident
-    from soilmoist_ros.mapping.kriging.targets import sample_correlation as sample_correlation
+    from soilmoist_ros.mapping.kriging.system import Points as Points
+    from soilmoist_ros.mapping.kriging.system import coincident as coincident
+    from soilmoist_ros.mapping.kriging.system import sample_correlation as sample_correlation
     from soilmoist_ros.mapping.kriging.tiled_kriging import Compute as Compute
+    from soilmoist_ros.mapping.map_worker import MAP_PART as MAP_PART
+    from soilmoist_ros.mapping.map_worker import RAIN as RAIN
     from soilmoist_ros.mapping.map_worker import MapWorker as MapWorker
+    from soilmoist_ros.mapping.map_worker import map_health as map_health
     from soilmoist_ros.mapping.mapping_settings import MappingSettings as MappingSettings
-    from soilmoist_ros.mapping.moisture_bands import QUANTILE_SD as QUANTILE_SD
-    from soilmoist_ros.mapping.moisture_bands import Bands as Bands
-    from soilmoist_ros.mapping.moisture_bands import common_rate_sd as common_rate_sd
-    from soilmoist_ros.mapping.moisture_bands import make_bands as make_bands
-    from soilmoist_ros.mapping.moisture_bands import moisture_terms as moisture_terms
-    from soilmoist_ros.mapping.moisture_bands import possible_moisture as possible_moisture
     from soilmoist_ros.mapping.placement import PositionSource as PositionSource
     from soilmoist_ros.mapping.placement import require_near as require_near
-    from soilmoist_ros.mapping.record_check import Skip as Skip
-    from soilmoist_ros.mapping.record_check import StampLimits as StampLimits
-    from soilmoist_ros.mapping.samples.merging import survey_samples as survey_samples
-    from soilmoist_ros.mapping.samples.samples import NO_SAMPLES as NO_SAMPLES
-    from soilmoist_ros.mapping.samples.samples import Samples as Samples
-    from soilmoist_ros.mapping.samples.samples import as_samples as as_samples
-    from soilmoist_ros.mapping.samples.samples import merge_exactly as merge_exactly
-    from soilmoist_ros.mapping.samples.spread import footprint_spread as footprint_spread
+    from soilmoist_ros.mapping.records import Skip as Skip
+    from soilmoist_ros.mapping.records import StampLimits as StampLimits
+    from soilmoist_ros.mapping.records import survey_samples as survey_samples
+    from soilmoist_ros.mapping.samples import NO_SAMPLES as NO_SAMPLES
+    from soilmoist_ros.mapping.samples import Samples as Samples
+    from soilmoist_ros.mapping.samples import as_samples as as_samples
+    from soilmoist_ros.mapping.samples import footprint_spread as footprint_spread
+    from soilmoist_ros.mapping.samples import merge_exactly as merge_exactly
+    from soilmoist_ros.mapping.samples import spatial_blocks as spatial_blocks
+    from soilmoist_ros.mapping.several_surveys import FALSE_SHARE as FALSE_SHARE
+    from soilmoist_ros.mapping.several_surveys import Estimate as Estimate
+    from soilmoist_ros.mapping.several_surveys import FieldChange as FieldChange
+    from soilmoist_ros.mapping.several_surveys import JointKriging as JointKriging
+    from soilmoist_ros.mapping.several_surveys import Persistence as Persistence
+    from soilmoist_ros.mapping.several_surveys import estimate_persistence as estimate_persistence
+    from soilmoist_ros.mapping.several_surveys import field_change as field_change
+    from soilmoist_ros.mapping.several_surveys import mean_places as mean_places
+    from soilmoist_ros.mapping.several_surveys import mean_variance_of as mean_variance_of
+    from soilmoist_ros.mapping.several_surveys import moisture_slope as moisture_slope
+    from soilmoist_ros.mapping.soil_map import BANDS as BANDS
+    from soilmoist_ros.mapping.soil_map import CELL as CELL
     from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES as MAX_EXACT_SAMPLES
+    from soilmoist_ros.mapping.soil_map import QUANTILE_SD as QUANTILE_SD
+    from soilmoist_ros.mapping.soil_map import Bands as Bands
     from soilmoist_ros.mapping.soil_map import SoilMap as SoilMap
+    from soilmoist_ros.mapping.soil_map import common_rate_sd as common_rate_sd
+    from soilmoist_ros.mapping.soil_map import make_bands as make_bands
     from soilmoist_ros.mapping.soil_map import make_soil_map as make_soil_map
-    from soilmoist_ros.mapping.variogram.amplitude import Amplitude as Amplitude
-    from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS as VARIOGRAM_MODELS
-    from soilmoist_ros.mapping.variogram.correlation import CorrelationModel as CorrelationModel
-    from soilmoist_ros.mapping.variogram.correlation import ModelName as ModelName
-    from soilmoist_ros.mapping.variogram.correlation import correlation_model as correlation_model
+    from soilmoist_ros.mapping.soil_map import map_cells as map_cells
+    from soilmoist_ros.mapping.soil_map import moisture_terms as moisture_terms
+    from soilmoist_ros.mapping.soil_map import placed_cells as placed_cells
+    from soilmoist_ros.mapping.soil_map import possible_moisture as possible_moisture
     from soilmoist_ros.mapping.variogram.field_prior import Effect as Effect
     from soilmoist_ros.mapping.variogram.field_prior import FieldPrior as FieldPrior
     from soilmoist_ros.mapping.variogram.fit import FitMethod as FitMethod
@@ -103,13 +99,17 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.variogram.fit import VariogramFit as VariogramFit
     from soilmoist_ros.mapping.variogram.fit import estimate_variogram as estimate_variogram
     from soilmoist_ros.mapping.variogram.fit import fit_variogram as fit_variogram
-    from soilmoist_ros.mapping.variogram.local_fit import LocalFit as LocalFit
-    from soilmoist_ros.mapping.variogram.local_rate import LocalRate as LocalRate
+    from soilmoist_ros.mapping.variogram.local import LocalFit as LocalFit
+    from soilmoist_ros.mapping.variogram.local import LocalRate as LocalRate
+    from soilmoist_ros.mapping.variogram.model import VARIOGRAM_MODELS as VARIOGRAM_MODELS
+    from soilmoist_ros.mapping.variogram.model import Amplitude as Amplitude
+    from soilmoist_ros.mapping.variogram.model import CorrelationModel as CorrelationModel
+    from soilmoist_ros.mapping.variogram.model import ModelName as ModelName
     from soilmoist_ros.mapping.variogram.model import Variogram as Variogram
+    from soilmoist_ros.mapping.variogram.model import correlation_model as correlation_model
     from soilmoist_ros.mapping.variogram.reml import Prior as Prior
     from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood as RestrictedLikelihood
     from soilmoist_ros.mapping.variogram.reml import mode_of as mode_of
-    from soilmoist_ros.mapping.variogram.reml import spatial_blocks as spatial_blocks
     from soilmoist_ros.mapping.variogram.semivariogram import default_edges as default_edges
     from soilmoist_ros.mapping.variogram.semivariogram import empirical_semivariogram as empirical_semivariogram
     from soilmoist_ros.mapping.variogram.support import Supports as Supports
@@ -118,41 +118,29 @@ __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "border_file": "BorderSource read_border",
-        "cells": "BANDS CELL map_cells placed_cells",
-        "covariates.rasters": "RasterBands opened_raster",
-        "covariates.reading": "coverage read_covariates require_covariates unused_parts",
-        "covariates.source": "CovariateSource",
+        "covariate_files": "RasterBands opened_raster",
+        "covariates": "CovariateSource Covariates coverage joined read_covariates require_covariates unused_parts",
+        "drift": "Change Changing Drift DriftModel TimedSamples",
         "expected_counts": "UNEXPECTED without_verdict",
         "field": "Field FieldFile MIN_AREA_M2 Misplaced load_field misplaced require_no_go",
         "field_map": "FieldMap FieldMapSettings MapState SkippedRecords Snapshot default_merge_radius_m drifting",
         "grid": "FieldGrid",
-        "health": "MAP_PART RAIN map_health",
-        "knowledge.change": "Estimate FALSE_SHARE FieldChange field_change mean_places mean_variance_of moisture_slope",
-        "knowledge.covariates": "Covariates joined",
-        "knowledge.drift": "Change Changing Drift DriftModel TimedSamples",
-        "knowledge.earlier": "EarlierSurvey samples_at_end",
-        "knowledge.joint_kriging": "JointKriging Persistence estimate_persistence",
-        "knowledge.knowledge": "Knowledge NOTHING",
+        "knowledge": "EarlierSurvey Knowledge NOTHING samples_at_end",
         "kriging.poisson_kriging": "PoissonKriging",
-        "kriging.targets": "Points coincident sample_correlation",
+        "kriging.system": "Points coincident sample_correlation",
         "kriging.tiled_kriging": "Compute",
-        "map_worker": "MapWorker",
+        "map_worker": "MAP_PART MapWorker RAIN map_health",
         "mapping_settings": "MappingSettings",
-        "moisture_bands": "Bands QUANTILE_SD common_rate_sd make_bands moisture_terms possible_moisture",
         "placement": "PositionSource require_near",
-        "record_check": "Skip StampLimits",
-        "samples.merging": "survey_samples",
-        "samples.samples": "NO_SAMPLES Samples as_samples merge_exactly",
-        "samples.spread": "footprint_spread",
-        "soil_map": "MAX_EXACT_SAMPLES SoilMap make_soil_map",
-        "variogram.amplitude": "Amplitude",
-        "variogram.correlation": "CorrelationModel ModelName VARIOGRAM_MODELS correlation_model",
+        "records": "Skip StampLimits survey_samples",
+        "samples": "NO_SAMPLES Samples as_samples footprint_spread merge_exactly spatial_blocks",
+        "several_surveys": "Estimate FALSE_SHARE FieldChange JointKriging Persistence estimate_persistence field_change mean_places mean_variance_of moisture_slope",
+        "soil_map": "BANDS Bands CELL MAX_EXACT_SAMPLES QUANTILE_SD SoilMap common_rate_sd make_bands make_soil_map map_cells moisture_terms placed_cells possible_moisture",
         "variogram.field_prior": "Effect FieldPrior",
         "variogram.fit": "FitMethod LocalModel NoiseModel VariogramFit estimate_variogram fit_variogram",
-        "variogram.local_fit": "LocalFit",
-        "variogram.local_rate": "LocalRate",
-        "variogram.model": "Variogram",
-        "variogram.reml": "Prior RestrictedLikelihood mode_of spatial_blocks",
+        "variogram.local": "LocalFit LocalRate",
+        "variogram.model": "Amplitude CorrelationModel ModelName VARIOGRAM_MODELS Variogram correlation_model",
+        "variogram.reml": "Prior RestrictedLikelihood mode_of",
         "variogram.semivariogram": "default_edges empirical_semivariogram",
         "variogram.support": "Supports",
     },

@@ -31,7 +31,7 @@ from soilmoist_ros.foundation import (
     read_json,
     read_limited,
 )
-from soilmoist_ros.mapping.covariates.polygons import readable_vector
+from soilmoist_ros.mapping.covariate_files import readable_vector
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing import CountRecord, Kind
 

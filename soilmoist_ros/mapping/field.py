@@ -26,7 +26,7 @@ from soilmoist_ros.foundation import (
     foreign_text,
     load_model,
 )
-from soilmoist_ros.mapping.covariates.source import CovariateSection, CovariateSource
+from soilmoist_ros.mapping.covariates import CovariateSection, CovariateSource
 from soilmoist_ros.mapping.grid import FieldGrid, default_cell_m
 
 if TYPE_CHECKING:

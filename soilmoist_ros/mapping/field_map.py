@@ -16,9 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.expected_counts import UNEXPECTED, ExpectedCounts, Held, without_verdict
-from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.drift import (
+from soilmoist_ros.mapping.drift import (
     NO_CHANGE,
     WINDOW_S,
     Change,
@@ -27,19 +25,26 @@ from soilmoist_ros.mapping.knowledge.drift import (
     TimedSamples,
     find_change,
 )
-from soilmoist_ros.mapping.knowledge.joint_fit import JointModel
-from soilmoist_ros.mapping.knowledge.knowledge import NOTHING, Knowledge
+from soilmoist_ros.mapping.expected_counts import UNEXPECTED, ExpectedCounts, Held, without_verdict
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.joint_fit import JointModel
+from soilmoist_ros.mapping.knowledge import NOTHING, Knowledge
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.mapping.kriging.raster import RasterKriging
 from soilmoist_ros.mapping.kriging.system import Progress
 from soilmoist_ros.mapping.kriging.tiled_kriging import Compute
-from soilmoist_ros.mapping.record_check import Skip, check_record
-from soilmoist_ros.mapping.samples.merging import DrivenPaths, SampleMerger, driven_spreads, survey_samples
-from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, Samples, as_samples
+from soilmoist_ros.mapping.records import (
+    DrivenPaths,
+    SampleMerger,
+    Skip,
+    check_record,
+    driven_spreads,
+    survey_samples,
+)
+from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples, as_samples
 from soilmoist_ros.mapping.soil_map import MAX_EXACT_SAMPLES, SoilMap, make_soil_map
-from soilmoist_ros.mapping.variogram.correlation import ModelName
 from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel, VariogramFit, estimate_variogram
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.variogram.model import ModelName, Variogram
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
 
 if TYPE_CHECKING:
@@ -86,7 +91,7 @@ class FieldMapSettings:
     :param for_planning: keep every map exact, however many samples it has: planning needs their kriging
     :param noise: rate in the Poisson noise of each sample: ``local`` to its place, or ``mean``, as published
     :param local: whether the variance may differ from place to place: ``auto`` if the counts clearly ask for it
-        (:mod:`.local_fit`), or ``off``; with soft_l1 it never does
+        (:mod:`.local`), or ``off``; with soft_l1 it never does
     :param drift_model: whether the mean rate may change during the survey: ``auto`` if the counts ask for it
         (:mod:`.drift`), or ``off``; with soft_l1 it never does
     :param deconvolve: whether the map is of the rate at each place (true), or of its mean over the footprint

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Final
 from soilmoist_ros.foundation import InputError
 
 if TYPE_CHECKING:
-    from soilmoist_ros.mapping.knowledge.drift import DriftModel
-    from soilmoist_ros.mapping.variogram.correlation import ModelName
+    from soilmoist_ros.mapping.drift import DriftModel
     from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
+    from soilmoist_ros.mapping.variogram.model import ModelName
 
 _UNCHANGED: Final = object()
 
@@ -76,7 +76,7 @@ class MappingSettings:
         >>> MappingSettings(fit="soft_l1").values({"model": "gaussian"})["noise"]
         'mean'
         """
-        from soilmoist_ros.mapping.variogram.correlation import VARIOGRAM_MODELS  # needs numpy, options do not
+        from soilmoist_ros.mapping.variogram.model import VARIOGRAM_MODELS  # needs numpy, options do not
 
         found = {}
         for one in fields(MappingSettings):

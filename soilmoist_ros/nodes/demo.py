@@ -46,7 +46,6 @@ class DemoSettings:
     :param earlier: earlier runs of the field
     :param covariates: files with covariates, in addition to those of the field
     :param console_port: port of the operator's page on this machine; 0 for no page
-    :param background: picture below the map of the page; ``None`` for none
     """
 
     out: Path
@@ -59,7 +58,6 @@ class DemoSettings:
     earlier: tuple[Path, ...] = ()
     covariates: tuple[CovariateSource, ...] = ()
     console_port: int = 0
-    background: Path | None = None
 
 
 def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
@@ -146,7 +144,6 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
             "port": settings.console_port,
             "runs": str(out.parent),
             "field_dir": str(out / "fields"),
-            **({"background": str(settings.background.absolute())} if settings.background else {}),
             **({"robots": several} if several else {}),
         }
         nodes = {"console": page, **nodes}

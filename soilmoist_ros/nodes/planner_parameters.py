@@ -172,7 +172,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
     """Settings for the choice of stops.
 
     :param field: the field
-    :raises InputError: if an earlier run or a covariate cannot be used, the dwell rule is invalid, the
+    :raises InputError: if an earlier run or a covariate cannot be used, the
         strategy's solver is not installed, or the target is the moisture and there is no calibration
     """
     text, number = parameters.text, parameters.number
@@ -182,7 +182,6 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
         strategy=text("strategy"),
         preset=text("preset"),
         seed=parameters.whole("seed"),
-        dwell=parse_dwell(text("dwell")),
         motion=RobotMotion(
             number("speed_mps"),
             number("stop_overhead_s"),
@@ -250,12 +249,13 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop
     :param parameters: values of :data:`PARAMETERS`
     :param settings: settings for the choice of stops
     :param home: stop to return to
+    :raises InputError: if the dwell rule is invalid
     """
     number = parameters.number
     recommended = settings.preset == "recommended"
     return MissionRules(
         budget_s=number("hours") * 3600,
-        dwell=settings.dwell,
+        dwell=parse_dwell(parameters.text("dwell")),
         home=home,
         warm_up_stops=settings.warm_up_stops,
         min_dwell_s=number("min_dwell_s"),

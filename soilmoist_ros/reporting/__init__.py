@@ -58,6 +58,17 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance
     from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture
     from soilmoist_ros.reporting.page.statistics import truth_score as truth_score
+    from soilmoist_ros.reporting.page.style import BLUE as BLUE
+    from soilmoist_ros.reporting.page.style import FAINT as FAINT
+    from soilmoist_ros.reporting.page.style import INK as INK
+    from soilmoist_ros.reporting.page.style import ORANGE as ORANGE
+    from soilmoist_ros.reporting.page.style import SMALL as SMALL
+    from soilmoist_ros.reporting.page.style import SOFT as SOFT
+    from soilmoist_ros.reporting.page.style import Picture as Picture
+    from soilmoist_ros.reporting.page.style import colour_map as colour_map
+    from soilmoist_ros.reporting.page.style import data_uri as data_uri
+    from soilmoist_ros.reporting.page.style import extension as extension
+    from soilmoist_ros.reporting.page.style import plain_axes as plain_axes
     from soilmoist_ros.reporting.page.style import robust_range as robust_range
     from soilmoist_ros.reporting.paper_figures import run_figures as run_figures
     from soilmoist_ros.reporting.paper_figures import season_figures as season_figures
@@ -90,7 +101,7 @@ _open, __dir__, __all__ = open_door(
         "page.report": "write_report",
         "page.sections": "change_amount change_since change_summary dated relations",
         "page.statistics": "covariate_importance mean_moisture truth_score",
-        "page.style": "robust_range",
+        "page.style": "BLUE FAINT INK ORANGE Picture SMALL SOFT colour_map data_uri extension plain_axes robust_range",
         "paper_figures": "run_figures season_figures write_figures",
         "run_summary": "summary",
         "season": "SeasonSettings make_season",

@@ -25,7 +25,7 @@ from soilmoist_ros.reporting.page.style import (
     SOFT,
     colour_map,
     extension,
-    plain,
+    plain_axes,
     robust_range,
 )
 from soilmoist_ros.reporting.page.variogram_charts import mean_spread, model_curve, sample_variogram
@@ -60,7 +60,7 @@ def column_figure(height_share: float, width_in: float = COLUMN_IN) -> tuple[Fig
     :raises InputError: without matplotlib
     """
     figure = vector_figure(width_in, height_share * width_in)
-    return figure, plain(figure.add_subplot())
+    return figure, plain_axes(figure.add_subplot())
 
 
 def vector_figure(width_in: float, height_in: float) -> Figure:
@@ -326,7 +326,7 @@ def _maps_figure(season: Season, title: str) -> Figure:
     figure = vector_figure(TEXT_IN, rows * (share * 0.88 * TEXT_IN / columns + 0.45))
     panels = []
     for number, (values, label) in enumerate(zip(maps, season.labels, strict=True), 1):
-        axes = plain(figure.add_subplot(rows, columns, number))
+        axes = plain_axes(figure.add_subplot(rows, columns, number))
         image = axes.imshow(
             values, origin="lower", extent=(x[0] - half, x[-1] + half, y[0] - half, y[-1] + half),
             cmap=colour_map(WATER if moisture else RATE), vmin=low, vmax=high, interpolation="none",

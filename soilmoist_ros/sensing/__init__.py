@@ -24,19 +24,16 @@ from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
     from soilmoist_ros.sensing.checks.weather import unlikely_weather as unlikely_weather
-    from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa as standard_pressure_hpa
     from soilmoist_ros.sensing.corrections.factors import Corrections as Corrections
-    from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity as LatestIntensity
-    from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor as NeutronMonitor
+    from soilmoist_ros.sensing.corrections.factors import standard_pressure_hpa as standard_pressure_hpa
+    from soilmoist_ros.sensing.corrections.intensity import LatestIntensity as LatestIntensity
+    from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor as NeutronMonitor
     from soilmoist_ros.sensing.corrections.reference import Reference as Reference
     from soilmoist_ros.sensing.corrections.reference import fit_reference as fit_reference
     from soilmoist_ros.sensing.corrections.settings import CorrectionSettings as CorrectionSettings
     from soilmoist_ros.sensing.corrections.settings import IntensityCorrection as IntensityCorrection
     from soilmoist_ros.sensing.formats.draft import draft_format as draft_format
-    from soilmoist_ros.sensing.formats.log_file import log_files as log_files
-    from soilmoist_ros.sensing.formats.log_file import matching_formats as matching_formats
-    from soilmoist_ros.sensing.formats.log_file import read_data as read_data
-    from soilmoist_ros.sensing.formats.log_header import Header as Header
+    from soilmoist_ros.sensing.formats.log_layout import Header as Header
     from soilmoist_ros.sensing.formats.log_values import split_lines as split_lines
     from soilmoist_ros.sensing.formats.logger_format import LoggerFormat as LoggerFormat
     from soilmoist_ros.sensing.formats.logger_format import load_logger_format as load_logger_format
@@ -45,9 +42,12 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.formats.logger_reader import LogFile as LogFile
     from soilmoist_ros.sensing.formats.logger_reader import detect_format as detect_format
     from soilmoist_ros.sensing.formats.logger_reader import format_of_lines as format_of_lines
+    from soilmoist_ros.sensing.formats.logger_reader import log_files as log_files
     from soilmoist_ros.sensing.formats.logger_reader import parse_log as parse_log
+    from soilmoist_ros.sensing.formats.logger_reader import read_data as read_data
     from soilmoist_ros.sensing.formats.logger_reader import read_log as read_log
     from soilmoist_ros.sensing.formats.notation import UndecidedOrderError as UndecidedOrderError
+    from soilmoist_ros.sensing.formats.notation import matching_formats as matching_formats
     from soilmoist_ros.sensing.formats.robot_logger import FORMAT_NAME as FORMAT_NAME
     from soilmoist_ros.sensing.formats.robot_logger import RECORDS_PER_HEADER as RECORDS_PER_HEADER
     from soilmoist_ros.sensing.formats.robot_logger import TUBES as TUBES
@@ -59,41 +59,35 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.gnss import CovarianceKind as CovarianceKind
     from soilmoist_ros.sensing.gnss import Fix as Fix
     from soilmoist_ros.sensing.gnss import FixStatus as FixStatus
+    from soilmoist_ros.sensing.gnss import Heard as Heard
+    from soilmoist_ros.sensing.gnss import clock_words as clock_words
     from soilmoist_ros.sensing.gnss import fix_from_message as fix_from_message
     from soilmoist_ros.sensing.gnss import stamp_of as stamp_of
-    from soilmoist_ros.sensing.moisture.calibration import estimate_n0 as estimate_n0
-    from soilmoist_ros.sensing.moisture.calibration import n0_in_other_time as n0_in_other_time
-    from soilmoist_ros.sensing.moisture.calibration import unusual_n0 as unusual_n0
-    from soilmoist_ros.sensing.moisture.calibration import write_calibration as write_calibration
-    from soilmoist_ros.sensing.moisture.core_mean import CoreMean as CoreMean
-    from soilmoist_ros.sensing.moisture.core_mean import Surroundings as Surroundings
-    from soilmoist_ros.sensing.moisture.core_mean import Weighting as Weighting
-    from soilmoist_ros.sensing.moisture.core_mean import mean_of_cores as mean_of_cores
+    from soilmoist_ros.sensing.gnss import utc_text as utc_text
     from soilmoist_ros.sensing.moisture.cores import possible_days as possible_days
     from soilmoist_ros.sensing.moisture.cores import read_soil_cores as read_soil_cores
     from soilmoist_ros.sensing.moisture.curve import CalibrationCurve as CalibrationCurve
     from soilmoist_ros.sensing.moisture.curve import MoistureCurve as MoistureCurve
+    from soilmoist_ros.sensing.moisture.curve import SoilLimits as SoilLimits
+    from soilmoist_ros.sensing.moisture.curve import UniversalCurve as UniversalCurve
+    from soilmoist_ros.sensing.moisture.curve import soil_limits as soil_limits
+    from soilmoist_ros.sensing.moisture.footprint import CoreMean as CoreMean
     from soilmoist_ros.sensing.moisture.footprint import Footprint as Footprint
     from soilmoist_ros.sensing.moisture.footprint import SensedSoil as SensedSoil
+    from soilmoist_ros.sensing.moisture.footprint import Surroundings as Surroundings
+    from soilmoist_ros.sensing.moisture.footprint import Weighting as Weighting
+    from soilmoist_ros.sensing.moisture.footprint import mean_of_cores as mean_of_cores
     from soilmoist_ros.sensing.moisture.footprint import sensed_soil as sensed_soil
     from soilmoist_ros.sensing.moisture.site import Calibration as Calibration
     from soilmoist_ros.sensing.moisture.site import Site as Site
     from soilmoist_ros.sensing.moisture.site import Soil as Soil
+    from soilmoist_ros.sensing.moisture.site import estimate_n0 as estimate_n0
     from soilmoist_ros.sensing.moisture.site import load_site as load_site
     from soilmoist_ros.sensing.moisture.site import moisture_curve as moisture_curve
-    from soilmoist_ros.sensing.moisture.soil_limits import SoilLimits as SoilLimits
-    from soilmoist_ros.sensing.moisture.soil_limits import soil_limits as soil_limits
-    from soilmoist_ros.sensing.moisture.universal import UniversalCurve as UniversalCurve
-    from soilmoist_ros.sensing.position.checked_track import CheckedTrack as CheckedTrack
-    from soilmoist_ros.sensing.position.checked_track import distance_m as distance_m
-    from soilmoist_ros.sensing.position.heard import Heard as Heard
-    from soilmoist_ros.sensing.position.heard import clock_words as clock_words
-    from soilmoist_ros.sensing.position.heard import utc_text as utc_text
-    from soilmoist_ros.sensing.position.lever_arms import NO_ARMS as NO_ARMS
-    from soilmoist_ros.sensing.position.lever_arms import LeverArms as LeverArms
+    from soilmoist_ros.sensing.moisture.site import n0_in_other_time as n0_in_other_time
+    from soilmoist_ros.sensing.moisture.site import unusual_n0 as unusual_n0
+    from soilmoist_ros.sensing.moisture.site import write_calibration as write_calibration
     from soilmoist_ros.sensing.position.nmea import parse_nmea as parse_nmea
-    from soilmoist_ros.sensing.position.nmea import read_nmea as read_nmea
-    from soilmoist_ros.sensing.position.place_ages import PlaceAges as PlaceAges
     from soilmoist_ros.sensing.position.place_doubt import DOUBTS as DOUBTS
     from soilmoist_ros.sensing.position.place_doubt import Doubt as Doubt
     from soilmoist_ros.sensing.position.place_doubt import Doubts as Doubts
@@ -101,11 +95,16 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.position.place_doubt import placed_of_any as placed_of_any
     from soilmoist_ros.sensing.position.place_judge import REPEATED_M as REPEATED_M
     from soilmoist_ros.sensing.position.place_judge import Expected as Expected
+    from soilmoist_ros.sensing.position.place_judge import PlaceAges as PlaceAges
     from soilmoist_ros.sensing.position.place_judge import PlaceFix as PlaceFix
     from soilmoist_ros.sensing.position.place_judge import PlaceJudge as PlaceJudge
     from soilmoist_ros.sensing.position.place_judge import PlaceLimits as PlaceLimits
     from soilmoist_ros.sensing.position.place_judge import Verdict as Verdict
+    from soilmoist_ros.sensing.position.track import NO_ARMS as NO_ARMS
+    from soilmoist_ros.sensing.position.track import CheckedTrack as CheckedTrack
+    from soilmoist_ros.sensing.position.track import LeverArms as LeverArms
     from soilmoist_ros.sensing.position.track import Track as Track
+    from soilmoist_ros.sensing.position.track import distance_m as distance_m
     from soilmoist_ros.sensing.position.track_file import read_positions as read_positions
     from soilmoist_ros.sensing.problems import Consequence as Consequence
     from soilmoist_ros.sensing.problems import Kind as Kind
@@ -124,59 +123,44 @@ if TYPE_CHECKING:
     from soilmoist_ros.sensing.survey.driver import Batch as Batch
     from soilmoist_ros.sensing.survey.driver import Driver as Driver
     from soilmoist_ros.sensing.survey.driver import DriverSettings as DriverSettings
-    from soilmoist_ros.sensing.survey.log_doubts import log_doubts as log_doubts
-    from soilmoist_ros.sensing.survey.logger_fault import logger_fault as logger_fault
+    from soilmoist_ros.sensing.survey.driver import logger_fault as logger_fault
     from soilmoist_ros.sensing.survey.logs import CalibrationCounts as CalibrationCounts
     from soilmoist_ros.sensing.survey.logs import SurveyRecords as SurveyRecords
     from soilmoist_ros.sensing.survey.logs import calibration_counts as calibration_counts
+    from soilmoist_ros.sensing.survey.logs import log_doubts as log_doubts
     from soilmoist_ros.sensing.survey.logs import process_logs as process_logs
     from soilmoist_ros.sensing.survey.logs import stationary_records as stationary_records
     from soilmoist_ros.sensing.survey.logs import why_unplaced as why_unplaced
-    from soilmoist_ros.sensing.survey.survey import Survey as Survey
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
         "checks.weather": "unlikely_weather",
-        "corrections.atmosphere": "standard_pressure_hpa",
-        "corrections.factors": "Corrections",
-        "corrections.latest_intensity": "LatestIntensity",
-        "corrections.neutron_monitor": "NeutronMonitor",
+        "corrections.factors": "Corrections standard_pressure_hpa",
+        "corrections.intensity": "LatestIntensity NeutronMonitor",
         "corrections.reference": "Reference fit_reference",
         "corrections.settings": "CorrectionSettings IntensityCorrection",
         "formats.draft": "draft_format",
-        "formats.log_file": "log_files matching_formats read_data",
-        "formats.log_header": "Header",
+        "formats.log_layout": "Header",
         "formats.log_values": "split_lines",
         "formats.logger_format": "LoggerFormat load_logger_format logger_names logger_path",
-        "formats.logger_reader": "LogFile detect_format format_of_lines parse_log read_log",
-        "formats.notation": "UndecidedOrderError",
+        "formats.logger_reader": "LogFile detect_format format_of_lines log_files parse_log read_data read_log",
+        "formats.notation": "UndecidedOrderError matching_formats",
         "formats.robot_logger": "FORMAT_NAME RECORDS_PER_HEADER TUBES format_header format_record",
-        "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus UNKNOWN_COVARIANCE fix_from_message stamp_of",
-        "moisture.calibration": "estimate_n0 n0_in_other_time unusual_n0 write_calibration",
-        "moisture.core_mean": "CoreMean Surroundings Weighting mean_of_cores",
+        "gnss": "Covariance CovarianceKind FIX_TYPE Fix FixStatus Heard UNKNOWN_COVARIANCE clock_words fix_from_message stamp_of utc_text",
         "moisture.cores": "possible_days read_soil_cores",
-        "moisture.curve": "CalibrationCurve MoistureCurve",
-        "moisture.footprint": "Footprint SensedSoil sensed_soil",
-        "moisture.site": "Calibration Site Soil load_site moisture_curve",
-        "moisture.soil_limits": "SoilLimits soil_limits",
-        "moisture.universal": "UniversalCurve",
-        "position.checked_track": "CheckedTrack distance_m",
-        "position.heard": "Heard clock_words utc_text",
-        "position.lever_arms": "LeverArms NO_ARMS",
-        "position.nmea": "parse_nmea read_nmea",
-        "position.place_ages": "PlaceAges",
+        "moisture.curve": "CalibrationCurve MoistureCurve SoilLimits UniversalCurve soil_limits",
+        "moisture.footprint": "CoreMean Footprint SensedSoil Surroundings Weighting mean_of_cores sensed_soil",
+        "moisture.site": "Calibration Site Soil estimate_n0 load_site moisture_curve n0_in_other_time unusual_n0 write_calibration",
+        "position.nmea": "parse_nmea",
         "position.place_doubt": "DOUBTS Doubt Doubts none_since placed_of_any",
-        "position.place_judge": "Expected PlaceFix PlaceJudge PlaceLimits REPEATED_M Verdict",
-        "position.track": "Track",
+        "position.place_judge": "Expected PlaceAges PlaceFix PlaceJudge PlaceLimits REPEATED_M Verdict",
+        "position.track": "CheckedTrack LeverArms NO_ARMS Track distance_m",
         "position.track_file": "read_positions",
         "problems": "Consequence Kind Problem Severity reason_text",
         "records": "CountRecord FIRST_STAMP_S LAST_STAMP_S LoggerRecord Position",
         "survey.correction": "factors_text intensity_source unusual_factors unusual_pressure",
-        "survey.driver": "Batch Driver DriverSettings",
-        "survey.log_doubts": "log_doubts",
-        "survey.logger_fault": "logger_fault",
-        "survey.logs": "CalibrationCounts SurveyRecords calibration_counts process_logs stationary_records why_unplaced",
-        "survey.survey": "Survey",
+        "survey.driver": "Batch Driver DriverSettings logger_fault",
+        "survey.logs": "CalibrationCounts SurveyRecords calibration_counts log_doubts process_logs stationary_records why_unplaced",
     },
 )

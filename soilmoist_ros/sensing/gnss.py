@@ -6,9 +6,12 @@ from __future__ import annotations
 
 import enum
 import math
+from collections import Counter
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
+from soilmoist_ros.foundation import DAY_S, Mistake
 from soilmoist_ros.sensing.records import NAN, Position
 
 Row = tuple[float, float, float]
@@ -16,6 +19,19 @@ Covariance = tuple[Row, Row, Row]
 FIX_TYPE = "sensor_msgs/msg/NavSatFix"
 """Type of the topic ``fix``."""
 UNKNOWN_COVARIANCE: Covariance = ((NAN, NAN, NAN),) * 3
+EARLIEST_DATE_S = 946_684_800.0
+"""2000-01-01: receivers without a date start in 1980, and simulated time in 1970 [s since 1970 UTC]."""
+ROLLOVER_S = 1024 * 7 * DAY_S
+"""Period of the week number of GPS, after which old receivers begin again [s]."""
+SINCE_1980_S = 315_964_782.0
+"""Seconds since 1970 UTC minus seconds of GPS time since 1980, with 18 leap seconds [s]."""
+MAX_EDGE_S = 120.0
+"""Largest difference of the ends of two spans of one survey [s]."""
+MAX_ZONE_H = 14.0
+MAX_REASONS = 50
+"""Number of reasons that are counted apart: a live receiver may send any number."""
+ROLLED_OVER = "exactly 1024 weeks earlier: the receiver's date has rolled over"
+SIMULATED = "simulated time, or the time since the device was switched on"
 
 
 class FixStatus(enum.IntEnum):
@@ -234,3 +250,187 @@ def _covariance_of(message: Any) -> tuple[Covariance, CovarianceKind]:
 def _horizontal_sd(covariance: Covariance) -> float:
     mean = (covariance[0][0] + covariance[1][1]) / 2
     return math.sqrt(mean) if mean >= 0 else NAN
+
+
+class Heard:
+    """Epochs of a receiver, counted by what they lack.
+
+    Attributes
+    ----------
+    epochs : int
+        number of epochs
+    placed : int
+        number of epochs with a position
+    without : Counter
+        number of epochs without a position, by reason code and by what the receiver said
+    by_quality : Counter
+        number of epochs with a position, by the quality of GGA
+    other_type : str
+        what the topic has instead of positions, in words; empty if it is not known to have anything else
+    first_s, last_s : float
+        times of the first and the last epoch with a position and a time [s since 1970 UTC]
+    shifted_s : float
+        time by which they were shifted already, which remedies include [s]
+    """
+
+    def __init__(self) -> None:
+        self.epochs = self.placed = 0
+        self.without: Counter[tuple[NoPlace, str]] = Counter()
+        self.by_quality: Counter[int] = Counter()
+        self.other_type = ""
+        self.first_s, self.last_s = math.inf, -math.inf
+        self.shifted_s = 0.0
+
+    def add(self, fix: Fix) -> None:
+        """An epoch has come."""
+        self.epochs += 1
+        if fix.status is FixStatus.NO_FIX:
+            key = fix.no_place or NoPlace.NO_FIX, fix.said or "no status"
+            known = key in self.without or len(self.without) < MAX_REASONS
+            self.without[key if known else (key[0], "others")] += 1
+            return
+        self.placed += 1
+        self.by_quality[fix.quality] += 1
+        if math.isfinite(fix.stamp_s):
+            self.first_s, self.last_s = min(self.first_s, fix.stamp_s), max(self.last_s, fix.stamp_s)
+
+    @property
+    def odd(self) -> str:
+        """Positions that are not of satellites, in words; empty if there are none."""
+        what = {6: "dead reckoning", 8: "a simulator"}
+        found = [
+            f"{n} are of {what[quality]} (GGA {quality})"
+            for quality, n in sorted(self.by_quality.items())
+            if quality in what
+        ]
+        return ", ".join(found)
+
+    @property
+    def gaps(self) -> str:
+        """Number and most frequent reason of the epochs without a position, in words; empty if there are none."""
+        if not self.without:
+            return ""
+        (reason, said), count = self.without.most_common(1)[0]
+        lost = self.epochs - self.placed
+        return f"{lost} of {self.epochs} epochs have none, {count} by {said}: {reason.text}"
+
+    @property
+    def span(self) -> str:
+        """Times of the positions, and why there are none in between, in words."""
+        times = f"{utc_text(self.first_s)} to {utc_text(self.last_s)} UTC"
+        return f"its positions are from {times}{f'; {self.gaps}' if self.gaps else ''}"
+
+    def why_none(self) -> Mistake | None:
+        """Why there is no position with a time, ``None`` if there is one."""
+        if self.first_s < math.inf:
+            return None
+        if not self.epochs and self.other_type:
+            remedy = "publish the positions as sensor_msgs/NavSatFix, or set fix_topic or gnss_uri"
+            return Mistake(self.other_type, remedy)
+        if not self.epochs:
+            remedy = "check that the receiver sends GGA or GNS with RMC or ZDA, or the topic of its positions"
+            return Mistake("has no epoch of a receiver", remedy)
+        if self.placed:
+            message = f"has {self.placed} positions, but no date: neither RMC nor ZDA, nor stamps"
+            return Mistake(message, "let the receiver send RMC or ZDA, too")
+        common = self.without.most_common(3)
+        reasons = ", ".join(f"{said}: {code.text} ({count})" for (code, said), count in common)
+        return Mistake(f"has no position in {self.epochs} epochs: {reasons}", common[0][0][0].remedy)
+
+    def why_not_at(self, first_s: float, last_s: float, clock_known: bool = False) -> Mistake | None:
+        """Why positions and records do not belong together in time, ``None`` if they do.
+
+        :param first_s: begin of the first record [s since 1970 UTC]
+        :param last_s: end of the last record
+        :param clock_known: whether it was stated which time the logger's clock shows
+        """
+        if (none := self.why_none()) is not None:
+            return none
+        both = (
+            f"the positions are from {utc_text(self.first_s)} to {utc_text(self.last_s)}, "
+            f"the records from {utc_text(first_s)} to {utc_text(last_s)} (UTC)"
+        )
+
+        def overlap_s(shift_s: float) -> float:
+            """Time in common when the positions are later by a time [s]; 1 for a single epoch inside."""
+            begin_s, end_s = max(self.first_s + shift_s, first_s), min(self.last_s + shift_s, last_s)
+            return max(end_s - begin_s, 1.0) if end_s >= begin_s else 0.0
+
+        if overlap_s(0.0) > 0:
+            hours = round((first_s - self.first_s) / 3600)
+            ends = (first_s - self.first_s, last_s - self.last_s)
+            if clock_known or not hours or any(abs(end - 3600 * hours) > MAX_EDGE_S for end in ends):
+                return None
+            return Mistake(
+                f"{both}: the same survey, {abs(hours)} h {'later' if hours > 0 else 'earlier'} by the logger's "
+                "clock, or two surveys that overlap",
+                f"say in the site file which time the logger's clock shows: 'logger_utc_offset_hours: {hours}', "
+                f"or 0 for UTC; if the positions are in local time: {self._shift(3600 * hours)}",
+            )
+        correct = "correct the times of the positions with"
+        for weeks in (1, 2):
+            if overlap_s(weeks * ROLLOVER_S) > 0:
+                words = ROLLED_OVER.replace("1024", str(1024 * weeks))
+                remedy = f"{correct} {self._shift(weeks * ROLLOVER_S)}; new firmware of the receiver may cure it"
+                return Mistake(f"{both}: {words}", remedy)
+        if self.last_s < EARLIEST_DATE_S:
+            remedy = (
+                "record positions and logger by one clock, or correct the times of the positions: --gnss-shift"
+            )
+            return Mistake(f"{both}: {SIMULATED}", remedy)
+        if overlap_s(SINCE_1980_S) > 0:
+            remedy = f"{correct} {self._shift(SINCE_1980_S)}"
+            return Mistake(f"{both}: seconds of GPS time, which begins in 1980", remedy)
+        needed_s = 0.8 * min(self.last_s - self.first_s, last_s - first_s)
+        steps = [half / 2 for half in range(round(-2 * MAX_ZONE_H), round(2 * MAX_ZONE_H) + 1)]
+        common = {hour: overlap_s(3600 * hour) for hour in steps}
+        zones = [hour for hour in steps if common[hour] >= max(needed_s, 1.0)]
+        if zones:  # the logger's clock may be ahead by whole or half hours, the likeliest first
+            zones = sorted(zones, key=lambda hour: (-common[hour], hour % 1, abs(hour)))[:3]
+            of_logger, of_positions = (" or ".join(f"{sign * zone:+g}" for zone in zones) for sign in (1, -1))
+            remedy = f"if it is the positions: {self._shift(3600 * zones[0])}"
+            if not clock_known:
+                key = f"'logger_utc_offset_hours: {zones[0]:g}'"
+                remedy = f"if it is the logger, say so in the site file: {key}; {remedy}"
+            return Mistake(
+                f"{both}: they fit if the logger's clock shows local time, UTC {of_logger} h, "
+                f"or the positions have local time, UTC {of_positions} h",
+                remedy,
+            )
+        days = round((first_s - self.first_s) / DAY_S)
+        if days and overlap_s(days * DAY_S) >= needed_s:
+            remedy = f"give the positions of the same day; if a date is wrong: {self._shift(days * DAY_S)}"
+            return Mistake(f"{both}: {abs(days)} days apart, at the same time of day", remedy)
+        return Mistake(f"{both}: they do not overlap", "give the positions of the same survey")
+
+    def _shift(self, shift_s: float) -> str:
+        """The option that makes positions later by ``shift_s`` than they are now."""
+        total_s = round(self.shifted_s + shift_s)
+        if not total_s:
+            return "no --gnss-shift"
+        units = (7 * DAY_S, "w"), (DAY_S, "d"), (3600.0, "h"), (60.0, "min")
+        size_s, unit = next((one for one in units if total_s % one[0] == 0), (1.0, "s"))
+        return f"--gnss-shift {total_s / size_s:.0f}{unit}"
+
+
+def clock_words(ahead_s: float) -> str:
+    """What a difference of two clocks looks like; empty if it is like nothing known.
+
+    :param ahead_s: time of a position minus the present [s]
+    """
+    if abs(ahead_s + ROLLOVER_S) < 3600:
+        return ROLLED_OVER
+    if 16.5 <= ahead_s <= 19.5:
+        return "as GPS time is ahead of UTC by its leap seconds"
+    hours = round(ahead_s / 1800) / 2
+    if 0 < abs(hours) <= MAX_ZONE_H and abs(ahead_s - 3600 * hours) < MAX_EDGE_S:
+        return f"{hours:+g} h: local time instead of UTC"
+    return ""
+
+
+def utc_text(stamp_s: float) -> str:
+    """Date and time in UTC."""
+    try:
+        return f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d %H:%M:%S}"
+    except (ValueError, OverflowError, OSError):
+        return f"{stamp_s:g} s after 1970"

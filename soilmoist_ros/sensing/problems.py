@@ -134,3 +134,19 @@ def reason_text(code: str) -> str:
     'tube counts too much'
     """
     return next((kind.text for kind in Kind if kind == code), code)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A fault of a record.
+
+    :param kind: reason code
+    :param message: what is wrong, with values
+    :param remedy: what the user can do about it
+    :param bad: whether the record is bad as a whole
+    """
+
+    kind: Kind
+    message: str
+    remedy: str
+    bad: bool = False

@@ -32,8 +32,7 @@ from soilmoist_ros.simulation.robot.virtual_navigation import (
 
 _NOTHING_WRONG = Scenario()
 LOGGER, GNSS = "logger", "gnss"
-AWAY_M = 3.0
-"""A robot nearer to its target may be there for the mission [m]."""
+AWAY_M = 3.0  # a robot nearer to its target may be there for the mission [m]
 _GGA = 1  # damages affect the sentence with the position
 
 

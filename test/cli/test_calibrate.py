@@ -79,7 +79,7 @@ def test_a_date_by_another_name_is_a_date(calibrate):
 def test_columns_that_are_not_used_are_named_and_no_weights_are_claimed(calibrate, tmp_path):
     answer = calibrate(two_days("distance", "depth", ["2015-07-04"]))
     used, weights = answer["warnings"]
-    assert used.endswith("not used: distance (is it distance_m?), depth (is it depth_cm?)")
+    assert used.endswith("not used: distance, depth")
     assert "the revised weights need distance_m" in weights
     assert answer["weights"] == "equal weights"
     assert "revised" not in load_site(tmp_path / "site.yaml").calibration.note
@@ -157,7 +157,7 @@ def test_notations_of_spreadsheets_mean_the_same(calibrate, table, encoding):
          "has cores of several sites: N, S", "file of its own"),
         (COMMAS.replace("profile", "vwc").replace("gravimetric_water", "vwc_percent"), "columns of vwc", "keep"),
         ("PK\x03\x04", "is a spreadsheet or an archive, not text", "CSV"),
-        ("depth,theta_v\n5,0.2\n", "has no column 'vwc'", "theta_v may be vwc"),
+        ("depth,theta_v\n5,0.2\n", "has no column 'vwc'", "known are: vwc, gravimetric_water"),
     ],
 )  # fmt: skip
 def test_what_a_table_leaves_open_is_asked(calibrate, table, message, remedy):

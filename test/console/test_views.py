@@ -25,7 +25,7 @@ from soilmoist_ros.console.views import (
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.foundation.health import Health, Level
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 NAN = math.nan

@@ -11,35 +11,32 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from soilmoist_ros.exploration.mission.actions import (
-    ANYBODYS,
-    Answer,
-    CancelGoal,
-    Finish,
-    GoTo,
-    Publish,
-    RequestPlan,
-    StartCounting,
-    StopCounting,
-    VisitDone,
-)
 from soilmoist_ros.exploration.mission.events import (
+    ANYBODYS,
     STILL_M,
     AlarmOver,
+    Answer,
+    CancelGoal,
     ClockStepped,
     Command,
     EmergencyStop,
+    Finish,
     GoalFailed,
     GoalReached,
+    GoTo,
     Moved,
     PlanFailed,
     Planned,
+    Publish,
     RecordArrived,
+    RequestPlan,
+    StartCounting,
+    StopCounting,
     Tick,
+    VisitDone,
 )
 from soilmoist_ros.exploration.mission.mission import Mission, step
-from soilmoist_ros.exploration.mission.state import Todo
-from soilmoist_ros.exploration.mission.stored import event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission.state import Todo, event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import Alarm, Changes, MissionRules, OnSilence, Phase, Response, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice

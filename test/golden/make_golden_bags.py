@@ -27,7 +27,7 @@ from rclpy.serialization import serialize_message
 from msg_adapters.counts import counts_from_message, counts_to_message, line_to_message, samples_to_message
 from msg_adapters.mission import mission_to_message
 from msg_adapters.soil_map import soil_map_to_message
-from soilmoist_ros.exploration.mission.actions import Action, Publish
+from soilmoist_ros.exploration.mission.events import Action, Publish
 from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.pipeline.field_survey import open_survey

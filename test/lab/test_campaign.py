@@ -19,13 +19,7 @@ import pytest
 from soilmoist_ros.foundation.configuration import resource, resource_names
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.lab import mission_store
-from soilmoist_ros.lab.campaign import (
-    CampaignInterrupted,
-    load_campaign,
-    mission_key,
-    missions,
-    run_campaign,
-)
+from soilmoist_ros.lab.campaign import CampaignInterrupted, load_campaign, mission_key, missions, run_campaign
 from soilmoist_ros.lab.campaign_file import Choices
 from soilmoist_ros.lab.mission_store import DamagedMissionError, pack, unpack
 from soilmoist_ros.lab.table import METRICS, time_grid

@@ -232,7 +232,7 @@ def test_a_late_worker_of_another_version_is_closed():
 
 
 def test_a_worker_of_another_version_computes_nothing(slow):
-    assert not isinstance(cluster._compute([], slow.simulate, "9.9"), list)
+    assert cluster._compute(None, slow.simulate, "9.9") is None
 
 
 class Future:
@@ -259,39 +259,25 @@ class Future:
 
 
 @pytest.mark.slow
-def test_a_lost_batch_is_computed_mission_by_mission(tmp_path, slow, monkeypatch):
-    batches = []
+def test_a_lost_mission_fails_alone_and_a_refused_one_is_submitted_again(tmp_path, slow, monkeypatch):
+    submitted = []
 
-    def submit(compute, batch, simulate, version, key, pure):
-        batches.append((len(batch), key))
-        if any(mission.settings.seed == 5 for mission in batch):
+    def submit(compute, mission, simulate, version, key, pure):
+        seed = mission.settings.seed
+        submitted.append(seed)
+        if seed == 5:
             return Future(lambda: exec("raise RuntimeError('the workers died')"))
-        return Future(lambda: compute(batch, simulate, version))
+        return Future(
+            lambda: compute(mission, simulate, "9.9" if submitted.count(3) == 1 and seed == 3 else version)
+        )
 
     on_cluster_of(monkeypatch, submit)
-    finished = list(cluster.on_cluster(cluster_missions(tmp_path, 14), slow.simulate, "tcp://x:1"))
-    assert sorted(one.mission.settings.seed for one in finished) == list(range(1, 15)), "each once"
+    finished = list(cluster.on_cluster(cluster_missions(tmp_path, 8), slow.simulate, "tcp://x:1"))
+    assert sorted(one.mission.settings.seed for one in finished) == list(range(1, 9)), "each once"
     (failed,) = (one.content for one in finished if not isinstance(one.content, bytes))
     assert failed.error == "lost on the cluster (RuntimeError: the workers died)"
     assert failed.mission.settings.seed == 5
-    assert batches[0][0] > 1
-    assert len({key for _, key in batches}) == len(batches), "Dask takes equal keys for one task"
-
-
-@pytest.mark.slow
-def test_a_batch_ends_after_a_while_and_its_rest_comes_first(tmp_path, slow, monkeypatch):
-    monkeypatch.setattr(cluster, "BATCH_S", 0.0)
-    batches = []
-
-    def submit(compute, batch, simulate, version, key, pure):
-        batches.append([mission.settings.seed for mission in batch])
-        return Future(lambda: compute(batch, simulate, version))
-
-    on_cluster_of(monkeypatch, submit)
-    finished = list(cluster.on_cluster(cluster_missions(tmp_path, 12), slow.simulate, "tcp://x:1"))
-    assert sorted(one.mission.settings.seed for one in finished) == list(range(1, 13))
-    assert batches[:3] == [[1, 2, 3, 4], [5, 6, 7], [8, 9]]
-    assert set(batches[3]) < {2, 3, 4, 6, 7, 9}, "before the last ones, 10 to 12"
+    assert sorted(submitted) == [1, 2, 3, 3, 4, 5, 6, 7, 8]
 
 
 def cluster_missions(folder, runs):

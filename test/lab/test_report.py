@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a campaign: report.py with campaign_data.py, figures.py, figure_style.py and findings.py."""
+"""The page of a campaign: report.py with campaign_data.py, figures.py and findings.py."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from soilmoist_ros.lab import report as campaign_report
 from soilmoist_ros.lab.campaign import Failure, load_campaign, missions, run_campaign
 from soilmoist_ros.lab.campaign_data import CampaignData
 from soilmoist_ros.lab.campaign_file import Campaign
-from soilmoist_ros.lab.figure_style import FigureImage
 from soilmoist_ros.lab.figures import spaced
 from soilmoist_ros.lab.findings import findings
 from soilmoist_ros.lab.mission_store import StoredMission
 from soilmoist_ros.lab.report import mean_sd_text, render_campaign_report, write_campaign_report
 from soilmoist_ros.lab.table import mission_row
 from soilmoist_ros.reporting.page.numbers import dwell_text, strategy_text
+from soilmoist_ros.reporting.page.style import Picture
 from soilmoist_ros.simulation.mission.mission_result import MapErrors, SeriesRow
 
 FAKE = Path(__file__).resolve().parents[1] / "simulation"
@@ -59,13 +59,7 @@ def crafted(mission, mse=None, distance=None, border=None):
     error = 0.1 * (1 + 0.01 * s.seed) * (mse(s) if mse else 1.0)
     driven = (distance(s) if distance else 500.0) + s.seed
     series = tuple(
-        SeriesRow(
-            t,
-            driven * t / 3600,
-            int(t // 300),
-            t / 2,
-            (MapErrors(error if t else np.nan, 0.02, 0.9),),
-        )
+        SeriesRow(t, driven * t / 3600, int(t // 300), t / 2, (MapErrors(error if t else np.nan, 0.02, 0.9),))
         for t in np.arange(0.0, 3601, 300)
     )
     axis = np.arange(0.5, 20)
@@ -293,7 +287,7 @@ def test_page_of_a_campaign(tmp_path, fake):
 @pytest.fixture
 def words_only(monkeypatch):
     """No figures."""
-    blank = FigureImage("data:image/png;base64,", "a figure")
+    blank = Picture("data:image/png;base64,", "a figure")
     monkeypatch.setattr(campaign_report, "picture", lambda *_: blank)
     for name in ("strategies_figure", "intervals_figure", "coverage_figure", "examples_figure"):
         monkeypatch.setattr(campaign_figures, name, lambda *_: object())

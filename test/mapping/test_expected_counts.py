@@ -15,8 +15,8 @@ from scipy import integrate, stats
 from soilmoist_ros.mapping.expected_counts import MIN_SAMPLES, Expectation, ExpectedCounts
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.record_check import Skip
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.records import Skip
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.records import CountRecord
 

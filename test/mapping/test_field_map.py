@@ -20,10 +20,8 @@ from soilmoist_ros.mapping.field_map import (
     FieldMapSettings,
     fits_footprint,
 )
-from soilmoist_ros.mapping.record_check import Skip
-from soilmoist_ros.mapping.samples.merging import DrivenPaths
-from soilmoist_ros.mapping.samples.samples import NO_SAMPLES, merge_records
-from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread
+from soilmoist_ros.mapping.records import DrivenPaths, Skip
+from soilmoist_ros.mapping.samples import NO_SAMPLES, footprint_spread, merge_records, path_spread
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import NAN, CountRecord

@@ -8,10 +8,9 @@ import pytest
 
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping import FieldGrid
+from soilmoist_ros.mapping.drift import Change, Jump
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings, MapState
-from soilmoist_ros.mapping.health import map_health
-from soilmoist_ros.mapping.knowledge.drift import Change, Jump
-from soilmoist_ros.mapping.map_worker import MapWorker
+from soilmoist_ros.mapping.map_worker import MapWorker, map_health
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 LIMIT_S = 20.0

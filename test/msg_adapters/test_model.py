@@ -15,12 +15,12 @@ from std_msgs.msg import String
 
 from msg_adapters.model import Model, model_from_message, model_to_message
 from soilmoist_ros.mapping import Samples, Variogram
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.samples.spread import path_spread
-from soilmoist_ros.mapping.variogram.amplitude import Amplitude
-from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
+from soilmoist_ros.mapping.samples import path_spread
 from soilmoist_ros.mapping.variogram.fit import VariogramFit, estimate_variogram
-from soilmoist_ros.mapping.variogram.local_fit import LocalFit
+from soilmoist_ros.mapping.variogram.local import LocalFit
+from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
+from soilmoist_ros.mapping.variogram.model import Amplitude
 
 numbers = st.floats(allow_infinity=False, allow_nan=False)
 positive = st.floats(1e-300, 1e300)

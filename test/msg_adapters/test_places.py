@@ -22,7 +22,7 @@ from msg_adapters.places import (
     pose_to_message,
     transforms_from_message,
 )
-from soilmoist_ros.exploration.guard.transforms import Transform, TransformTree, yaw_rotation
+from soilmoist_ros.exploration.guard.robot_frames import Transform, TransformTree, yaw_rotation
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing.gnss import UNKNOWN_COVARIANCE
 

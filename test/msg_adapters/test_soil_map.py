@@ -27,9 +27,9 @@ from msg_adapters.soil_map import (
     uncertainty_from_message,
     uncertainty_to_message,
 )
-from soilmoist_ros.exploration.guard.keepout import KeepoutMask
+from soilmoist_ros.exploration.guard.fence import KeepoutMask
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
-from soilmoist_ros.mapping.cells import map_cells
+from soilmoist_ros.mapping.soil_map import map_cells
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 STAMP_S = 1780000000.1234567

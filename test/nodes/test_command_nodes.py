@@ -31,7 +31,7 @@ from msg_adapters.soil_map import soil_map_from_message, soil_map_to_message
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping import Samples
-from soilmoist_ros.mapping.cells import map_cells
+from soilmoist_ros.mapping.soil_map import map_cells
 from soilmoist_ros.nodes.command_nodes import Monitor, on_space
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, published_qos
 from soilmoist_ros.pipeline import replay_bag

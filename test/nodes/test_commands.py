@@ -35,7 +35,7 @@ from msg_adapters.soil_map import soil_map_from_message
 from msg_adapters.soilmoist_types import mission_state_from_message, request_to_message
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.mapping.cells import CELL
+from soilmoist_ros.mapping.soil_map import CELL
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS
 from soilmoist_ros.recording.journal import load_journal
 from soilmoist_ros.sensing.records import CountRecord

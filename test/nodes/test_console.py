@@ -32,7 +32,7 @@ from msg_adapters.environment import battery_to_message
 from msg_adapters.point_cloud import points_to_message
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.cells import CELL
+from soilmoist_ros.mapping.soil_map import CELL
 from soilmoist_ros.nodes.topics import LATCHED, SENSOR
 from soilmoist_ros.nodes.topics import VISITS as ROSOUT
 

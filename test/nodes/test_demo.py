@@ -16,7 +16,7 @@ import pytest
 import rasterio
 
 pytest.importorskip("rclpy")
-from soilmoist_ros.mapping.covariates.source import CovariateSource
+from soilmoist_ros.mapping.covariates import CovariateSource
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.demo import DemoSettings, write_configuration
 from soilmoist_ros.recording.bag.messages import points

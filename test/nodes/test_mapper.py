@@ -32,12 +32,11 @@ from msg_adapters.point_cloud import FRAME, to_seconds
 from msg_adapters.soil_map import change_from_message, soil_map_from_message, uncertainty_from_message
 from msg_adapters.soilmoist_types import map_summary_to_message
 from soilmoist_ros.foundation.health import Level
-from soilmoist_ros.mapping.cells import map_cells
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-from soilmoist_ros.mapping.samples.samples import as_samples
-from soilmoist_ros.mapping.soil_map import make_soil_map
+from soilmoist_ros.mapping.knowledge import EarlierSurvey
+from soilmoist_ros.mapping.samples import as_samples
+from soilmoist_ros.mapping.soil_map import make_soil_map, map_cells
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.nodes.mapper import ChangeOutput
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS

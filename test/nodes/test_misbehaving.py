@@ -16,7 +16,7 @@ pytest.importorskip("topological_navigation_msgs")
 pytest.importorskip("nav2_msgs")
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.sensing.records import CountRecord
 
 NAMES = ("pond", "creeps_0.1", "slides_6m", "other_goal_driving", "jump_8m", "reached_from_neighbour")

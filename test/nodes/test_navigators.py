@@ -25,8 +25,7 @@ from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLim
 from soilmoist_ros.exploration.navigation.navigator import Outcome
 from soilmoist_ros.exploration.navigation.pose_client import PoseClient
 from soilmoist_ros.exploration.navigation.track import Track
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.action_navigator import KEPT_GOALS, action_class
 from soilmoist_ros.nodes.navigators import GoalPoseNavigator, GotoNodeNavigator, NavigateToPoseNavigator

@@ -25,7 +25,7 @@ from msg_adapters.counts import counts_to_message, samples_from_message
 from msg_adapters.mission import mission_from_message, mission_to_message
 from msg_adapters.places import path_to_places
 from soilmoist_ros.exploration.mission.journal import VISIT
-from soilmoist_ros.exploration.mission.stored import visit_from_dict
+from soilmoist_ros.exploration.mission.state import visit_from_dict
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS, VISITS

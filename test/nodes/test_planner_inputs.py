@@ -30,11 +30,15 @@ from msg_adapters.counts import counts_to_message
 from msg_adapters.environment import diagnostics_from_message
 from msg_adapters.model import Model, model_to_message
 from msg_adapters.point_cloud import to_time
-from soilmoist_ros.exploration.control.current_access import CurrentAccess
-from soilmoist_ros.exploration.control.mission_setup import AccessRules
-from soilmoist_ros.exploration.guard.frames import datum_text
-from soilmoist_ros.exploration.guard.robot_frames import FIELD, MAP, FrameSettings, RobotFrames
-from soilmoist_ros.exploration.guard.transforms import yaw_rotation
+from soilmoist_ros.exploration.control.field_access import AccessRules, CurrentAccess
+from soilmoist_ros.exploration.guard.robot_frames import (
+    FIELD,
+    MAP,
+    FrameSettings,
+    RobotFrames,
+    datum_text,
+    yaw_rotation,
+)
 from soilmoist_ros.exploration.guard.watch import Doing, Watch
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -44,9 +48,9 @@ from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.foundation.plane_move import PlaneMove, move_between
+from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.nodes.planner_inputs import PlannerFrames, PlannerInputs
 from soilmoist_ros.nodes.topics import DEFAULT, RECORDS, TF, TF_STATIC

@@ -23,7 +23,7 @@ from msg_adapters.environment import diagnostics_from_message
 from msg_adapters.mission import mission_from_message
 from msg_adapters.point_cloud import to_seconds
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.mapping.record_check import Skip
+from soilmoist_ros.mapping.records import Skip
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters

@@ -61,7 +61,7 @@ def fields():
     from msg_adapters import counts as samples
     from msg_adapters.soil_map import soil_map_to_message
     from soilmoist_ros.mapping.grid import FieldGrid
-    from soilmoist_ros.mapping.samples.samples import Samples
+    from soilmoist_ros.mapping.samples import Samples
     from soilmoist_ros.sensing.records import CountRecord
 
     grid = FieldGrid.from_polygon([(0, 0), (9, 0), (9, 9), (0, 9)], cell_m=1.0)

@@ -33,7 +33,7 @@ from soilmoist_ros.exploration.travel.topological_map import make_topological_ma
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.plane_move import PlaneMove
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR

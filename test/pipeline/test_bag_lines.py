@@ -16,7 +16,7 @@ from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.pipeline.bag_lines import fix_topic, logger_topic, read_fixes
 from soilmoist_ros.pipeline.log_map import MapSettings, map_logs
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.sensing.position.nmea import read_nmea
+from soilmoist_ros.sensing.position.track_file import read_positions
 from virtual_survey import write_survey
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
@@ -58,7 +58,7 @@ def survey(tmp_path_factory):
     """Logs of a survey, and the same as a bag with fixes and as one with NMEA."""
     folder = tmp_path_factory.mktemp("survey")
     write_survey(folder, seed=2, spacing_m=30.0, dwell_s=60.0)
-    fixes, _ = read_nmea(folder / "survey.nmea")
+    fixes, _ = read_positions(folder / "survey.nmea")
     lines = (folder / "survey.log").read_text().splitlines()
     begin_s = fixes[0].stamp_s
     spoken = [("/crns/line", begin_s + number, text(f"{line}\r\n")) for number, line in enumerate(lines)]
@@ -141,7 +141,7 @@ def test_topics_are_found_or_must_be_named(tmp_path):
 
 
 def test_which_of_two_receivers_must_be_named(survey, tmp_path):
-    fixes, _ = read_nmea(survey / "survey.nmea")
+    fixes, _ = read_positions(survey / "survey.nmea")
     path = write(
         tmp_path / "two.bag",
         [(f"/{name}/fix", fixes[0].stamp_s, position(fixes[0])) for name in ("front", "rear")],

@@ -14,10 +14,9 @@ from earlier_folders import FRAME, JUNE_S, MAY_S, records, run_folder
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping import EarlierSurvey, Samples
 from soilmoist_ros.mapping.field_map import FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-from soilmoist_ros.mapping.samples.samples import Samples
 from soilmoist_ros.pipeline.earlier_runs import (
     Target,
     earlier_doubts,
@@ -30,8 +29,7 @@ from soilmoist_ros.pipeline.earlier_runs import (
 )
 from soilmoist_ros.pipeline.run import EarlierRun
 from soilmoist_ros.recording.stored_records import read_records, write_records
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=5.0)
 TARGET = Target(FRAME, GRID, FieldMapSettings(margin_m=5.0))

@@ -12,7 +12,7 @@ import pytest
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
-from soilmoist_ros.mapping.record_check import Skip
+from soilmoist_ros.mapping.records import Skip
 from soilmoist_ros.pipeline.field_survey import make_run, open_survey
 from soilmoist_ros.recording.stored_records import read_earlier
 from soilmoist_ros.reporting import write_outputs

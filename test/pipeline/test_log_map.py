@@ -13,7 +13,7 @@ import pytest
 from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError, Mistake
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.mapping.covariates.source import CovariateSource
+from soilmoist_ros.mapping.covariates import CovariateSource
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.pipeline import MapSettings, map_logs

@@ -8,8 +8,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.pipeline.results import curve_of, read_features, read_summary, shape_of
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 GOOD = {
     "datum": {"latitude_deg": 52.0, "longitude_deg": 5},

@@ -221,7 +221,7 @@ def test_robots_of_a_team_do_not_make_the_map_again_for_each_record():
 
 
 def test_unreadable_messages_stay_counted_when_the_map_is_made_again():
-    from soilmoist_ros.mapping.record_check import Skip
+    from soilmoist_ros.mapping.records import Skip
 
     many = published(3)
     field_map = FieldMap(GRID)

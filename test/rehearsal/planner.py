@@ -14,14 +14,7 @@ from typing import Any
 from rehearsal.cases import ROBOT_RADIUS_M, Fault, Ground, Place
 from rehearsal.disk import Disk
 from rehearsal.judge import Judge
-from rehearsal.servers import (
-    ActionServer,
-    Answered,
-    CancelAnswered,
-    GoalOver,
-    PoseListener,
-    Reply,
-)
+from rehearsal.servers import ActionServer, Answered, CancelAnswered, GoalOver, PoseListener, Reply
 from rehearsal.world import SPEED_MPS, World
 from soilmoist_ros.exploration import (
     ANYBODYS,
@@ -89,13 +82,12 @@ class PlannerProcess:
             strategy=case.strategy,
             preset="paper",
             seed=case.seed,
-            dwell=parse_dwell("fmi:60", 240.0),
             motion=RobotMotion(SPEED_MPS, STOP_OVERHEAD_S),
             access=access,
         )
         rules = MissionRules(
             budget_s=case.budget_s,
-            dwell=settings.dwell,
+            dwell=parse_dwell("fmi:60", 240.0),
             warm_up_stops=settings.warm_up_stops,
             min_dwell_s=30.0,
             speed_mps=SPEED_MPS,

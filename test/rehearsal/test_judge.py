@@ -11,14 +11,14 @@ import pytest
 
 from rehearsal.cases import Ground
 from rehearsal.judge import Judge, Kind
-from soilmoist_ros.exploration.mission.actions import Finish
+from soilmoist_ros.exploration.mission.events import Finish
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionStatus, Phase, Response
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.records import CountRecord
 
 SQUARE = np.array([(0, 0), (40, 0), (40, 40), (0, 40)], float)

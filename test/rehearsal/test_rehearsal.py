@@ -98,7 +98,7 @@ def no_fence(monkeypatch):
     def open_fence(field, *margins):
         return Fence(replace(field, polygon=everywhere, no_go=()), *margins)
 
-    monkeypatch.setattr("soilmoist_ros.exploration.control.mission_setup.Fence", open_fence)
+    monkeypatch.setattr("soilmoist_ros.exploration.control.field_access.Fence", open_fence)
 
 
 @pytest.fixture

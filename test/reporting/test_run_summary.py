@@ -8,9 +8,9 @@ import json
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping.variogram.amplitude import Amplitude
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.mapping.variogram.local_fit import LocalFit
+from soilmoist_ros.mapping.variogram.local import LocalFit
+from soilmoist_ros.mapping.variogram.model import Amplitude
 from soilmoist_ros.reporting.run_summary import summary, write_summary
 
 

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.mapping.moisture_bands import possible_moisture
+from soilmoist_ros.mapping.soil_map import possible_moisture
 from soilmoist_ros.reporting import season as module
 from soilmoist_ros.reporting.season import SeasonSettings, make_season
 from soilmoist_ros.reporting.season_outputs import render_season, summary
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 pytestmark = pytest.mark.slow  # the season that all use takes long to make
 

@@ -7,7 +7,6 @@ import math
 import pytest
 
 from soilmoist_ros import sensing
-from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord
 
 NAN = math.nan
@@ -30,8 +29,6 @@ def test_an_unknown_name_is_refused() -> None:
          "LoggerRecord(2024-05-01 10:00:10Z, 11 counts of 2 of 3 tubes, line 7)"),
         (sensing.Site(name="north"), "Site(name='north')"),
         (sensing.Track(), "Track(0 positions)"),
-        (sensing.Survey(sensing.Site(), LocalFrame(50.0, 10.0)),
-         "Survey(site='unnamed site', 0 fixes, 0 records waiting)"),
         (sensing.load_logger_format("thorvald_crs"), None),
     ],
 )  # fmt: skip

@@ -1,30 +1,47 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""From the map and the robot's place to the next stop: prepares the situation and asks the strategy."""
+"""From the map and the robot's place to the next stop: prepares the situation and asks the strategy.
+
+The settings of a mission on a real field make its explorer.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, reduce
+from functools import cache, lru_cache, reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.control.field_access import NO_MARGIN, AccessRules, FieldAccess
 from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, taken
-from soilmoist_ros.exploration.mission.actions import RequestPlan
-from soilmoist_ros.exploration.mission.types import PlanKind
+from soilmoist_ros.exploration.mission.events import RequestPlan
+from soilmoist_ros.exploration.mission.types import Changes, MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.planning.forecaster import MAX_CELLS as FORECAST_CELLS
-from soilmoist_ros.exploration.planning.forecaster import Forecaster
+from soilmoist_ros.exploration.planning.forecaster import Forecaster, prior_forecast
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Property, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
+from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
 from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
-from soilmoist_ros.exploration.travel.travel import TravelModel
-from soilmoist_ros.mapping import FieldGrid, FieldMap, SoilMap, coincident
+from soilmoist_ros.exploration.travel.travel import RobotMotion, TravelModel
+from soilmoist_ros.mapping import (
+    NOTHING,
+    Field,
+    FieldGrid,
+    FieldMap,
+    FieldMapSettings,
+    Knowledge,
+    SoilMap,
+    VariogramFit,
+    coincident,
+)
+from soilmoist_ros.sensing import MoistureCurve
 
 Array = NDArray[np.float64]
 _ON_THE_WAY_TOO = Counting()
@@ -34,15 +51,12 @@ _ON_THE_WAY_TOO = Counting()
 class Plan:
     """The answer to a plan request.
 
-    :param choice: the next stop, ``None`` if nothing is worth going to or can be reached
-    :param travel_s: travel time to it [s], ``None`` without a choice
-    :param forecast: a new forecast of the map, ``None`` if the last one is recent
     :param home_s: travel time home from it, or from where the robot stays without a choice [s]; 0 without a home
     """
 
-    choice: Choice | None
-    travel_s: float | None
-    forecast: Forecast | None = None
+    choice: Choice | None  # the next stop, ``None`` if nothing is worth going to or can be reached
+    travel_s: float | None  # travel time to it [s], ``None`` without a choice
+    forecast: Forecast | None = None  # a new forecast of the map, ``None`` if the last one is recent
     home_s: float = 0.0
 
 
@@ -55,15 +69,11 @@ class Explorer:
     :param travel: routes and times
     :param strategy: the strategy of this mission
     :param warm_up: the strategy until the map may guide
-    :param dwell: dwell rule, to expect how long a measurement takes
+    :param rules: those of the mission: how long a measurement takes, and which stops leave time for it and the
+        way home
     :param rng: source of all randomness
-    :param min_dwell_s: shortest dwell [s]
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
-    :param home: where the robot must be at the end, if anywhere
     :param counting: when the robot counts
-    :param kept_for_home_s: time that the mission keeps for the way home from a place with this travel time [s];
-        stops that it would find too late for are not offered
-    :param min_last_dwell_s: a stop must leave at least this for counting [s], if it is more than ``min_dwell_s``
     :param forecasts: whether plans have forecasts of the map
     :param grid: the field, where the maps are only of the cells that represent it (:func:`planning_grid`); their
         grid if ``None``
@@ -76,14 +86,10 @@ class Explorer:
         travel: TravelModel,
         strategy: Strategy,
         warm_up: Strategy,
-        dwell: DwellRule,
+        rules: MissionRules,
         rng: np.random.Generator,
-        min_dwell_s: float = 10.0,
         nominal_rate_cps: float = 4.0,
-        home: Stop | None = None,
         counting: Counting = _ON_THE_WAY_TOO,
-        kept_for_home_s: Callable[[tuple[float, float], float], float] | None = None,
-        min_last_dwell_s: float = 0.0,
         forecasts: bool = True,
         grid: FieldGrid | None = None,
     ) -> None:
@@ -94,12 +100,8 @@ class Explorer:
         self.travel = travel
         self.strategy = strategy
         self.warm_up = warm_up
-        self.dwell = dwell
         self.rng = rng
-        self.min_dwell_s = min_dwell_s
-        self.needed_dwell_s = max(min_dwell_s, min_last_dwell_s)
         self.nominal_rate_cps = nominal_rate_cps
-        self.home = home
         self.counting = counting
         self._xy = stops_xy(stops)
         self._numbers = {stop.name: number for number, stop in enumerate(stops)}
@@ -110,7 +112,7 @@ class Explorer:
         self._cells_xy = self._map_xy[self._cells]
         self._mapped = represented[mapped.mask]  # of the cells that are mapped
         self._considered = self._few_stops()
-        self._to_home_s, self._home_s = self._ways_home_s(kept_for_home_s)
+        self.use_rules(rules)
         self._forecasts = forecasts
         few = spread_cells(self.grid.mask, FORECAST_CELLS)[self.grid.mask]
         self._forecaster = Forecaster(self._map_xy[few], self.grid.extent_m, nominal_rate_cps)
@@ -125,12 +127,15 @@ class Explorer:
         if same_strategy:
             self.strategy, self.warm_up = earlier.strategy, earlier.warm_up
 
-    def keep_for_home(self, kept_s: Callable[[tuple[float, float], float], float]) -> None:
-        """The mission keeps another time for the way home: it knows better how the robot moves.
-
-        :param kept_s: as ``kept_for_home_s``
-        """
-        self._to_home_s, self._home_s = self._ways_home_s(kept_s)
+    def use_rules(self, rules: MissionRules) -> None:
+        """Choose by these rules from now on: the mission knows better how the robot moves."""
+        self.rules = rules
+        self._to_home_s = self._home_s = np.zeros(len(self.stops))
+        if rules.home is not None:  # the way back is assumed to be as long as the way there
+            self._to_home_s = self.travel.travel_s((rules.home.x_m, rules.home.y_m), self.stops)
+            trips = zip(self.stops, self._to_home_s.tolist(), strict=True)
+            kept = [rules.way_home_s((stop.x_m, stop.y_m), time_s) for stop, time_s in trips]
+            self._home_s = np.maximum(self._to_home_s, kept)
 
     def has_map(self, name: str) -> bool:
         """Whether there is a map of a property."""
@@ -153,7 +158,7 @@ class Explorer:
         home_s = 0.0 if number is None else float(self._to_home_s[number])
         if choice is None:
             return Plan(None, None, forecast, home_s)
-        if isinstance(self.dwell, Optimal) and choice.dwell is None:
+        if isinstance(self.rules.dwell, Optimal) and choice.dwell is None:
             choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
         stays = bool(request.staying) and choice.stop.name == request.staying
         travel_s = 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0])
@@ -189,7 +194,7 @@ class Explorer:
             candidates_xy, home_s = self._xy[kept], self._home_s[kept]
         staying = self._row(request.staying, kept)
         travel_s, cost_s = self._trips(position_xy, candidates, staying)
-        fits = travel_s + self.needed_dwell_s + home_s <= request.budget_left_s
+        fits = travel_s + self.rules.needed_dwell_s + home_s <= request.budget_left_s
         known_rate = counted.soil_map is not None
         weighed = free & self._considered
         if staying is not None:
@@ -213,12 +218,12 @@ class Explorer:
             travel_between_s=lambda indices: self.travel.between_s(candidates, indices),
             legs_s=lambda indices: self.travel.legs_s(candidates, indices),
             time_left_s=request.time_left_s,
-            expected_dwell_s=max(self.dwell.expected_s(rate, maps[0].factor), self.min_dwell_s),
+            expected_dwell_s=max(self.rules.dwell.expected_s(rate, maps[0].factor), self.rules.min_dwell_s),
             staying=staying,
             rate_cps=rate,
             overhead_s=self.travel.motion.stop_overhead_s,
             counting=self.counting,
-            dwell=self.dwell,
+            dwell=self.rules.dwell,
             travel_cost_s=np.where(fits, cost_s, np.inf),
             prospect=cache(
                 lambda: self._prospect(
@@ -280,7 +285,7 @@ class Explorer:
         stops = tuple(self.stops[number] for number in numbers.tolist())
         staying = self._row(request.staying, numbers)
         budget_s = request.budget_left_s - self._home_s[numbers]
-        travel_s = np.where(travel_s + self.needed_dwell_s <= budget_s, travel_s, np.inf)
+        travel_s = np.where(travel_s + self.rules.needed_dwell_s <= budget_s, travel_s, np.inf)
         return Prospect(
             models[0],
             stops,
@@ -290,7 +295,7 @@ class Explorer:
             budget_s,
             self.counting,
             staying,
-            self.min_dwell_s,
+            self.rules.min_dwell_s,
             cost_s,
             of_candidates,
         )
@@ -325,7 +330,7 @@ class Explorer:
             stops = [self.stops[number] for number in numbers.tolist()]
             trips = self._trips(place, stops, self._row(request.staying, numbers))
             prospect = self._prospect(self._maps(others), numbers, *trips, place, request)
-        return None if prospect is None else prospect.dwell(stop, self.dwell.longest_s)
+        return None if prospect is None else prospect.dwell(stop, self.rules.dwell.longest_s)
 
     def _shape(self, of: Property) -> Array:
         """Relative weight of each cell in the integrated variance; squared slopes make it that of the moisture."""
@@ -368,19 +373,6 @@ class Explorer:
         assert field_map.kriging is not None
         return field_map.kriging.predict(self._xy[kept])[1]
 
-    def _ways_home_s(self, kept_s: Callable[[tuple[float, float], float], float] | None) -> tuple[Array, Array]:
-        """Travel times home from the stops [s], and the times that are kept for it [s]."""
-        if self.home is None:
-            return np.zeros(len(self.stops)), np.zeros(len(self.stops))
-        # The way back is assumed to be as long as the way there.
-        times = self.travel.travel_s((self.home.x_m, self.home.y_m), self.stops)
-        if kept_s is None:
-            return times, times
-        kept = [
-            kept_s((stop.x_m, stop.y_m), time_s) for stop, time_s in zip(self.stops, times.tolist(), strict=True)
-        ]
-        return times, np.maximum(times, kept)
-
 
 def _sum(arrays: Iterable[Array]) -> Array:
     return reduce(np.add, arrays)
@@ -391,10 +383,123 @@ def planning_grid(grid: FieldGrid) -> FieldGrid:
     return replace(grid, mask=spread_cells(grid.mask, MAX_CELLS))
 
 
-def cell_stops(grid: FieldGrid) -> tuple[Stop, ...]:
-    """A stop at the centre of each cell inside the field, for free travel; named by row and column."""
-    rows, columns = np.nonzero(grid.mask)
-    return tuple(
-        Stop(f"r{row}c{column}", x, y)
-        for row, column, (x, y) in zip(rows.tolist(), columns.tolist(), grid.cells.tolist(), strict=True)
+# What a mission on a real field needs ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplorerSettings:
+    """How stops are chosen, and where the robot may drive.
+
+    :param strategy: one of :data:`STRATEGIES`
+    :param preset: one of :data:`PRESETS`
+    :param seed: seed of the strategy's randomness
+    :param motion: how the robot moves
+    :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
+    :param access: where the robot may drive
+    :param learn_travel: whether speed, turning time and stop overhead are learned from the legs driven
+    :param calibration: calibration that is there for an operator who asks for the map of the moisture
+    :param knowledge: what is known of the field before the survey
+    """
+
+    strategy: str
+    preset: str
+    seed: int
+    motion: RobotMotion
+    curve: MoistureCurve | None = None
+    access: AccessRules = NO_MARGIN
+    calibration: MoistureCurve | None = None
+    learn_travel: bool = True
+    knowledge: Knowledge = NOTHING
+
+    @property
+    def needs_map(self) -> bool:
+        """Whether the strategy cannot do without a map."""
+        return strategy_kind(self.strategy).needs_map
+
+    @property
+    def warm_up_stops(self) -> int:
+        """Samples to take before the map guides."""
+        return warm_up(self.strategy, self.preset)[0]
+
+
+OpenSurvey = Callable[[Changes], tuple[Field, ExplorerSettings]]
+"""Opens the field, earlier runs and covariates that an operator chooses; raises an ``InputError``."""
+
+
+def changed_settings(settings: ExplorerSettings, changes: Changes | None) -> ExplorerSettings:
+    """How stops are chosen after an operator's changes."""
+    if changes is None:
+        return settings
+    curve = settings.curve
+    if changes.target is not None:
+        curve = settings.calibration if changes.target == "vwc" else None
+    strategy = settings.strategy if changes.strategy is None else changes.strategy
+    return replace(settings, strategy=strategy, curve=curve)
+
+
+STREAMS_PER_ROBOT = 3
+"""Random streams of each robot of a mission: those of its sensor, of its strategy and of its GNSS receiver."""
+
+
+def strategy_stream(seed: int, robot: int = 0) -> np.random.Generator:
+    """Random choices of a strategy: planner and simulator draw the same stops with the same seed.
+
+    :param seed: seed of the mission
+    :param robot: number of the robot, from 0
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(STREAMS_PER_ROBOT * robot + 1,)))
+
+
+def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
+    """An explorer for one mission.
+
+    :param access: where the robot may go
+    :param settings: how stops are chosen
+    :param rules: those of the mission
+    """
+    planning = FieldMapSettings(for_planning=True)
+    return Explorer(
+        [Property(FieldMap(access.grid, planning, settings.knowledge), curve=settings.curve)],
+        access.stops,
+        access.travel,
+        make_strategy(settings.strategy, settings.preset),
+        warm_up(settings.strategy, settings.preset)[1],
+        rules,
+        strategy_stream(settings.seed),
+        nominal_rate_cps(settings.calibration),
     )
+
+
+def nominal_rate_cps(calibration: MoistureCurve | None) -> float:
+    """Expected rate before the first record: that at 15 % moisture by the calibration, if any [counts/s]."""
+    return 4.0 if calibration is None else float(calibration.rate_cps(0.15))
+
+
+def first_forecast(grid: FieldGrid, settings: ExplorerSettings, budget_s: float) -> Forecast:
+    """The forecast before a mission starts.
+
+    :param grid: grid of the field
+    :param settings: how stops are chosen
+    :param budget_s: mission time [s]
+    """
+    expected = _expected_fit(grid, settings.knowledge)
+    rate_cps = nominal_rate_cps(settings.calibration) if expected is None else expected.mean_rate
+    slope = None if settings.curve is None else math.sqrt(float(settings.curve.weight([rate_cps])[0]))
+    return _first_forecast(grid, rate_cps, budget_s, slope, expected)
+
+
+@lru_cache(maxsize=4)
+def _first_forecast(
+    grid: FieldGrid,
+    rate_cps: float,
+    budget_s: float,
+    slope: float | None,
+    expected: VariogramFit | None,
+) -> Forecast:
+    cells_xy = grid.cells[spread_cells(grid.mask, FORECAST_CELLS)[grid.mask]]
+    return prior_forecast(cells_xy, grid.extent_m, rate_cps, budget_s, slope, expected)
+
+
+@lru_cache(maxsize=2)
+def _expected_fit(grid: FieldGrid, knowledge: Knowledge) -> VariogramFit | None:
+    return FieldMap(grid, knowledge=knowledge).expected_fit

@@ -18,17 +18,14 @@ from typing import Protocol
 
 import numpy as np
 
-from soilmoist_ros.exploration.control.current_access import CurrentAccess
-from soilmoist_ros.exploration.control.mission_clock import MissionClock
-from soilmoist_ros.exploration.control.mission_feed import MissionFeed
-from soilmoist_ros.exploration.control.mission_setup import (
-    PAST_M,
+from soilmoist_ros.exploration.control.explorer import (
     ExplorerSettings,
-    FieldAccess,
     OpenSurvey,
     changed_settings,
     first_forecast,
 )
+from soilmoist_ros.exploration.control.field_access import CurrentAccess, FieldAccess
+from soilmoist_ros.exploration.control.mission_feed import MissionClock, MissionFeed
 from soilmoist_ros.exploration.control.operator_request import (
     OperatorRequest,
     Reply,
@@ -36,38 +33,34 @@ from soilmoist_ros.exploration.control.operator_request import (
     RequestError,
     Requests,
 )
-from soilmoist_ros.exploration.control.planning_queue import OWN, PlanningQueue, PropertyMap
-from soilmoist_ros.exploration.control.planning_thread import PlanningThread, Terms
-from soilmoist_ros.exploration.control.team import Team, pending_measurement, taken
+from soilmoist_ros.exploration.control.planning_queue import OWN, PlanningQueue, PlanningThread, PropertyMap, Terms
+from soilmoist_ros.exploration.control.team import SHUT_IN, Passing, Team, pending_measurement, taken
 from soilmoist_ros.exploration.control.watching import Watching
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.watch import Watch
-from soilmoist_ros.exploration.mission.actions import (
+from soilmoist_ros.exploration.mission.events import (
+    RESTART,
     Action,
     Answer,
     CancelGoal,
+    ClockStepped,
+    Command,
+    EmergencyStop,
     Finish,
+    GoalFailed,
     GoTo,
+    PlanFailed,
+    Planned,
     Publish,
     RequestPlan,
     Save,
     StartCounting,
+    Tick,
     VisitDone,
 )
-from soilmoist_ros.exploration.mission.events import (
-    RESTART,
-    ClockStepped,
-    Command,
-    EmergencyStop,
-    GoalFailed,
-    PlanFailed,
-    Planned,
-    Tick,
-)
 from soilmoist_ros.exploration.mission.journal import MissionJournal
-from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.moves import SDS
+from soilmoist_ros.exploration.mission.mission import SDS, Mission
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
@@ -77,7 +70,6 @@ from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, other_datum
 from soilmoist_ros.mapping import Changing, Field, Samples, VariogramFit
 from soilmoist_ros.sensing import CountRecord, Doubt, Fix, Heard, PlaceFix, none_since
@@ -93,10 +85,6 @@ RECORD_STAMP = "record_stamp_s"
 
 _DECISIONS = (Verb.START, Verb.RESUME, Verb.ABORT, Verb.SKIP, Verb.RETURN)
 """Commands after which a mission that was interrupted is an ordinary one again."""
-
-_SHUT_IN = "other robots stand in the way to the stops that are left"
-_LOOK_S = 5.0
-"""Time between two looks whether one of them is out of the way [s]."""
 
 _log = logging.getLogger(__name__)
 
@@ -194,10 +182,7 @@ class MissionControl:
         self._queue = PlanningQueue(map_wait_s, (OWN, *named))
         self._planning = PlanningThread(outputs.wake, executor)
         self._choice: Choice | None = None
-        self._cut_off = False  # whether another robot stood in the way to stops when the last one was chosen
-        self._planned_for: RequestPlan | None = None
-        self._shut_in: RequestPlan | None = None  # waits until a robot is out of the way
-        self._looked_s = -math.inf
+        self._passing = Passing(self.team)
         self._learned = LearnedMotion(settings.motion, settings.learn_travel)
         self._record_stamp_s = self._shown_stamp_s = self._shown_place_s = -math.inf
         self.navigator = make_navigator(self.ended)
@@ -382,7 +367,7 @@ class MissionControl:
         """The settings that an operator may change, as they are now, by the names of the parameters."""
         mission = self._mission
         rules, changes = mission.current_rules, mission.state.changes
-        explorer = changed_settings(self._settings, rules, changes)
+        explorer = changed_settings(self._settings, changes)
         home = rules.home.name if rules.home is not None else self._home
         return {
             "hours": round(rules.budget_s / 3600, 9),
@@ -567,7 +552,9 @@ class MissionControl:
             doing = self._watching.doing(self._mission, self.navigator)
             waits = Cause.OTHER_ROBOT in self.watch.on
             near = self.team.fault(self._feed.place, doing.driving, waits, now_s)
-            near = near or (_SHUT_IN if self._is_shut_in(now_s) else "")
+            rules, place = self._mission.current_rules, self._feed.place
+            if not near and self._passing.is_shut_in(self._access, place, rules, self.under_way, now_s):
+                near = SHUT_IN
             self.watch.report(Cause.OTHER_ROBOT, near)
             for event in self.watch.check(now_s, doing):
                 self._feed.give(event)
@@ -578,9 +565,8 @@ class MissionControl:
             event = replace(answer, now_s=self._clock.now_s())
             if isinstance(event, Planned):
                 self._choice = event.choice
-                if event.choice is None and self._cut_off:  # the survey is not over: they drive on some day
-                    self._shut_in, self._looked_s = self._planned_for, event.now_s
-                    event = PlanFailed(event.now_s, event.plan_id, _SHUT_IN)
+                if event.choice is None and self._passing.waits(event.now_s):
+                    event = PlanFailed(event.now_s, event.plan_id, SHUT_IN)
             self._feed.give(event)
 
     def close(self) -> None:
@@ -609,7 +595,7 @@ class MissionControl:
             status = replace(status, reason=f"{self._interrupted}; {why}", needs_operator=True)
         if status.phase is Phase.IDLE and self._access is not None:
             rules, changes = self._mission.current_rules, self._mission.state.changes
-            settings = changed_settings(self._settings, rules, changes)
+            settings = changed_settings(self._settings, changes)
             status = replace(status, forecast=first_forecast(self._access.grid, settings, rules.budget_s))
         target, choice = status.target, self._choice
         requested = tuple(queued.stop for queued in self._mission.state.queue)
@@ -712,7 +698,7 @@ class MissionControl:
         try:
             if self._access is None or self._feed.place is None:
                 raise InputError("where the robot is, or may go, is not known")
-            way = self._way(self._access, self._feed.place, goal.stop)
+            way = self._passing.way(self._access, self._feed.place, goal.stop)
         except InputError as refusal:
             self._feed.give(GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True))
         else:
@@ -726,68 +712,6 @@ class MissionControl:
         """The stop with the distance at which the mission takes the robot to be there, by the noise of now."""
         noise_m = SDS * self._mission.state.position_sd_m
         return replace(stop, reach_m=self._mission.current_rules.reach_m(stop, noise_m))
-
-    def _way(self, access: FieldAccess, place: tuple[float, float], stop: Stop) -> Way:
-        """Way to a stop, past the robots that stand.
-
-        :raises InputError: if there is none
-        """
-        if near := self.team.near((stop.x_m, stop.y_m)):
-            raise InputError(f"{stop.name} is not free: {near}", "choose another stop")
-        way, apart_m = access.way(place, stop), self.team.apart_m
-        close = {name: at for name, at in self.team.standing() if way.passes_m(at) < apart_m + PAST_M}
-        if not (apart_m and close):
-            return way
-        try:
-            return access.around(place, [at for _, at in self.team.standing()], apart_m).way(place, stop)
-        except InputError as refusal:
-            names = " and ".join(close)
-            raise InputError(f"{names} stands in the way: {refusal}", "choose another stop") from None
-
-    def _not_free(self, access: FieldAccess, request: RequestPlan, place: tuple[float, float]) -> set[str]:
-        """Names of stops that another robot is too near to, or in the way to."""
-        standing = [at for _, at in self.team.standing()]
-        if not (self.team.apart_m and standing):
-            self._cut_off = False
-            return set()
-        near = {stop.name for stop in access.stops if self.team.near((stop.x_m, stop.y_m))}
-        cut_off: set[str] = set()
-        if access.on_graph:
-            try:
-                around = access.around(place, standing, self.team.apart_m)
-                times = around.travel.travel_s(place, around.stops)
-                reached = {
-                    stop.name for stop, time in zip(around.stops, times, strict=True) if math.isfinite(time)
-                }
-            except InputError:
-                reached = set()
-            cut_off = {stop.name for stop in access.stops} - reached - near
-        self._cut_off = self._any_fits(access, request, place, cut_off)
-        return (near | cut_off) - {request.staying}
-
-    def _any_fits(
-        self, access: FieldAccess, request: RequestPlan, place: tuple[float, float], names: set[str]
-    ) -> bool:
-        """True if a named stop fits into the budget and is not ruled out."""
-        rules, names = self._mission.current_rules, names - set(request.blacklisted)
-        return any(
-            stop.name in names
-            and rules.travel_s(place, (stop.x_m, stop.y_m)) + rules.needed_dwell_s
-            <= request.budget_left_s - rules.way_home_s((stop.x_m, stop.y_m))
-            for stop in access.stops
-        )
-
-    def _is_shut_in(self, now_s: float) -> bool:
-        """True while other robots stand in the way to all stops that are left."""
-        access, place, request = self._access, self._feed.place, self._shut_in
-        if request is None or access is None or place is None or not self.under_way:
-            self._shut_in = None
-        elif now_s - self._looked_s >= _LOOK_S:
-            self._looked_s = now_s
-            free = {stop.name for stop in access.stops} - self._not_free(access, request, place)
-            if not self._cut_off or self._any_fits(access, request, place, free):
-                self._shut_in = None
-        return self._shut_in is not None
 
     def _learn(self) -> None:
         """Learn from the leg that has just ended, if one has, how the robot moves."""
@@ -807,9 +731,8 @@ class MissionControl:
         for fault in self._queue.faults if job.request.kind is PlanKind.EXPLORE else ():
             _log.warning(fault)
         rules, state = self._mission.current_rules, self._mission.state
-        settings = changed_settings(self._settings, rules, state.changes)
-        self._planned_for, self._shut_in = job.request, None
-        if not_free := self._not_free(access, job.request, job.place):
+        settings = changed_settings(self._settings, state.changes)
+        if not_free := self._passing.plan(access, job.place, rules, job.request):
             blacklisted = (*job.request.blacklisted, *sorted(not_free))
             job = replace(job, request=replace(job.request, blacklisted=blacklisted))
         self._planning.submit(job, Terms(state.started_s, access, settings, rules))

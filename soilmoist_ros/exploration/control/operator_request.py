@@ -11,7 +11,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings
+from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.mission.events import Command
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD, Changes, MissionRules, Verb
@@ -110,20 +111,13 @@ class RequestError(InputError):
 
 @dataclass(frozen=True)
 class Requests:
-    """Turns requests into commands.
+    """Turns requests into commands."""
 
-    :param field: the field
-    :param access: where the robot may go; ``None`` while that is not known
-    :param settings: how stops are chosen
-    :param rules: those of the mission
-    :param state: the mission
-    """
-
-    field: Field
-    access: FieldAccess | None
-    settings: ExplorerSettings
-    rules: MissionRules
-    state: MissionState
+    field: Field  # the field
+    access: FieldAccess | None  # where the robot may go; ``None`` while that is not known
+    settings: ExplorerSettings  # how stops are chosen
+    rules: MissionRules  # those of the mission
+    state: MissionState  # the mission
 
     def command(self, request: OperatorRequest, now_s: float) -> Command:
         """The command of a request.

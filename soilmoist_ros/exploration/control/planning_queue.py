@@ -6,14 +6,17 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from queue import SimpleQueue
+from typing import NamedTuple
 
-from soilmoist_ros.exploration.control.explorer import Explorer
+from soilmoist_ros.exploration.control.explorer import Explorer, ExplorerSettings, make_explorer
+from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.control.team import PendingMeasurement
-from soilmoist_ros.exploration.mission.actions import RequestPlan
-from soilmoist_ros.exploration.mission.events import PlanFailed, Planned
-from soilmoist_ros.exploration.mission.types import PlanKind
+from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.foundation import SoilmoistError
 from soilmoist_ros.mapping import NO_SAMPLES, Changing, FieldMap, FieldMapSettings, Samples, VariogramFit
@@ -30,24 +33,17 @@ _log = logging.getLogger(__name__)
 class PropertyMap:
     """The newest map of a property, as far as it has come.
 
-    :param name: namespace of its mapper, empty for the robot's own
-    :param weight: what a share of its variation is worth, compared with the weights of the others
-    :param required: whether its counts decide the mission: stops are not chosen by maps that lack them
-    :param factor: product of the correction factors of its last record [-]
-    :param samples: merged samples, with the time of the last record in them [s]
-    :param fit: their variogram, with the time of the last record in it [s]
     :param changing: with it, the drift of the map and its samples by place and time; ``None`` without a drift
-    :param late: whether it was waited for in vain, and nothing has come since
     """
 
-    name: str
-    weight: float = 1.0
-    required: bool = False
-    factor: float = 1.0
-    samples: tuple[Samples, float] | None = None
-    fit: tuple[VariogramFit, float] | None = None
+    name: str  # namespace of its mapper, empty for the robot's own
+    weight: float = 1.0  # what a share of its variation is worth, compared with the weights of the others
+    required: bool = False  # whether its counts decide the mission: stops are not chosen by maps that lack them
+    factor: float = 1.0  # product of the correction factors of its last record [-]
+    samples: tuple[Samples, float] | None = None  # merged samples, with the time of the last record in them [s]
+    fit: tuple[VariogramFit, float] | None = None  # their variogram, with the time of the last record in it [s]
     changing: Changing | None = None
-    late: bool = False
+    late: bool = False  # whether it was waited for in vain, and nothing has come since
 
     @property
     def is_complete(self) -> bool:
@@ -70,20 +66,13 @@ class PropertyMap:
 
 @dataclass(frozen=True, eq=False)
 class PlanJob:
-    """A request that can be answered now.
+    """A request that can be answered now."""
 
-    :param request: what the mission asks for
-    :param place: where the robot is [m]
-    :param maps: the newest map of each property, in the order in which they were announced
-    :param late: whether a required map lacks what was measured last, because it did not come in time
-    :param others: pending measurements of other robots on the field
-    """
-
-    request: RequestPlan
-    place: tuple[float, float]
-    maps: tuple[PropertyMap, ...]
-    late: bool = False
-    others: tuple[PendingMeasurement, ...] = ()
+    request: RequestPlan  # what the mission asks for
+    place: tuple[float, float]  # where the robot is [m]
+    maps: tuple[PropertyMap, ...]  # the newest map of each property, in the order in which they were announced
+    late: bool = False  # whether a required map lacks what was measured last, because it did not come in time
+    others: tuple[PendingMeasurement, ...] = ()  # pending measurements of other robots on the field
 
 
 OWN = PropertyMap("", required=True)
@@ -212,3 +201,79 @@ def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:
         if len(samples) and each.fit is not None:
             held.field_map.update()
     explorer.properties = properties
+
+
+# Chooses stops in a thread, so that the mission never waits for a choice ----------------------------------------
+
+
+class Terms(NamedTuple):
+    """What a stop is chosen under."""
+
+    started_s: float | None  # start of the mission [s]
+    access: FieldAccess  # where the robot may go
+    settings: ExplorerSettings  # how stops are chosen, with the changes of an operator
+    rules: MissionRules  # rules of the mission, with the changes of an operator
+
+    def same_explorer(self, other: Terms) -> bool:
+        """Whether one explorer serves both."""
+        return self._made_for == other._made_for
+
+    @property
+    def _made_for(self) -> tuple[object, ...]:
+        return self.started_s, self.access, self.settings, self.rules.home, self.rules.dwell
+
+
+class PlanningThread:
+    """One thread that chooses stops, one after the other.
+
+    Strategies remember what they planned: each mission has an explorer, which adopts the changes of an operator.
+
+    :param wake: called from the thread when an answer is ready
+    :param executor: runs the choices instead of the thread
+    """
+
+    def __init__(self, wake: Callable[[], None], executor: Executor | None = None) -> None:
+        self._wake = wake
+        self._executor = executor or ThreadPoolExecutor(1, "planning")
+        self._answers: SimpleQueue[Planned | PlanFailed] = SimpleQueue()
+        self._explorer: tuple[Terms, Explorer] | None = None
+
+    def submit(self, job: PlanJob, terms: Terms) -> None:
+        """Choose a stop; the answer follows in :meth:`answers`."""
+        self._executor.submit(self._choose, job, terms)
+
+    def answers(self) -> Iterator[Planned | PlanFailed]:
+        """The answers that are ready, once each; their time is 0."""
+        while not self._answers.empty():
+            yield self._answers.get()
+
+    def close(self) -> None:
+        """Drop the choices that have not begun."""
+        self._executor.shutdown(wait=False, cancel_futures=True)
+
+    def _choose(self, job: PlanJob, terms: Terms) -> None:
+        try:
+            explorer = self._explorer_for(terms)
+            if job.late:
+                _log.warning("choosing the next stop without what was measured last: the mapper is late")
+            event = answer(explorer, job, terms.settings.needs_map)
+        except Exception as error:
+            _log.exception("planning failed")
+            event = PlanFailed(0.0, job.request.plan_id, f"{type(error).__name__}: {error}")
+        self._answers.put(event)
+        self._wake()
+
+    def _explorer_for(self, terms: Terms) -> Explorer:
+        if self._explorer is not None and self._explorer[0].same_explorer(terms):
+            known, explorer = self._explorer
+            if known.rules != terms.rules:
+                explorer.use_rules(terms.rules)
+                self._explorer = terms, explorer
+            return explorer
+        explorer = make_explorer(terms.access, terms.settings, terms.rules)
+        if self._explorer is not None:
+            old, before = self._explorer
+            if old.started_s == terms.started_s and old.access.stops == terms.access.stops:
+                explorer.go_on_from(before, old.settings.strategy == terms.settings.strategy)
+        self._explorer = terms, explorer
+        return explorer

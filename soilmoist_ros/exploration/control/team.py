@@ -18,9 +18,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
+from soilmoist_ros.exploration.control.field_access import PAST_M, FieldAccess
+from soilmoist_ros.exploration.mission.events import RequestPlan
+from soilmoist_ros.exploration.mission.types import MissionRules, MissionStatus, Phase
 from soilmoist_ros.exploration.planning.planning_model import MIN_RATE_CPS
-from soilmoist_ros.foundation import Health, Level
+from soilmoist_ros.exploration.travel.stop import Stop, Way
+from soilmoist_ros.foundation import Health, InputError, Level
 from soilmoist_ros.mapping import FieldMap, as_samples
 
 Array = NDArray[np.float64]
@@ -39,6 +42,10 @@ SOON_S: Final = 0.2
 """Time after which two places give a velocity [s]."""
 CLOCK_S: Final = 5.0
 """Difference between the clocks of two robots that is reported [s]; messages are on their way for less."""
+
+SHUT_IN: Final = "other robots stand in the way to the stops that are left"
+_LOOK_S: Final = 5.0
+"""Time between two looks whether one of them is out of the way [s]."""
 
 _DRIVES: Final = frozenset({Phase.TRAVELLING, Phase.CANCELLING, Phase.RETURNING})
 _WANTS_TO_DRIVE: Final = _DRIVES | {Phase.PLANNING, Phase.WAITING}
@@ -129,24 +136,15 @@ def places(pending_measurements: Sequence[PendingMeasurement]) -> Array:
 
 @dataclass
 class OtherRobot:
-    """Another robot of the team, by the statuses of its mission.
+    """Another robot of the team, by the statuses of its mission."""
 
-    :param goes_first: whether it drives first where two robots meet
-    :param status: the last status of its mission; ``None`` before the first
-    :param heard_s: when it came, on the mission clock [s]
-    :param silent_s: steady time since then [s]
-    :param clock_s: its clock minus the own one, if the last two statuses agree on a difference [s]
-    :param stranger: why its statuses are not used; empty if they are
-    :param velocity: how it moves, east and north [m/s]
-    """
-
-    goes_first: bool = False
-    status: MissionStatus | None = None
-    heard_s: float = -math.inf
-    silent_s: float = 0.0
-    clock_s: float = 0.0
-    stranger: str = ""
-    velocity: Place = (0.0, 0.0)
+    goes_first: bool = False  # whether it drives first where two robots meet
+    status: MissionStatus | None = None  # the last status of its mission; ``None`` before the first
+    heard_s: float = -math.inf  # when it came, on the mission clock [s]
+    silent_s: float = 0.0  # steady time since then [s]
+    clock_s: float = 0.0  # its clock minus the own one, if the last two statuses agree on a difference [s]
+    stranger: str = ""  # why its statuses are not used; empty if they are
+    velocity: Place = (0.0, 0.0)  # how it moves, east and north [m/s]
     _off_s: float = math.nan
 
     def hear(self, status: MissionStatus, now_s: float, clock_s: float, goes_first: bool) -> None:
@@ -312,3 +310,92 @@ def _velocity(before: Place | None, before_s: float, place: Place | None, now_s:
     if before is None or place is None or not SOON_S <= now_s - before_s <= 5.0:
         return 0.0, 0.0
     return (place[0] - before[0]) / (now_s - before_s), (place[1] - before[1]) / (now_s - before_s)
+
+
+class Passing:
+    """Ways of a robot past those of its team that stand.
+
+    :param team: the other robots
+    """
+
+    def __init__(self, team: Team) -> None:
+        self._team = team
+        self._cut_off = False  # whether a robot stood in the way to stops when the last one was chosen
+        self._planned_for: RequestPlan | None = None
+        self._shut_in: RequestPlan | None = None  # waits until a robot is out of the way
+        self._looked_s = -math.inf
+
+    def way(self, access: FieldAccess, place: Place, stop: Stop) -> Way:
+        """Way to a stop, past the robots that stand.
+
+        :raises InputError: if there is none
+        """
+        if near := self._team.near((stop.x_m, stop.y_m)):
+            raise InputError(f"{stop.name} is not free: {near}", "choose another stop")
+        way, apart_m = access.way(place, stop), self._team.apart_m
+        close = {name: at for name, at in self._team.standing() if way.passes_m(at) < apart_m + PAST_M}
+        if not (apart_m and close):
+            return way
+        try:
+            return access.around(place, [at for _, at in self._team.standing()], apart_m).way(place, stop)
+        except InputError as refusal:
+            names = " and ".join(close)
+            raise InputError(f"{names} stands in the way: {refusal}", "choose another stop") from None
+
+    def plan(self, access: FieldAccess, place: Place, rules: MissionRules, request: RequestPlan) -> set[str]:
+        """A stop is chosen; names of those that another robot is too near to, or in the way to."""
+        self._planned_for, self._shut_in = request, None
+        return self._not_free(access, place, rules, request)
+
+    def waits(self, now_s: float) -> bool:
+        """No stop was found; whether the survey is not over, as robots in the way drive on some day."""
+        if self._cut_off:
+            self._shut_in, self._looked_s = self._planned_for, now_s
+        return self._cut_off
+
+    def is_shut_in(
+        self, access: FieldAccess | None, place: Place | None, rules: MissionRules, under_way: bool, now_s: float
+    ) -> bool:
+        """True while other robots stand in the way to all stops that are left."""
+        request = self._shut_in
+        if request is None or access is None or place is None or not under_way:
+            self._shut_in = None
+        elif now_s - self._looked_s >= _LOOK_S:
+            self._looked_s = now_s
+            free = {stop.name for stop in access.stops} - self._not_free(access, place, rules, request)
+            if not self._cut_off or _any_fits(access, place, rules, request, free):
+                self._shut_in = None
+        return self._shut_in is not None
+
+    def _not_free(self, access: FieldAccess, place: Place, rules: MissionRules, request: RequestPlan) -> set[str]:
+        apart_m, standing = self._team.apart_m, [at for _, at in self._team.standing()]
+        if not (apart_m and standing):
+            self._cut_off = False
+            return set()
+        near = {stop.name for stop in access.stops if self._team.near((stop.x_m, stop.y_m))}
+        cut_off: set[str] = set()
+        if access.on_graph:
+            try:
+                around = access.around(place, standing, apart_m)
+                times = around.travel.travel_s(place, around.stops)
+                reached = {
+                    stop.name for stop, time in zip(around.stops, times, strict=True) if math.isfinite(time)
+                }
+            except InputError:
+                reached = set()
+            cut_off = {stop.name for stop in access.stops} - reached - near
+        self._cut_off = _any_fits(access, place, rules, request, cut_off)
+        return (near | cut_off) - {request.staying}
+
+
+def _any_fits(
+    access: FieldAccess, place: Place, rules: MissionRules, request: RequestPlan, names: set[str]
+) -> bool:
+    """True if a named stop fits into the budget and is not ruled out."""
+    names = names - set(request.blacklisted)
+    return any(
+        stop.name in names
+        and rules.travel_s(place, (stop.x_m, stop.y_m)) + rules.needed_dwell_s
+        <= request.budget_left_s - rules.way_home_s((stop.x_m, stop.y_m))
+        for stop in access.stops
+    )

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from soilmoist_ros.exploration.control.mission_setup import FieldAccess
+from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.watch import NEAR_ROUTE_M, Doing, Surroundings, Watch
 from soilmoist_ros.exploration.mission.events import ClockStepped, Event
@@ -17,9 +17,7 @@ from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase
 from soilmoist_ros.exploration.navigation.navigator import Navigator
-from soilmoist_ros.exploration.navigation.way_points import way_points
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.way import Way
+from soilmoist_ros.exploration.travel.stop import Stop, Way, way_points
 from soilmoist_ros.sensing import CountRecord, Expected
 
 if TYPE_CHECKING:

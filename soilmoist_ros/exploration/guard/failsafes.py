@@ -48,36 +48,23 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True)
 class Failsafe:
-    """A row of the table of failsafes.
+    """A row of the table of failsafes."""
 
-    :param about: when the alarm begins
-    :param response: what follows unless it is set otherwise
-    :param limits: names of the parameters that limit it, in :data:`LIMITS` or others of the planner
-    :param remedy: what the operator can do
-    """
-
-    about: str
-    response: Response
-    limits: tuple[str, ...]
-    remedy: str
+    about: str  # when the alarm begins
+    response: Response  # what follows unless it is set otherwise
+    limits: tuple[str, ...]  # names of the parameters that limit it, in :data:`LIMITS` or others of the planner
+    remedy: str  # what the operator can do
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit of the watch.
+    """A limit of the watch."""
 
-    :param default: value unless it is set otherwise
-    :param unit: its unit
-    :param about: what it limits
-    :param low: lowest value
-    :param high: highest value, ``None`` for any
-    """
-
-    default: float
-    unit: str
-    about: str
-    low: float = 0.0
-    high: float | None = None
+    default: float  # value unless it is set otherwise
+    unit: str  # its unit
+    about: str  # what it limits
+    low: float = 0.0  # lowest value
+    high: float | None = None  # highest value, ``None`` for any
 
 
 LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(

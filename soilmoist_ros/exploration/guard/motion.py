@@ -72,18 +72,12 @@ class _Mean:
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """Distance that the robot seems to have moved in a time.
+    """Distance that the robot seems to have moved in a time."""
 
-    :param east_m: eastwards [m]
-    :param north_m: northwards [m]
-    :param noise_m: standard deviation of each of the two by noise [m]
-    :param span_s: over which time [s]
-    """
-
-    east_m: float
-    north_m: float
-    noise_m: float
-    span_s: float
+    east_m: float  # eastwards [m]
+    north_m: float  # northwards [m]
+    noise_m: float  # standard deviation of each of the two by noise [m]
+    span_s: float  # over which time [s]
 
     @property
     def length_m(self) -> float:
@@ -111,14 +105,10 @@ NO_SHIFT: Final = Shift(0.0, 0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Standstill of the robot.
+    """Standstill of the robot."""
 
-    :param for_s: for how long, as long as was needed to be sure [s]; 0 if it moves or nobody knows
-    :param unseen_mps: a slower motion would not show in the noise [m/s]; 0 below :data:`SLOW_MPS`
-    """
-
-    for_s: float
-    unseen_mps: float = 0.0
+    for_s: float  # for how long, as long as was needed to be sure [s]; 0 if it moves or nobody knows
+    unseen_mps: float = 0.0  # a slower motion would not show in the noise [m/s]; 0 below :data:`SLOW_MPS`
 
 
 class Motion:

@@ -14,10 +14,9 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Final
 
-from soilmoist_ros.exploration.guard.battery import Battery, BatteryLimit
-from soilmoist_ros.exploration.guard.count_trust import CountTrust
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
 from soilmoist_ros.exploration.guard.motion import UNKNOWN_SD_M, Motion
+from soilmoist_ros.exploration.guard.signals import Battery, BatteryLimit, CountTrust
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation import Health, Level
@@ -103,50 +102,32 @@ class WatchLimits:
 class Doing:
     """What the mission does at the time of a check.
 
-    :param under_way: whether a mission has started and not ended
-    :param driving: whether a goal has been sent and has not ended
     :param near_corner: whether it seems to be within the arrival radius of its goal, or of a bend of its route
-    :param still: whether the robot should stand: it is the planner's, and its navigation works on no goal
-    :param going_home: whether the robot is on its way home for good
-    :param waiting_for: what is missing of the navigation; empty if nothing is
-    :param other_client: who drives the robot instead of the planner; empty if nobody does
-    :param feedback_age_s: time since the last feedback about the goal [s]; NaN if none has come
-    :param time_left_s: time until the mission ends [s]
-    :param way_home_s: time of the way home [s]; 0 without a home
     """
 
-    under_way: bool = False
-    driving: bool = False
+    under_way: bool = False  # whether a mission has started and not ended
+    driving: bool = False  # whether a goal has been sent and has not ended
     near_corner: bool = False
-    still: bool = False
-    going_home: bool = False
-    waiting_for: str = ""
-    other_client: str = ""
-    feedback_age_s: float = math.nan
-    time_left_s: float = math.inf
-    way_home_s: float = 0.0
+    still: bool = False  # whether the robot should stand: it is the planner's, and its navigation works on no goal
+    going_home: bool = False  # whether the robot is on its way home for good
+    waiting_for: str = ""  # what is missing of the navigation; empty if nothing is
+    other_client: str = ""  # who drives the robot instead of the planner; empty if nobody does
+    feedback_age_s: float = math.nan  # time since the last feedback about the goal [s]; NaN if none has come
+    time_left_s: float = math.inf  # time until the mission ends [s]
+    way_home_s: float = 0.0  # time of the way home [s]; 0 without a home
 
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """Where the robot is in the field, and where it will be in three seconds if it drives on.
+    """Where the robot is in the field, and where it will be in three seconds if it drives on."""
 
-    :param outside_m: distance outside the field [m]
-    :param no_go_m: depth in a no-go area, its margin included [m]
-    :param off_route_m: distance from the route [m]; 0 without a goal
-    :param ahead_outside_m: distance outside the field in three seconds [m]
-    :param ahead_no_go_m: depth in a no-go area in three seconds [m]
-    :param sd_m: standard deviation of each coordinate [m], NaN if unknown
-    :param leaving_m: how deep in a no-go area a robot may be that is sent out of it [m]
-    """
-
-    outside_m: float = 0.0
-    no_go_m: float = 0.0
-    off_route_m: float = 0.0
-    ahead_outside_m: float = 0.0
-    ahead_no_go_m: float = 0.0
-    sd_m: float = math.nan
-    leaving_m: float = 0.0
+    outside_m: float = 0.0  # distance outside the field [m]
+    no_go_m: float = 0.0  # depth in a no-go area, its margin included [m]
+    off_route_m: float = 0.0  # distance from the route [m]; 0 without a goal
+    ahead_outside_m: float = 0.0  # distance outside the field in three seconds [m]
+    ahead_no_go_m: float = 0.0  # depth in a no-go area in three seconds [m]
+    sd_m: float = math.nan  # standard deviation of each coordinate [m], NaN if unknown
+    leaving_m: float = 0.0  # how deep in a no-go area a robot may be that is sent out of it [m]
 
     @property
     def noise_m(self) -> float:

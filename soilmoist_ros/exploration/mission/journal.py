@@ -10,8 +10,17 @@ from typing import Any, Protocol
 
 from soilmoist_ros.exploration.mission.events import Command, Event, Moved, RecordArrived, Tick
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.state import Goal, MissionState, Todo, replace, shown
-from soilmoist_ros.exploration.mission.stored import event_from_dict, event_to_dict, state_from_json, visit_to_dict
+from soilmoist_ros.exploration.mission.state import (
+    Goal,
+    MissionState,
+    Todo,
+    event_from_dict,
+    event_to_dict,
+    replace,
+    shown,
+    state_from_json,
+    visit_to_dict,
+)
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop

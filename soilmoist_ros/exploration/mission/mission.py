@@ -4,7 +4,8 @@
 
 ``step(rules, state, event)`` gives the next state and the actions to carry out. There is no clock, no randomness
 and no input or output in it, so the same mission runs in the planner node, in a simulator a thousand times
-faster, and from a journal of its events.
+faster, and from a journal of its events. :data:`ALWAYS`, :data:`IN_PHASE`, :data:`COMMANDS` and :data:`DEADLINES`
+at the end are the tables of what it does.
 
 What it holds to:
 
@@ -20,50 +21,112 @@ What it holds to:
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
-from typing import assert_never
+from collections.abc import Callable
+from functools import cached_property
+from operator import itemgetter
+from typing import Any, Final, assert_never
 
-from soilmoist_ros.exploration.mission.actions import Action, Answer, Publish
-from soilmoist_ros.exploration.mission.commands import Commands
-from soilmoist_ros.exploration.mission.dangers import Dangers
-from soilmoist_ros.exploration.mission.deadlines import Deadlines
 from soilmoist_ros.exploration.mission.events import (
+    ANYBODYS,
+    RESTART,
     STILL_M,
+    Action,
     AlarmOver,
+    Answer,
+    CancelGoal,
     ClockStarted,
     ClockStepped,
     Command,
     EmergencyStop,
     Event,
+    Finish,
     GoalFailed,
     GoalReached,
+    GoTo,
     Moved,
     PlanFailed,
     Planned,
+    Publish,
     RecordArrived,
-    Tick,
+    RequestPlan,
+    Save,
+    StartCounting,
+    StopCounting,
+    VisitDone,
 )
-from soilmoist_ros.exploration.mission.moves import after_colon, xy
 from soilmoist_ros.exploration.mission.state import (
-    Counting,
     Goal,
     MissionState,
+    OpenVisit,
+    PendingPlan,
+    QueuedStop,
+    RuledOut,
     Target,
     Todo,
     blacklisted,
     changed_rules,
     dwell_rule,
     mission_status,
+    raw_rate,
     replace,
     shown,
+    state_from_json,
+    state_to_dict,
 )
-from soilmoist_ros.exploration.mission.stored import state_from_json, state_to_dict
-from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, MissionRules, MissionStatus, Phase
-from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.mission.types import (
+    MOVING,
+    READY,
+    Alarm,
+    Changes,
+    MissionEnd,
+    MissionRules,
+    MissionStatus,
+    OnSilence,
+    Phase,
+    PlanKind,
+    Response,
+    Verb,
+)
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
+from soilmoist_ros.exploration.planning.dwell import DwellRule, parse_dwell
 from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
-from soilmoist_ros.exploration.travel.stop import inside_any
-from soilmoist_ros.sensing import CountRecord
+from soilmoist_ros.exploration.travel.stop import Stop, inside_any, is_polygon
+from soilmoist_ros.foundation import InputError
+
+MOVED_S: Final = 3.0
+"""A robot is moved away from where it counts when it is seen elsewhere for this time [s]; one fix may be bad."""
+UNDER_THE_WHEELS_M: Final = 0.1
+"""A robot that stands this near a stop needs no goal to it [m]; navigations are not more precise."""
+SDS: Final = 3.0
+"""Errors of positions up to this many standard deviations are noise."""
+GOOD_FORECASTS: Final = 3
+"""A mission ends by so many forecasts in a row: each fit of the variogram makes them jump a little."""
+SATISFIED: Final = (MissionEnd.GOOD_ENOUGH, MissionEnd.LITTLE_GAIN, MissionEnd.NOTHING_VARIES)
+"""Ends of a mission whose map is as good as demanded, or would not become much better."""
+_RESUMES: Final = {
+    Phase.PLANNING: Todo.PLAN,
+    Phase.TRAVELLING: Todo.TRAVEL,
+    Phase.COUNTING: Todo.COUNT,
+    Phase.RETURNING: Todo.RETURN,
+}
+"""What to go on with after a pause."""
+_EARLY: Final = {
+    MissionEnd.RETURNED: VisitEnd.RETURNED,
+    MissionEnd.FAILSAFE: VisitEnd.FAILSAFE,
+    **dict.fromkeys(SATISFIED, VisitEnd.ENOUGH),
+}
+"""Ends of a visit with the mission; the time is up with all others."""
+_MAX_AT_ONCE: Final = 10
+"""Maximum number of deadlines per step; more are due only if limits are below the resolution of the clock."""
+_ROUNDING: Final = 1e-9
+"""Relative rounding error allowed in sums of exposures."""
+
+Place = tuple[float, float]
+Done = tuple[bool, str]
+"""Whether a command is accepted, and what happens or why not."""
 
 
 class Mission:
@@ -76,11 +139,11 @@ class Mission:
     def __init__(self, rules: MissionRules, state: MissionState | None = None) -> None:
         self.rules = rules
         self.state = state if state is not None else MissionState()
-        self._last = _Turn(rules, self.state)
+        self._last = Step(rules, self.state)
 
     def step(self, event: Event) -> tuple[Action, ...]:
         """Take in an event; see :func:`step`."""
-        self._last = _turn(self.rules, self.state, event)
+        self._last = _taken(self.rules, self.state, event)
         self.state = self._last.state
         return tuple(self._last.actions)
 
@@ -119,85 +182,198 @@ def step(rules: MissionRules, state: MissionState, event: Event) -> tuple[Missio
 
     :raises ValueError: if the time of the event is not finite
     """
-    turn = _turn(rules, state, event)
-    return turn.state, tuple(turn.actions)
+    taken = _taken(rules, state, event)
+    return taken.state, tuple(taken.actions)
 
 
-def _turn(rules: MissionRules, state: MissionState, event: Event) -> _Turn:
+def _taken(rules: MissionRules, state: MissionState, event: Event) -> Step:
     """A step that has been done."""
     if not math.isfinite(event.now_s):
         raise ValueError(f"the time of an event must be finite, got {event!r}")
     now_s = event.now_s if state.now_s is None else max(state.now_s, event.now_s)
-    turn = _Turn(rules, state if now_s == state.now_s else replace(state, now_s=now_s))
-    turn.handle(event)
-    turn.meet_deadlines()
-    if shown(turn.state) != shown(state):
-        turn.do(Publish())
-    return turn
+    taken = Step(rules, state if now_s == state.now_s else replace(state, now_s=now_s))
+    taken.handle(event)
+    taken.meet_deadlines()
+    if shown(taken.state) != shown(state):
+        taken.do(Publish())
+    return taken
 
 
-MOVED_S = 3.0
-"""A robot is moved away from where it counts when it is seen elsewhere for this time [s]; one fix may be bad."""
-UNDER_THE_WHEELS_M = 0.1
-"""A robot that stands this near a stop needs no goal to it [m]; navigations are not more precise."""
-_ROUNDING = 1e-9
-"""Relative rounding error allowed in sums of exposures."""
+class Step:
+    """One step of a mission: the state so far, the requested actions, and all that a mission can do.
 
+    :param rules: rules of the mission
+    :param state: the state at the time of the step
 
-class _Turn(Commands, Dangers, Deadlines):
-    """One step: what an event, or the operator, sets off."""
+    Attributes
+    ----------
+    now_s : float
+        time of this step [s], NaN before the first
+    """
+
+    def __init__(self, rules: MissionRules, state: MissionState) -> None:
+        self.rules = rules if state.changes is None else changed_rules(rules, state.changes)
+        self.given_rules = rules
+        self.state = state
+        self.now_s = math.nan if state.now_s is None else state.now_s
+        self.actions: list[Action] = []
+
+    def do(self, action: Action) -> None:
+        """Ask for an action."""
+        self.actions.append(action)
+
+    @property
+    def place(self) -> Place:
+        """Where the robot is [m]."""
+        assert self.state.position is not None, "a mission does not start without a position"
+        return self.state.position
+
+    @property
+    def goal(self) -> Goal:
+        """The open goal."""
+        assert self.state.goal is not None
+        return self.state.goal
+
+    @property
+    def target(self) -> Target:
+        """The stop that was chosen."""
+        assert self.state.target is not None
+        return self.state.target
+
+    @property
+    def counting(self) -> OpenVisit:
+        """The visit that is open."""
+        assert self.state.counting is not None
+        return self.state.counting
+
+    @property
+    def started_s(self) -> float:
+        """Start of the mission [s]."""
+        assert self.state.started_s is not None
+        return self.state.started_s
+
+    @property
+    def noise_m(self) -> float:
+        """Error that the robot's position may have [m]."""
+        return SDS * self.state.position_sd_m
+
+    @property
+    def noise_at_stop_m(self) -> float:
+        """Distance between the robot's position and that of its arrival which noise explains [m]."""
+        return SDS * math.hypot(self.state.position_sd_m, self.counting.sd_m)
 
     # Events --------------------------------------------------------------------------------------------------
 
     def handle(self, event: Event) -> None:
+        """Take in an event, then do what follows from it in this phase."""
+        kind = type(event)
+        if (take := ALWAYS.get(kind)) is not None:
+            take(self, event)
+        follow = IN_PHASE.get((kind, self.state.phase))
+        if follow is not None and self.is_current(event):
+            follow(self, event)
+
+    def is_current(self, event: Event) -> bool:
+        """False for the answer to a plan request or a goal that is not the open one."""
+        plan, goal = self.state.plan, self.state.goal
         match event:
-            case RecordArrived(record=record):  # these two come first, as nearly all events are of them
-                self.on_record(record)
-            case Moved(x_m=x_m, y_m=y_m, still_s=still_s, unseen_mps=unseen_mps, sd_m=sd_m):
-                self.on_moved((x_m, y_m), sd_m, still_s, unseen_mps)
-            case Command():
-                self.do(Answer(event.verb, *self.command(event)))
-            case Planned(plan_id=plan_id):
-                if self.is_awaited(plan_id):
-                    self.on_plan(event)
-            case PlanFailed(plan_id=plan_id, reason=reason):
-                if self.is_awaited(plan_id):
-                    self.fail(Todo.PLAN, f"planning failed: {reason}")
-            case GoalReached(goal_id=goal_id, x_m=x_m, y_m=y_m):
-                self.on_moved((x_m, y_m), self.state.position_sd_m)
-                if (goal := self.ended_goal(goal_id)) is not None:
-                    self.on_reached(goal, (x_m, y_m))
-            case GoalFailed(goal_id=goal_id, reason=reason, refused=refused, superseded=superseded):
-                if self.ended_goal(goal_id) is not None:
-                    self.on_goal_ended(reason, refused, superseded)
-            case Alarm():
-                self.alarm(event)
-            case AlarmOver(cause=cause):
-                self.alarm_over(cause)
-            case EmergencyStop(active=active, source=source):
-                self.emergency(active, source)
-            case ClockStarted(boot=boot, offset_s=offset_s):
-                self.state = replace(self.state, boot=boot, steady_offset_s=offset_s)
-            case ClockStepped(step_s=step_s):
-                self.state = replace(self.state, stamp_offset_s=self.state.stamp_offset_s + step_s)
-            case Tick():
-                pass
+            case Planned(plan_id=plan_id) | PlanFailed(plan_id=plan_id):
+                return plan is not None and plan.plan_id == plan_id
+            case GoalReached(goal_id=goal_id) | GoalFailed(goal_id=goal_id):
+                return goal is not None and goal.goal_id == goal_id and not goal.over
             case _:
-                assert_never(event)
+                return True
 
-    def is_awaited(self, plan_id: int) -> bool:
-        return self.state.plan is not None and self.state.plan.plan_id == plan_id
+    def locate(
+        self, place: Place, sd_m: float, still_s: float | None = None, unseen_mps: float | None = None
+    ) -> None:
+        """The robot is here; parameters as of :class:`Moved`."""
+        if not (math.isfinite(place[0]) and math.isfinite(place[1])):
+            return
+        still_at, still_since_s = self.state.still_at, self.state.still_since_s
+        if still_s is not None:
+            still_at, before_s = place, still_since_s if still_s and still_since_s is not None else self.now_s
+            still_since_s = min(before_s, self.now_s - still_s)
+        elif still_at is None or math.dist(still_at, place) > STILL_M:
+            still_at, still_since_s = place, self.now_s
+        self.state = replace(
+            self.state,
+            position=place,
+            position_s=self.now_s,
+            position_sd_m=sd_m if math.isfinite(sd_m) else 0.0,
+            still_at=still_at,
+            still_since_s=still_since_s,
+            unseen_mps=self.state.unseen_mps if unseen_mps is None else unseen_mps,
+        )
+        start = self.state.odometer_at
+        moved_m = math.dist(start, place) if start is not None else math.inf
+        if moved_m >= self.rules.odometer_step_m:
+            driven_m = moved_m if start is not None and self.state.under_way else 0.0
+            self.state = replace(self.state, odometer_at=place, distance_m=self.state.distance_m + driven_m)
+        if self.state.phase is Phase.CANCELLING:
+            self.stopped()
+        elif self.state.counting is not None and self.state.counting.since_s is not None:
+            self.watch_stop(place)
 
-    def ended_goal(self, goal_id: int) -> Goal | None:
-        """The current goal, whose end the navigation reports; ``None`` if the id is another one's."""
-        goal = self.state.goal
-        if goal is None or goal.goal_id != goal_id or goal.over:
-            return None
-        cancelled = self.state.phase is Phase.CANCELLING
-        self.state = replace(self.state, goal=replace(goal, over=True) if cancelled else None)
-        return goal
+    def watch_stop(self, place: Place) -> None:
+        """End the visit of a robot that was moved away while it counts: it has no goal, so others move it."""
+        counting, stop, noise_m = self.counting, self.target.stop, self.noise_at_stop_m
+        away_m = math.dist(place, (counting.x_m, counting.y_m))
+        away_s = None
+        if away_m - noise_m > self.rules.reach_m(stop, noise_m):
+            away_s = self.now_s if counting.away_s is None else counting.away_s
+        if away_s is not None and self.now_s - away_s >= MOVED_S:
+            reason = f"the robot was moved by {away_m:.1f} m while it counted at {stop.name}"
+            self.leave_stop(VisitEnd.MOVED, reason)
+            self.hold(Todo.PLAN, f"{reason}, and not by the planner; check the robot, then resume or abort")
+        elif away_s != counting.away_s:
+            self.state = replace(self.state, counting=replace(counting, away_s=away_s))
 
-    def on_plan(self, event: Planned) -> None:
+    def record_arrived(self, event: RecordArrived) -> None:
+        """Add a record to the mission, and to the stop if it was counted there."""
+        record, state, newest_s = event.record, self.state, self.state.last_stamp_s
+        stamp_s = record.stamp_s - state.stamp_offset_s
+        usable = math.isfinite(record.stamp_s) and record.raw_counts >= 0
+        usable = usable and 0 < record.exposure_s < math.inf and 0 < record.effective_exposure_s < math.inf
+        if not usable or (newest_s is not None and stamp_s <= newest_s):
+            return  # broken, repeated or out of order
+        ended_s = min(stamp_s, self.now_s)
+        began_s = ended_s - record.exposure_s
+        if newest_s is not None and ended_s - newest_s < 2 * record.exposure_s:
+            began_s = min(began_s, newest_s)  # the live time is shorter than the interval when a tube is missing
+        raw_counts, exposure_s = state.raw_counts, state.exposure_s
+        if state.under_way:
+            raw_counts, exposure_s = raw_counts + record.raw_counts, exposure_s + record.exposure_s
+        self.state = replace(state, last_stamp_s=ended_s, raw_counts=raw_counts, exposure_s=exposure_s)
+        counting = state.counting
+        if state.phase not in (Phase.COUNTING, Phase.PLANNING) or counting is None or counting.since_s is None:
+            return
+        away_m = math.dist((record.x_m, record.y_m), (counting.x_m, counting.y_m))
+        is_here = away_m <= self.rules.reach_m(self.target.stop, self.noise_at_stop_m)  # not if its place is NaN
+        if began_s < counting.since_s or not is_here:
+            return
+        reason = self.counting_reason() if counting.silent else self.state.reason
+        counting = replace(
+            counting,
+            heard_s=self.now_s,
+            silent=False,
+            records=counting.records + 1,
+            raw_counts=counting.raw_counts + record.raw_counts,
+            exposure_s=counting.exposure_s + record.exposure_s,
+            effective_exposure_s=counting.effective_exposure_s + record.effective_exposure_s,
+        )
+        self.state = replace(self.state, counting=counting, reason=reason)
+        too_short = counting.exposure_s < self.rules.min_dwell_s * (1 - _ROUNDING)
+        if too_short or counting.met is not None or counting.to_the_end:
+            return
+        dwell = dwell_rule(self.rules, self.state)
+        judged_counts, judged_s = counting.judged
+        if dwell.enough(judged_counts, judged_s):
+            code = VisitEnd.MAX_DWELL if judged_s >= dwell.longest_s else VisitEnd.ENOUGH
+            self.dwell_is_over(code, dwell.outcome(counting.raw_counts, counting.exposure_s))
+
+    def planned(self, event: Planned) -> None:
+        """Go to the stop that the planner has chosen, or count on, or end."""
         choice = event.choice
         if event.forecast is not None:
             end = satisfied(self.rules, event.forecast)
@@ -228,133 +404,881 @@ class _Turn(Commands, Dangers, Deadlines):
             target = Target(choice.stop, choice.reason, travel_s, dwell=choice.dwell, home_s=event.home_s)
             self.state = replace(self.state, target=target)
             if self.rules.stays and math.dist(self.place, xy(choice.stop)) <= UNDER_THE_WHEELS_M:
-                self.arrive(self.place)
+                self.arrive()
             else:
                 self.travel(travel_s, f"going to {choice.stop.name}{after_colon(choice.reason)}")
 
-    def on_reached(self, goal: Goal, place: tuple[float, float]) -> None:
-        if self.state.phase is Phase.CANCELLING:
-            self.stopped()
-        elif not self.rules.is_at(place, goal.stop, self.noise_m):
-            away_m = math.dist(place, xy(goal.stop))
-            self.on_goal_ended(f"reported as reached, but the robot is {away_m:.1f} m away from it")
+    def goal_over(self, _event: GoalReached | GoalFailed) -> None:
+        """The goal that is being cancelled has ended."""
+        self.state = replace(self.state, goal=replace(self.goal, over=True))
+        self.stopped()
+
+    def goal_reached(self, event: GoalReached) -> None:
+        """The goal has ended at its stop, if the robot's own place agrees: count there, or finish at home."""
+        stop, place = self.goal.stop, (event.x_m, event.y_m)
+        self.state = replace(self.state, goal=None)
+        if not self.rules.is_at(place, stop, self.noise_m):
+            away_m = math.dist(place, xy(stop))
+            self.failed_on_way(f"reported as reached, but the robot is {away_m:.1f} m away from it")
         elif self.state.phase is Phase.RETURNING:
             self.finish(f"{self.state.ending}; the robot is back home")
         else:
             self.arrive(place)
 
-    def arrive(self, place: tuple[float, float]) -> None:
-        """The robot is at its stop: count there."""
-        now_s, sd_m = self.now_s, self.state.position_sd_m
-        self.count(Counting(*place, arrived_s=now_s, since_s=now_s, heard_s=now_s, sd_m=sd_m))
-
-    def on_goal_ended(self, reason: str, refused: bool = False, superseded: bool = False) -> None:
-        """The goal did not lead to its stop, it was cancelled on purpose, or another client has replaced it."""
+    def goal_failed(self, event: GoalFailed) -> None:
+        """The goal did not lead to its stop, or another client has replaced it: then people decide."""
         resume = self.to_resume
-        if self.state.phase is Phase.CANCELLING:
-            self.stopped()
-        elif superseded and resume is not None:
-            self.hold(resume, f"{reason}; wait until the other goal is over, then resume or abort")
+        self.state = replace(self.state, goal=None)
+        if event.superseded and resume is not None:
+            self.hold(resume, f"{event.reason}; wait until the other goal is over, then resume or abort")
         else:
-            self.goal_failed(reason, refused)
+            self.failed_on_way(event.reason, event.refused)
 
-    def on_moved(
-        self,
-        place: tuple[float, float],
-        sd_m: float,
-        still_s: float | None = None,
-        unseen_mps: float | None = None,
-    ) -> None:
-        if not (math.isfinite(place[0]) and math.isfinite(place[1])):
+    # Dangers -------------------------------------------------------------------------------------------------
+
+    def alarm(self, alarm: Alarm) -> None:
+        """The guard has found a danger."""
+        others = tuple(other for other in self.state.alarms if other.cause != alarm.cause)
+        known = next((other for other in self.state.alarms if other.cause == alarm.cause), None)
+        if alarm.response is Response.IGNORE:
+            self.state = replace(self.state, alarms=others)
             return
-        still_at, still_since_s = self.state.still_at, self.state.still_since_s
-        if still_s is not None:
-            still_at, before_s = place, still_since_s if still_s and still_since_s is not None else self.now_s
-            still_since_s = min(before_s, self.now_s - still_s)
-        elif still_at is None or math.dist(still_at, place) > STILL_M:
-            still_at, still_since_s = place, self.now_s
+        self.state = replace(self.state, alarms=(*others, alarm))
+        goal = self.state.goal
+        if alarm.cause == MOVING and alarm.response.stops and (goal is None or goal.over):
+            self.do(CancelGoal(ANYBODYS, alarm.reason))  # again with each alarm: nothing else tells it to stop
+        if self.state.under_way and (known is None or known.response is not alarm.response):
+            self.respond(alarm.response, alarm.reason)
+
+    def respond(self, response: Response, reason: str) -> None:
+        """Do what a danger demands."""
+        resume = self.to_resume
+        paused = self.state.phase is Phase.PAUSED or self.state.todo is Todo.PAUSE
+        match response:
+            case Response.PAUSE if resume is not None:
+                self.hold(resume, f"{reason}; check the robot, then resume or abort")
+            case Response.HOLD if resume is not None and not paused:
+                self.hold(resume, f"{reason}; going on when that is over", needs_operator=False, held=True)
+            case Response.RETURN if resume is not None and resume is not Todo.RETURN and not paused:
+                self.end(MissionEnd.FAILSAFE, reason)
+            case Response.ABORT if resume is not None:
+                self.abandon(MissionEnd.FAILSAFE, reason)
+
+    def alarm_over(self, event: AlarmOver) -> None:
+        """A danger is over."""
+        alarms = tuple(alarm for alarm in self.state.alarms if alarm.cause != event.cause)
+        self.state = replace(self.state, alarms=alarms)
+        self.release()
+
+    def emergency(self, event: EmergencyStop) -> None:
+        """Stop at once and stay, whatever the mission is doing; a release only ends the reason."""
+        others = tuple(other for other in self.state.emergency if other != event.source)
+        self.state = replace(self.state, emergency=(*others, event.source) if event.active else others)
+        if not event.active:
+            return
+        reason = f"emergency stop{after_colon(event.source)}"
+        goal = self.state.goal
+        self.do(CancelGoal(ANYBODYS, reason))  # another client may drive, also if a goal of the mission is open
+        if goal is not None and goal.cancelled_s is not None:  # the others are cancelled by the pause
+            self.do(CancelGoal(goal.goal_id, reason))
+        resume = self.to_resume
+        if self.state.under_way and resume is not None:
+            self.hold(resume, f"{reason}; release it, then resume or abort")
+
+    # Commands ------------------------------------------------------------------------------------------------
+
+    def start(self, _command: Command) -> Done:
+        """Start a new mission."""
+        state = self.state
+        if state.phase not in (Phase.IDLE, Phase.FINISHED):
+            return False, f"a mission is under way ({state.phase}): resume or abort it"
+        if state.position is None:
+            return False, "the robot's position is not known yet: wait for a fix"
+        if state.start_hindrance:
+            return False, state.start_hindrance
+        self.state = MissionState(
+            **{name: getattr(state, name) for name in _KEPT}, started_s=state.now_s, odometer_at=state.position
+        )
+        self.plan("started")
+        return True, self.state.reason
+
+    def pause(self, command: Command) -> Done:
+        """Stop, until an operator resumes."""
+        state = self.state
+        if state.phase is Phase.PAUSED or state.todo is Todo.PAUSE:
+            own = command.who == RESTART and (state.held or state.interrupted)
+            self.state = replace(state, held=False, interrupted=own)  # otherwise it is the operator's from now on
+            return True, state.reason
+        resume = self.to_resume
+        if resume is None:
+            return False, f"there is nothing to pause: {state.reason}"
+        self.hold(resume, f"paused by {command.by}", needs_operator=False)
+        if command.who == RESTART:
+            self.state = replace(self.state, interrupted=True)
+        return True, self.state.reason
+
+    def resume(self, command: Command) -> Done:
+        """Go on after a pause."""
+        resume = self.state.resume
+        if resume is None:
+            return False, f"nothing is paused: {self.state.reason}"
+        if self.state.hindrance:
+            return False, f"not yet: {self.state.hindrance}"
+        self.state = replace(self.state, failures=0, wait_until_s=None)
+        self.go_on_with(resume, f"resumed by {command.by}" if command.who else "resumed")
+        return True, self.state.reason
+
+    def abort(self, command: Command) -> Done:
+        """Stop, and end the mission where the robot is; without a mission, stop whatever drives the robot."""
+        reason = f"aborted by {command.by}"
+        if self.state.under_way:
+            self.abandon(MissionEnd.ABORTED, reason)
+        else:
+            if self.state.phase is Phase.FINISHED:
+                self.enter(Phase.IDLE, READY)
+            self.do(CancelGoal(ANYBODYS, reason))
+            if not self.seen_standing:
+                return True, f"{reason}: whatever drives the robot is asked to stop; it is not known to stand"
+        return True, self.state.reason
+
+    def skip(self, command: Command) -> Done:
+        """Leave the stop, and rule it out for a while."""
+        target = self.state.target
+        if target is None:
+            return False, f"there is no stop to skip: {self.state.reason}"
+        cause = command.cause or f"by {command.by}"
+        self.leave_for_good(target.stop, f"{target.stop.name} skipped {cause}")
+        return True, self.state.reason
+
+    def leave_for_good(self, stop: Stop, reason: str) -> None:
+        """Rule the target out, and choose another stop unless paused."""
+        self.rule_out(stop)
+        self.leave_stop(VisitEnd.SKIPPED, reason)
+        self.state = replace(self.state, wait_until_s=None)
+        if self.state.resume is not None:
+            self.hold(Todo.PLAN, f"{reason}; still paused", self.state.needs_operator, self.state.held)
+        else:
+            self.then(Todo.PLAN, reason)
+
+    def measure(self, command: Command) -> Done:
+        """Put a place into the queue of stops."""
+        stop, queue, dwell_s = command.stop, self.state.queue, command.dwell_s
+        if stop is None or not (math.isfinite(stop.x_m) and math.isfinite(stop.y_m)):
+            return False, "there is no place to measure at: give x and y in metres"
+        if not self.state.under_way or self.to_resume in (None, Todo.RETURN):
+            return False, f"no mission is measuring: {self.state.reason}"
+        if stop.name in {queued.stop.name for queued in queue}:
+            return False, f"{stop.name} is in the queue already"
+        if inside_any(self.state.ruled_out, xy(stop))[0]:
+            return False, f"{stop.name} lies in an area that is ruled out"
+        if dwell_s is not None and not (math.isfinite(dwell_s) and dwell_s > 0):
+            return False, f"a dwell of {dwell_s:g} s is not possible: give seconds above 0"
+        queued = QueuedStop(stop, command.by, "" if dwell_s is None else f"fmi:{dwell_s:g}")
+        self.state = replace(self.state, queue=(*queue, queued))
+        self.plan_again(f"{stop.name} requested by {command.by}")
+        names = ", ".join(queued.stop.name for queued in self.state.queue)
+        return True, f"queued: {names}" if names else self.state.reason
+
+    def rule_out_area(self, command: Command) -> Done:
+        """Choose no stop in an area; driving through it stays allowed."""
+        corners = command.polygon
+        if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
+            return False, f"an area needs at least three corners in metres, got {len(corners)}"
+        if not is_polygon(corners):
+            return False, "the border of the area crosses itself or encloses nothing: give the corners in order"
+        kept = tuple(queued for queued in self.state.queue if not inside_any([corners], xy(queued.stop))[0])
+        self.state = replace(self.state, ruled_out=(*self.state.ruled_out, corners), queue=kept)
+        target = self.state.target
+        if target is not None and inside_any([corners], xy(target.stop))[0]:
+            self.leave_for_good(target.stop, f"{target.stop.name} is ruled out by {command.by}")
+        else:
+            self.plan_again(f"an area is ruled out by {command.by}")
+        return True, f"no stop is chosen in the area; {self.state.reason}"
+
+    def order(self, command: Command) -> Done:
+        """Put the queued stops in order, and drop those left out."""
+        queued = {one.stop.name: one for one in self.state.queue}
+        unknown = [name for name in command.stops if name not in queued]
+        if unknown or len(set(command.stops)) < len(command.stops):
+            names = ", ".join(queued) or "nothing"
+            return False, f"the queue holds {names}: name each of them once at most"
+        self.state = replace(self.state, queue=tuple(queued[name] for name in command.stops))
+        return True, f"queued: {', '.join(command.stops) or 'nothing'}"
+
+    def change(self, command: Command) -> Done:
+        """Change settings from now on."""
+        new = command.changes
+        if new is None or new == Changes():
+            return False, "there is nothing to change"
+        names = (field.name for field in dataclasses.fields(new))
+        values = {name: value for name in names if (value := getattr(new, name)) is not None}
+        if new.of_survey and self.state.under_way:
+            return False, f"a mission is under way: end it before {' and '.join(new.of_survey)} can change"
+        changes = dataclasses.replace(self.state.changes or Changes(), **values)
+        try:
+            rules = changed_rules(self.given_rules, changes)
+        except (InputError, ValueError) as error:
+            return False, str(error)
+        used_s = self.state.time_used_s
+        if new.budget_s is not None and self.state.under_way and new.budget_s <= used_s:
+            return False, f"{used_s / 3600:.2f} h are used already: give more, or send the robot home"
+        self.state = replace(self.state, changes=changes)
+        if new.home is not None and self.state.target is not None:
+            self.state = replace(self.state, target=replace(self.state.target, home_s=0.0))
+        self.rules = rules
+        self.plan_again(f"settings changed by {command.by}")
+        return True, f"changed: {', '.join(f'{name} {_plain(value)}' for name, value in values.items())}"
+
+    def return_home(self, command: Command) -> Done:
+        """Stop measuring, go home and end."""
+        resume = self.to_resume
+        if self.rules.home is None:
+            return False, "there is no home: set one, or abort"
+        if not self.state.under_way or resume is None:
+            return False, f"no mission is under way: {self.state.reason}"
+        if self.state.hindrance:
+            return False, f"not yet: {self.state.hindrance}"
+        self.state = replace(self.state, wait_until_s=None, queue=())
+        if resume is Todo.RETURN:
+            self.then(Todo.RETURN, f"sent home by {command.by}")
+        else:
+            self.end(MissionEnd.RETURNED, f"sent home by {command.by}")
+        return True, self.state.reason
+
+    # Stopping and going on -----------------------------------------------------------------------------------
+
+    def enter(self, phase: Phase, reason: str) -> None:
+        """Change the phase, and clear the data of other phases."""
+        state = self.state
+        paused = phase is Phase.PAUSED or (phase is Phase.CANCELLING and state.todo is Todo.PAUSE)
+        waits = phase in (Phase.CANCELLING, Phase.WAITING)
+        self.state = replace(
+            state,
+            phase=phase,
+            reason=reason,
+            plan=state.plan if phase is Phase.PLANNING else None,
+            todo=state.todo if waits else None,
+            cause=state.cause if waits else "",
+            resume=state.resume if paused else None,
+            held=state.held and paused,
+            interrupted=state.interrupted and paused,
+        )
+
+    def then(self, todo: Todo, reason: str) -> None:
+        """Carry out a todo after the robot has stopped, at once if no goal is open."""
+        goal = self.state.goal
+        if goal is None:
+            self.carry_out(todo, reason)
+            return
+        if goal.cancelled_s is None:
+            self.do(CancelGoal(goal.goal_id, reason))
+            goal = replace(goal, cancelled_s=self.now_s, requests=1)
+        self.state = replace(self.state, goal=goal, todo=todo, cause=reason)
+        self.enter(Phase.CANCELLING, f"{reason}; waiting for the robot to stop")
+
+    @property
+    def stands(self) -> bool:
+        """Whether places reported after the cancellation show that the robot stands still."""
+        state, cancelled_s = self.state, self.goal.cancelled_s
+        assert cancelled_s is not None
+        if self.rules.standstill_s == 0:
+            return True
+        return self.seen_standing and state.position_s is not None and state.position_s > cancelled_s
+
+    @property
+    def seen_standing(self) -> bool:
+        """True if the last place showed that the robot stood."""
+        at_s, since_s = self.state.position_s, self.state.still_since_s
+        return at_s is not None and since_s is not None and at_s - since_s >= self.rules.standstill_s
+
+    def stopped(self) -> None:
+        """Carry out what the cancellation was for, once the goal is over and the robot stands."""
+        goal, todo, cause = self.state.goal, self.state.todo, self.state.cause
+        if self.state.phase is Phase.CANCELLING and goal is not None and goal.over and self.stands:
+            assert todo is not None
+            self.state = replace(self.state, goal=None)
+            self.carry_out(todo, cause + self.unseen)
+
+    @property
+    def unseen(self) -> str:
+        """Speed below which the noise hides a motion, to add to a text; empty if it hides none."""
+        mps = self.state.unseen_mps
+        return f" (a motion below {mps:.1g} m/s would not show in the noise of the fixes)" if mps else ""
+
+    def carry_out(self, todo: Todo, reason: str) -> None:
+        """Carry out a todo, or wait with a new attempt; no goal is open now."""
+        wait_until_s = self.state.wait_until_s
+        self.state = replace(self.state, wait_until_s=None)
+        attempts = (Todo.PLAN, Todo.TRAVEL, Todo.RETURN)
+        if wait_until_s is not None and self.now_s < wait_until_s and todo in attempts:
+            self.state = replace(self.state, wait_until_s=wait_until_s, todo=todo, cause=reason)
+            self.enter(Phase.WAITING, f"{reason}; trying again in {wait_until_s - self.now_s:.0f} s")
+            return
+        match todo:
+            case Todo.PLAN:
+                self.plan(reason)
+            case Todo.TRAVEL:
+                stop = self.target.stop
+                self.travel(self.rules.travel_s(self.place, xy(stop)), f"going to {stop.name} again: {reason}")
+            case Todo.COUNT:
+                self.count_again(reason)
+            case Todo.RETURN:
+                self.go_home(reason)
+            case Todo.PAUSE:
+                self.enter(Phase.PAUSED, reason)
+                self.release()
+            case Todo.FINISH:
+                self.finish(self.state.ending)
+            case Todo.IDLE:
+                self.finish(reason, Phase.IDLE)
+            case _:
+                assert_never(todo)
+
+    def hold(self, resume: Todo, reason: str, needs_operator: bool = True, held: bool = False) -> None:
+        """Pause: stop the robot, and store what to resume."""
+        self.settle()
+        self.suspend(reason)
         self.state = replace(
             self.state,
-            position=place,
-            position_s=self.now_s,
-            position_sd_m=sd_m if math.isfinite(sd_m) else 0.0,
-            still_at=still_at,
-            still_since_s=still_since_s,
-            unseen_mps=self.state.unseen_mps if unseen_mps is None else unseen_mps,
+            resume=resume,
+            needs_operator=needs_operator,
+            held=held,
+            interrupted=False,
+            wait_until_s=None,
         )
-        start = self.state.odometer_at
-        moved_m = math.dist(start, place) if start is not None else math.inf
-        if moved_m >= self.rules.odometer_step_m:
-            driven_m = moved_m if start is not None and self.state.under_way else 0.0
-            self.state = replace(self.state, odometer_at=place, distance_m=self.state.distance_m + driven_m)
-        if self.state.phase is Phase.CANCELLING:
-            self.stopped()
-        elif self.state.counting is not None and self.state.counting.since_s is not None:
-            self.watch_stop(self.state.counting, place)
+        self.then(Todo.PAUSE, reason)
 
-    def watch_stop(self, counting: Counting, place: tuple[float, float]) -> None:
-        """End the visit of a robot that was moved away while it counts: it has no goal, so others move it."""
-        assert self.state.target is not None
-        stop, noise_m = self.state.target.stop, self.noise_at_stop_m(counting)
-        away_m = math.dist(place, (counting.x_m, counting.y_m))
-        away_s = None
-        if away_m - noise_m > self.rules.reach_m(stop, noise_m):
-            away_s = self.now_s if counting.away_s is None else counting.away_s
-        if away_s is not None and self.now_s - away_s >= MOVED_S:
-            reason = f"the robot was moved by {away_m:.1f} m while it counted at {stop.name}"
-            self.leave_stop(VisitEnd.MOVED, reason)
-            self.hold(Todo.PLAN, f"{reason}, and not by the planner; check the robot, then resume or abort")
-        elif away_s != counting.away_s:
-            self.state = replace(self.state, counting=replace(counting, away_s=away_s))
+    @property
+    def to_resume(self) -> Todo | None:
+        """What a pause would interrupt; ``None`` if nothing is under way or the mission is being ended."""
+        state = self.state
+        if state.resume is not None:
+            return state.resume
+        if state.phase in (Phase.CANCELLING, Phase.WAITING):
+            return None if state.todo in (Todo.IDLE, Todo.FINISH) else state.todo
+        return _RESUMES.get(state.phase)
 
-    def on_record(self, record: CountRecord) -> None:
-        state, newest_s = self.state, self.state.last_stamp_s
-        stamp_s = record.stamp_s - state.stamp_offset_s
-        if not _usable(record) or (newest_s is not None and stamp_s <= newest_s):
-            return  # broken, repeated or out of order
-        ended_s = min(stamp_s, self.now_s)
-        began_s = ended_s - record.exposure_s
-        if newest_s is not None and ended_s - newest_s < 2 * record.exposure_s:
-            began_s = min(began_s, newest_s)  # the live time is shorter than the interval when a tube is missing
-        raw_counts, exposure_s = state.raw_counts, state.exposure_s
-        if state.under_way:
-            raw_counts, exposure_s = raw_counts + record.raw_counts, exposure_s + record.exposure_s
-        self.state = replace(state, last_stamp_s=ended_s, raw_counts=raw_counts, exposure_s=exposure_s)
-        counting = state.counting
-        at_stop = state.phase is Phase.COUNTING or state.phase is Phase.PLANNING
-        if at_stop and counting is not None and counting.since_s is not None:
-            assert state.target is not None
-            away_m = math.dist((record.x_m, record.y_m), (counting.x_m, counting.y_m))
-            reach_m = self.rules.reach_m(state.target.stop, self.noise_at_stop_m(counting))
-            if began_s >= counting.since_s and away_m <= reach_m:
-                self.add(record, counting)
+    def release(self) -> None:
+        """Go on by itself after a hold, once nothing speaks against it."""
+        state = self.state
+        if state.phase is Phase.PAUSED and state.held and state.resume is not None and not state.hindrance:
+            self.go_on_with(state.resume, "all is well again")
 
-    def add(self, record: CountRecord, counting: Counting) -> None:
-        """Count a record for this stop."""
-        reason = self.counting_reason() if counting.silent else self.state.reason
-        counting = replace(
-            counting,
-            heard_s=self.now_s,
-            silent=False,
-            records=counting.records + 1,
-            raw_counts=counting.raw_counts + record.raw_counts,
-            exposure_s=counting.exposure_s + record.exposure_s,
-            effective_exposure_s=counting.effective_exposure_s + record.effective_exposure_s,
-        )
-        self.state = replace(self.state, counting=counting, reason=reason)
-        too_short = counting.exposure_s < self.rules.min_dwell_s * (1 - _ROUNDING)
-        if too_short or counting.met is not None or counting.to_the_end:
+    def go_on_with(self, todo: Todo, reason: str) -> None:
+        """End a pause; go home instead if the guard asks for it."""
+        home = next((alarm for alarm in self.state.alarms if alarm.response is Response.RETURN), None)
+        if home is not None and todo is not Todo.RETURN:
+            self.end(MissionEnd.FAILSAFE, f"{reason}, but {home.reason}")
+        else:
+            self.then(todo, reason)
+
+    # Choosing and driving ------------------------------------------------------------------------------------
+
+    def plan(self, reason: str) -> None:
+        """Go to the next stop that was asked for, or request one, if the time left suffices."""
+        reason, going = self.take_queued(reason)
+        if going:
             return
-        dwell = dwell_rule(self.rules, self.state)
-        judged_counts, judged_s = counting.judged
-        if dwell.enough(judged_counts, judged_s):
-            longest = judged_s >= dwell.longest_s
-            code = VisitEnd.MAX_DWELL if longest else VisitEnd.ENOUGH
-            self.dwell_is_over(code, dwell.outcome(counting.raw_counts, counting.exposure_s))
+        left_s = self.leave_by_s() - self.now_s
+        if left_s <= self.rules.needed_dwell_s:
+            self.end_or_count_on(MissionEnd.TIME_UP, f"{reason}; the time left is too short for another stop")
+            return
+        state, staying = self.state, self.staying
+        samples = state.samples + (staying is not None)
+        warm_up = samples < self.rules.warm_up_stops
+        request = RequestPlan(
+            state.plans + 1,
+            PlanKind.WARM_UP if warm_up else PlanKind.EXPLORE,
+            blacklisted(state),
+            left_s,
+            self.left_s,
+            state.ruled_out,
+            "" if staying is None else staying.stop.name,
+            state.time_used_s,
+        )
+        self.do(request)
+        plan = PendingPlan(request.plan_id, self.now_s + self.rules.plan_limit_s)
+        self.state = replace(state, plan=plan, plans=plan.plan_id, target=staying)
+        number = f"warm-up stop {samples + 1} of {self.rules.warm_up_stops}"
+        self.enter(Phase.PLANNING, f"{reason}; choosing {number if warm_up else 'the next stop'}")
+
+    def take_queued(self, reason: str) -> tuple[str, bool]:
+        """Go to the first queued stop that fits into the time, and drop those before.
+
+        :returns: the reason with the stops that were dropped, and whether the robot goes to one
+        """
+        while self.state.queue:
+            queued, *rest = self.state.queue
+            self.state = replace(self.state, queue=tuple(rest))
+            travel_s = self.rules.travel_s(self.place, xy(queued.stop))
+            if self.fits(queued.stop, travel_s):
+                self.settle()
+                dwell = parse_dwell(queued.dwell) if queued.dwell else None
+                asked = f"requested by {queued.who}"
+                target = Target(queued.stop, asked, travel_s, dwell=dwell)
+                self.state = replace(self.state, plan=None, target=target)
+                self.travel(travel_s, f"{reason}; going to {queued.stop.name}: {asked}")
+                return reason, True
+            reason = f"{reason}; no time for {queued.stop.name}, which {queued.who} requested"
+        return reason, False
+
+    def plan_again(self, reason: str) -> None:
+        """Choose again under changed terms, while the stop is being chosen or the rest of the time is counted."""
+        counting = self.state.counting
+        if self.state.phase is Phase.COUNTING and counting is not None and counting.to_the_end:
+            counting = replace(counting, met=VisitEnd.ENOUGH, outcome=reason, to_the_end=False)
+            self.state = replace(self.state, counting=counting)
+            self.plan(reason)
+        elif self.state.phase is Phase.PLANNING:
+            self.plan(reason)
+
+    def needed_s(self, stop: Stop, travel_s: float, home_s: float) -> float:
+        """Time for a stop and the way home from it [s]."""
+        return travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(xy(stop), home_s)
+
+    def fits(self, stop: Stop, travel_s: float, home_s: float = 0.0) -> bool:
+        """Whether the time left suffices for a stop and the way home from it."""
+        return self.needed_s(stop, travel_s, home_s) <= self.left_s and self.now_s < self.leave_by_s()
+
+    @property
+    def left_s(self) -> float:
+        """Rest of the budget [s]."""
+        return self.rules.budget_s - self.state.time_used_s
+
+    def travel(self, travel_s: float, reason: str) -> None:
+        """Send the robot to its target, if the time left suffices."""
+        target = self.target
+        if self.fits(target.stop, travel_s, target.home_s):
+            self.send(Phase.TRAVELLING, target.stop, max(travel_s, target.travel_s), reason)
+        else:
+            needed_s = self.needed_s(target.stop, travel_s, target.home_s)
+            reason = f"no time for {target.stop.name}: it needs {needed_s:.0f} s and {self.left_s:.0f} s are left"
+            self.end(MissionEnd.TIME_UP, reason)
+
+    def send(self, phase: Phase, stop: Stop, travel_s: float, reason: str) -> None:
+        """Send the robot somewhere."""
+        assert self.state.goal is None, "a goal is sent only after the one before has ended"
+        limit_s = self.rules.goal_time_factor * travel_s + self.rules.goal_time_margin_s
+        goal = Goal(self.state.goals + 1, stop, self.now_s + limit_s)
+        self.do(GoTo(goal.goal_id, stop, reason, travel_s))
+        self.state = replace(self.state, goal=goal, goals=goal.goal_id)
+        self.enter(phase, reason)
+
+    def failed_on_way(self, reason: str, refused: bool = False) -> None:
+        """The goal has not led to its stop, or home; it has ended or must be cancelled."""
+        if self.state.phase is Phase.RETURNING:
+            self.return_failed(reason)
+            return
+        target = replace(self.target, attempts=self.target.attempts + 1)
+        if target.attempts <= self.rules.retries and not refused:
+            self.state = replace(self.state, target=target)
+            self.fail(Todo.TRAVEL, f"{target.stop.name} was not reached: {reason}")
+        else:
+            self.rule_out(target.stop)
+            self.state = replace(self.state, target=None)
+            self.fail(Todo.PLAN, f"{target.stop.name} is ruled out for now: {reason}")
+
+    def return_failed(self, reason: str) -> None:
+        """The robot did not get home: retry, or finish where it is."""
+        self.state = replace(self.state, returns=self.state.returns + 1)
+        if self.state.returns <= self.rules.retries:
+            self.back_off(self.state.returns)
+            self.then(Todo.RETURN, f"home was not reached: {reason}")
+        else:
+            ending = f"{self.state.ending}; the robot did not get home: {reason}"
+            self.state = replace(self.state, ending=ending)
+            self.then(Todo.FINISH, ending)
+
+    def fail(self, todo: Todo, reason: str) -> None:
+        """Continue after a failure, or ask the operator after too many failures."""
+        self.settle()
+        failures = self.state.failures + 1
+        self.state = replace(self.state, failures=failures)
+        if failures < self.rules.failures_to_pause:
+            self.back_off(failures)
+            self.then(todo, reason)
+        else:
+            many = f"{failures} failures since the last sample" if failures > 1 else "failed"
+            self.hold(todo, f"{many}: {reason}; check the robot, then resume or abort")
+
+    def back_off(self, failures: int) -> None:
+        """Wait before the next attempt, twice as long after each failure in a row."""
+        wait_s = min(self.rules.backoff_s * 2.0 ** (failures - 1), self.rules.backoff_limit_s)
+        self.state = replace(self.state, wait_until_s=self.now_s + wait_s if wait_s > 0 else None)
+
+    def rule_out(self, stop: Stop) -> None:
+        """Do not choose a stop for a while."""
+        others = (out for out in self.state.blacklist if out.name != stop.name and self.now_s < out.until_s)
+        out = RuledOut(stop.name, self.now_s + self.rules.blacklist_s)
+        self.state = replace(self.state, blacklist=(*others, out))
+
+    def leave_by_s(self) -> float:
+        """When to set off for home at the latest, from here and from the target."""
+        home_s = 0.0 if self.state.target is None else self.state.target.home_s
+        return self.started_s + self.rules.budget_s - self.rules.way_home_s(self.place, home_s)
+
+    # Counting -------------------------------------------------------------------------------------------------
+
+    def arrive(self, place: Place | None = None) -> None:
+        """The robot is at its stop: count there."""
+        now_s, sd_m = self.now_s, self.state.position_sd_m
+        self.count(OpenVisit(*(place or self.place), arrived_s=now_s, since_s=now_s, heard_s=now_s, sd_m=sd_m))
+
+    def count(self, counting: OpenVisit) -> None:
+        """Count from now on."""
+        self.state = replace(self.state, counting=counting)
+        self.enter(Phase.COUNTING, self.counting_reason())
+        expected_s = dwell_rule(self.rules, self.state).expected_s(raw_rate(self.state))
+        self.do(StartCounting(self.target.stop, str(self.rules.dwell), expected_s))
+
+    def counting_reason(self) -> str:
+        """What the status says while counting, with the mission's dwell rule: that of a stop is not readable."""
+        to_the_end = self.state.counting is not None and self.state.counting.to_the_end
+        until = "until the time is used up" if to_the_end else str(self.rules.dwell)
+        return f"counting at {self.target.stop.name} ({until})"
+
+    @property
+    def staying(self) -> Target | None:
+        """The stop where the robot stands with its visit open while the next stop is chosen."""
+        counting = self.state.counting
+        return self.state.target if counting is not None and counting.met is not None else None
+
+    def settle(self) -> None:
+        """Close the visit of a stop whose dwell is over, if it is still open."""
+        counting = self.state.counting
+        if counting is not None and counting.met is not None:
+            self.leave_stop(counting.met, counting.outcome)
+
+    def count_on(self, dwell: DwellRule | None, reason: str) -> None:
+        """Count on at the stop where the robot stands, in the same visit: the planner has chosen it again.
+
+        :param dwell: its new dwell rule, for what is counted from now on; ``None`` for the mission's
+        """
+        target, counting = self.target, self.counting
+        counting = replace(
+            counting, earlier_counts=counting.raw_counts, earlier_s=counting.exposure_s, met=None, outcome=""
+        )
+        self.state = replace(self.state, target=replace(target, dwell=dwell), counting=counting)
+        self.enter(Phase.COUNTING, f"counting on at {target.stop.name}{after_colon(reason)}")
+
+    def end_or_count_on(self, code: MissionEnd, reason: str) -> None:
+        """Use what is left of the time at the stop where the robot counts; end the mission if it is at none."""
+        if self.staying is None:
+            self.end(code, reason)
+            return
+        self.state = replace(self.state, counting=replace(self.counting, met=None, outcome="", to_the_end=True))
+        self.enter(Phase.COUNTING, f"{self.counting_reason()}: {reason}")
+
+    def suspend(self, reason: str) -> None:
+        """Stop counting for the time being."""
+        counting = self.state.counting
+        if counting is not None and counting.since_s is not None:
+            self.do(StopCounting(reason))
+            before_s = counting.dwell_s(self.now_s)
+            self.state = replace(self.state, counting=replace(counting, before_s=before_s, since_s=None))
+
+    def count_again(self, reason: str) -> None:
+        """Resume counting after a pause, unless the robot was moved in the pause."""
+        counting = self.counting
+        moved_m = math.dist(self.place, (counting.x_m, counting.y_m))
+        if moved_m > self.rules.reach_m(self.target.stop, self.noise_at_stop_m):
+            moved = f"{reason}, but the robot was moved by {moved_m:.1f} m in the pause"
+            self.leave_stop(VisitEnd.MOVED, moved)
+            self.then(Todo.PLAN, moved)
+        else:
+            self.count(replace(counting, since_s=self.now_s, heard_s=self.now_s, silent=False, away_s=None))
+
+    def dwell_is_over(self, code: VisitEnd, reason: str) -> None:
+        """The dwell rule is met: choose the next stop, with the visit open where the rules say so."""
+        if self.rules.stays:
+            self.state = replace(self.state, counting=replace(self.counting, met=code, outcome=reason))
+            self.then(Todo.PLAN, f"{self.target.stop.name} is done: {reason}")
+        else:
+            self.complete(code, reason)
+
+    def complete(self, code: VisitEnd, reason: str) -> None:
+        """End counting; a stop without records is a failure."""
+        stop = self.target.stop
+        if self.leave_stop(code, reason) > 0:
+            self.then(Todo.PLAN, f"{stop.name} is done: {reason}")
+        else:
+            self.rule_out(stop)
+            self.fail(Todo.PLAN, f"nothing was counted at {stop.name}: {reason}")
+
+    def leave_stop(self, code: VisitEnd, reason: str) -> int:
+        """Close the stop and return the number of its records; a stop with records becomes a visit.
+
+        A dwell that is over keeps its own reason.
+        """
+        self.suspend(reason)
+        target, counting = self.state.target, self.state.counting
+        self.state = replace(self.state, target=None, counting=None)
+        if target is None or counting is None:
+            return 0
+        if counting.met is not None:
+            code, reason = counting.met, counting.outcome
+        self.state = replace(self.state, counting_s=self.state.counting_s + counting.before_s)
+        if counting.records > 0:  # zero is a count, too
+            self.state = replace(self.state, samples=self.state.samples + 1, failures=0)
+            self.do(VisitDone(self.visit(target, counting, code, reason)))
+        return counting.records
+
+    def visit(self, target: Target, counting: OpenVisit, code: VisitEnd, reason: str) -> Visit:
+        """The visit of a stop."""
+        return Visit(
+            name=target.stop.name,
+            x_m=counting.x_m,
+            y_m=counting.y_m,
+            arrived_s=counting.arrived_s - self.started_s,
+            dwell_s=counting.before_s,
+            raw_counts=counting.raw_counts,
+            reason=target.reason,
+            records=counting.records,
+            exposure_s=counting.exposure_s,
+            effective_exposure_s=counting.effective_exposure_s,
+            ended=code,
+            outcome=reason,
+            dwell=str(self.rules.dwell),
+            arrival_stamp_s=counting.arrived_s + self.state.stamp_offset_s,
+            end_stamp_s=self.now_s + self.state.stamp_offset_s,
+            stop_x_m=target.stop.x_m,
+            stop_y_m=target.stop.y_m,
+        )
+
+    # The end -------------------------------------------------------------------------------------------------
+
+    def end(self, code: MissionEnd, reason: str) -> None:
+        """Stop measuring: go home if there is a home, then finish."""
+        self.leave_stop(_EARLY.get(code, VisitEnd.TIME_UP), reason)
+        self.state = replace(self.state, ending=reason, ended=code, returns=0, wait_until_s=None)
+        self.then(Todo.RETURN, reason)
+
+    def abandon(self, code: MissionEnd, reason: str) -> None:
+        """Abort the mission where the robot is, as soon as it has stopped."""
+        self.leave_stop(VisitEnd(code), reason)
+        self.state = replace(self.state, ending=reason, ended=code)
+        self.then(Todo.IDLE, reason)
+
+    def go_home(self, reason: str) -> None:
+        """Return home and finish; finish at once if there is no home or the robot is there."""
+        home = self.rules.home
+        if home is None:
+            self.finish(self.state.ending)
+        elif self.rules.is_at(self.place, home, self.noise_m):
+            self.finish(f"{self.state.ending}; the robot is home")
+        else:
+            travel_s = self.rules.travel_s(self.place, xy(home))
+            self.send(Phase.RETURNING, home, travel_s, f"going home: {reason}")
+
+    def finish(self, reason: str, phase: Phase = Phase.FINISHED) -> None:
+        """The mission is over, finished or aborted."""
+        aborted = phase is Phase.IDLE
+        self.state = replace(self.state, ended_s=self.now_s)
+        self.enter(phase, f"{reason}; {READY}" if aborted else reason)
+        self.do(Save(reason))
+        # Journals of earlier versions hold no code.
+        code = self.state.ended or (MissionEnd.ABORTED if aborted else MissionEnd.TIME_UP)
+        self.do(Finish(reason, code))
+
+    # Deadlines -----------------------------------------------------------------------------------------------
+
+    def next_deadline(self) -> tuple[float, Callable[[Step], None] | None]:
+        """Time at which the mission acts without an event [s], the first of equals, and what it does then."""
+        times = ((time_s(self), act) for time_s, act in DEADLINES.get(self.state.phase, ()))
+        return min(times, key=itemgetter(0), default=(math.inf, None))
+
+    @cached_property
+    def deadline_s(self) -> float | None:
+        """The earliest deadline after the step, ``None`` without deadlines."""
+        time_s = self.next_deadline()[0]
+        return time_s if time_s < math.inf else None
+
+    def meet_deadlines(self) -> None:
+        """Carry out due deadlines, the earliest first; after a gap without events there may be several."""
+        for _ in range(_MAX_AT_ONCE):
+            time_s, act = self.next_deadline()
+            self.deadline_s = time_s if time_s < math.inf else None
+            if act is None or time_s > self.now_s:
+                break
+            act(self)
+
+    def longest_dwell_s(self) -> float:
+        """When the longest dwell is over [s]; never where the rest of the time is counted."""
+        counting = self.counting
+        assert counting.since_s is not None
+        longest_s = counting.since_s + counting.earlier_s + self.rules.dwell.longest_s - counting.before_s
+        return math.inf if counting.to_the_end else longest_s
+
+    def silence_s(self) -> float:
+        """When the sensor counts as silent [s]; never again once that is reported."""
+        return math.inf if self.counting.silent else self.counting.heard_s + self.rules.silence_limit_s
+
+    def plan_deadline_s(self) -> float:
+        """When the plan is late [s]."""
+        assert self.state.plan is not None
+        return self.state.plan.deadline_s
+
+    def goal_deadline_s(self) -> float:
+        """When the goal is late [s]."""
+        return self.goal.deadline_s
+
+    def cancel_deadline_s(self) -> float:
+        """When to cancel the goal again [s]."""
+        assert self.goal.cancelled_s is not None
+        return self.goal.cancelled_s + self.rules.cancel_limit_s
+
+    def wait_deadline_s(self) -> float:
+        """When the wait after a failure is over [s]."""
+        assert self.state.wait_until_s is not None
+        return self.state.wait_until_s
+
+    def end_of_wait_s(self) -> float:
+        """When the time is up in a wait [s]; never on the way home."""
+        return math.inf if self.state.todo is Todo.RETURN else self.leave_by_s()
+
+    def end_of_pause_s(self) -> float:
+        """When the time is up in a pause [s]; never on the way home.
+
+        In a pause that the mission began, the place may be wrong, so it does not decide.
+        """
+        if self.state.resume in (Todo.RETURN, Todo.FINISH):
+            return math.inf
+        if self.state.needs_operator or self.state.held:
+            return self.started_s + self.rules.budget_s
+        return self.leave_by_s()
+
+    def time_up(self) -> None:
+        """Only the time for the way home is left."""
+        away = self.rules.way_home_s(self.place) > 0
+        reason = "the time left is needed for the way home" if away else "the mission time is used up"
+        self.end(MissionEnd.TIME_UP, reason)
+
+    def time_up_in_pause(self) -> None:
+        """Time is up in a pause: the robot must not move before the operator resumes."""
+        reason = "the mission time was used up in a pause"
+        if self.rules.way_home_s(self.place) == 0:
+            self.end(MissionEnd.TIME_UP, reason)
+            return
+        self.leave_stop(VisitEnd.TIME_UP, reason)
+        self.state = replace(self.state, ending=reason, ended=MissionEnd.TIME_UP, returns=0)
+        self.hold(Todo.RETURN, f"{reason}: resume to go home, or abort")
+
+    def plan_late(self) -> None:
+        """The planner did not answer in time."""
+        self.fail(Todo.PLAN, f"no plan within {self.rules.plan_limit_s:.0f} s")
+
+    def goal_late(self) -> None:
+        """The robot did not arrive in time."""
+        self.failed_on_way("it took too long")
+
+    def waited(self) -> None:
+        """The wait after a failure is over."""
+        assert self.state.todo is not None
+        self.carry_out(self.state.todo, self.state.cause)
+
+    def cancel_late(self) -> None:
+        """The navigation did not report the end of a cancelled goal, or the robot is not known to stand."""
+        goal, todo, limit_s, stands = self.goal, self.state.todo, self.rules.cancel_limit_s, self.stands
+        if stands and todo in (Todo.PAUSE, Todo.IDLE, Todo.FINISH):
+            self.state = replace(self.state, goal=None)
+            cause = f"{self.state.cause} (the end of the goal was not reported in {limit_s:.0f} s){self.unseen}"
+            self.carry_out(todo, cause)
+            return
+        self.do(CancelGoal(goal.goal_id, self.state.cause))
+        goal = replace(goal, cancelled_s=self.now_s, requests=goal.requests + 1)
+        self.state = replace(self.state, goal=goal)
+        unknown = self.state.position_s is None or self.now_s - self.state.position_s > limit_s
+        doubt = f"the robot is not known to stand ({'its place is not known' if unknown else 'it still moves'})"
+        remedy = ""
+        if stands:  # the navigation may still send it on
+            doubt = f"the navigation has not reported the end of the goal to {goal.stop.name}"
+            remedy = "; cancel it there or start the navigation again, or pause or abort here"
+        self.enter(Phase.CANCELLING, f"{self.state.cause}; {doubt}: asked {goal.requests} times to stop{remedy}")
+
+    def dwell_late(self) -> None:
+        """The dwell rule did not end counting in time."""
+        self.complete(VisitEnd.MAX_DWELL, f"the longest dwell of {self.rules.dwell.longest_s:.0f} s is over")
+
+    def silence(self) -> None:
+        """No record counted for this stop for some time."""
+        limit_s = self.rules.silence_limit_s
+        reason = f"no record from this stop for {limit_s:.0f} s: check the logger and the position"
+        match self.rules.on_silence:
+            case OnSilence.WAIT:
+                counting = replace(self.counting, silent=True)
+                self.state = replace(self.state, counting=counting, reason=f"{reason}; still waiting")
+            case OnSilence.PAUSE:
+                self.hold(Todo.COUNT, f"{reason}; then resume or abort")
+            case OnSilence.ABORT:
+                self.abandon(MissionEnd.SILENT_SENSOR, reason)
 
 
-GOOD_FORECASTS = 3
-"""A mission ends by so many forecasts in a row: each fit of the variogram makes them jump a little."""
+# The tables --------------------------------------------------------------------------------------------------
+
+ALWAYS: Final[dict[type[Event], Callable[[Step, Any], None]]] = {
+    RecordArrived: Step.record_arrived,
+    Moved: lambda step, e: step.locate((e.x_m, e.y_m), e.sd_m, e.still_s, e.unseen_mps),
+    GoalReached: lambda step, e: step.locate((e.x_m, e.y_m), step.state.position_sd_m),
+    Command: lambda step, e: step.do(Answer(e.verb, *COMMANDS[e.verb](step, e))),
+    Alarm: Step.alarm,
+    AlarmOver: Step.alarm_over,
+    EmergencyStop: Step.emergency,
+    ClockStarted: lambda step, e: _set(step, boot=e.boot, steady_offset_s=e.offset_s),
+    ClockStepped: lambda step, e: _set(step, stamp_offset_s=step.state.stamp_offset_s + e.step_s),
+}
+"""What events do in every phase; a :class:`Tick` only meets deadlines."""
+
+IN_PHASE: Final[dict[tuple[type[Event], Phase], Callable[[Step, Any], None]]] = {
+    (Planned, Phase.PLANNING): Step.planned,
+    (PlanFailed, Phase.PLANNING): lambda step, e: step.fail(Todo.PLAN, f"planning failed: {e.reason}"),
+    (GoalReached, Phase.TRAVELLING): Step.goal_reached,
+    (GoalReached, Phase.RETURNING): Step.goal_reached,
+    (GoalReached, Phase.CANCELLING): Step.goal_over,
+    (GoalFailed, Phase.TRAVELLING): Step.goal_failed,
+    (GoalFailed, Phase.RETURNING): Step.goal_failed,
+    (GoalFailed, Phase.CANCELLING): Step.goal_over,
+}
+"""What answers to plan requests and goals do in addition, in the phase that waits for them."""
+
+COMMANDS: Final[dict[Verb, Callable[[Step, Command], Done]]] = {
+    Verb.START: Step.start,
+    Verb.PAUSE: Step.pause,
+    Verb.RESUME: Step.resume,
+    Verb.ABORT: Step.abort,
+    Verb.SKIP: Step.skip,
+    Verb.MEASURE: Step.measure,
+    Verb.RULE_OUT: Step.rule_out_area,
+    Verb.ORDER: Step.order,
+    Verb.CHANGE: Step.change,
+    Verb.RETURN: Step.return_home,
+}
+"""What operators may ask for."""
+
+DEADLINES: Final[dict[Phase, tuple[tuple[Callable[[Step], float], Callable[[Step], None]], ...]]] = {
+    Phase.PLANNING: ((Step.leave_by_s, Step.time_up), (Step.plan_deadline_s, Step.plan_late)),
+    Phase.TRAVELLING: ((Step.leave_by_s, Step.time_up), (Step.goal_deadline_s, Step.goal_late)),
+    Phase.COUNTING: (
+        (Step.leave_by_s, Step.time_up),
+        (Step.longest_dwell_s, Step.dwell_late),
+        (Step.silence_s, Step.silence),
+    ),
+    Phase.WAITING: ((Step.end_of_wait_s, Step.time_up), (Step.wait_deadline_s, Step.waited)),
+    Phase.CANCELLING: ((Step.cancel_deadline_s, Step.cancel_late),),
+    Phase.PAUSED: ((Step.end_of_pause_s, Step.time_up_in_pause),),
+    Phase.RETURNING: ((Step.goal_deadline_s, Step.goal_late),),
+}
+"""When a mission acts without an event, and what it does then."""
+
+_KEPT: Final = (
+    "now_s", "position", "position_s", "position_sd_m", "still_at", "still_since_s", "unseen_mps",
+    "stamp_offset_s", "boot", "steady_offset_s", "alarms", "ruled_out", "changes", "plans", "goals",
+    "last_stamp_s",
+)  # fmt: skip
+"""What a new mission takes over from the state before."""
+
+
+def _set(step: Step, **changes: Any) -> None:
+    step.state = replace(step.state, **changes)
 
 
 def satisfied(rules: MissionRules, forecast: Forecast) -> tuple[MissionEnd, str] | None:
@@ -374,10 +1298,18 @@ def satisfied(rules: MissionRules, forecast: Forecast) -> tuple[MissionEnd, str]
     return None
 
 
-def _usable(record: CountRecord) -> bool:
-    return (
-        math.isfinite(record.stamp_s)
-        and record.raw_counts >= 0
-        and 0 < record.exposure_s < math.inf
-        and 0 < record.effective_exposure_s < math.inf
-    )
+def xy(stop: Stop) -> Place:
+    """Place of a stop [m]."""
+    return stop.x_m, stop.y_m
+
+
+def after_colon(reason: str) -> str:
+    """A reason to add to a text; nothing if it is empty."""
+    return f": {reason}" if reason else ""
+
+
+def _plain(value: Any) -> str:
+    """A new value in words."""
+    if isinstance(value, Stop):
+        return value.name
+    return ", ".join(value) or "none" if isinstance(value, tuple) else str(value)

@@ -6,11 +6,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any, get_args
 
+from pydantic import TypeAdapter, ValidationError
+
+from soilmoist_ros.exploration.mission.events import Event
 from soilmoist_ros.exploration.mission.types import (
     OTHER_ROBOT,
     READY,
@@ -23,10 +26,11 @@ from soilmoist_ros.exploration.mission.types import (
     Polygons,
     Response,
 )
-from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import DwellRule, StopRule, parse_dwell
 from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation import InputError, nan_as_text, read_json
 
 _NO_CHANGES = Changes()
 
@@ -53,81 +57,56 @@ class PendingPlan:
 
 @dataclass(frozen=True)
 class Target:
-    """A stop that was chosen.
+    """A stop that was chosen."""
 
-    :param stop: the stop
-    :param reason: why
-    :param travel_s: time expected to it [s]
-    :param attempts: how often going there failed
-    :param dwell: its own dwell rule, ``None`` for the mission's
-    :param home_s: travel time from it to the home [s]; 0 if the planner has not given it
-    """
-
-    stop: Stop
-    reason: str
-    travel_s: float
-    attempts: int = 0
-    dwell: StopRule = None
-    home_s: float = 0.0
+    stop: Stop  # the stop
+    reason: str  # why
+    travel_s: float  # time expected to it [s]
+    attempts: int = 0  # how often going there failed
+    dwell: StopRule = None  # its own dwell rule, ``None`` for the mission's
+    home_s: float = 0.0  # travel time from it to the home [s]; 0 if the planner has not given it
 
 
 @dataclass(frozen=True)
 class Goal:
-    """A goal that the navigation works on, or whose robot is not yet known to stand.
-
-    :param deadline_s: when it is late [s]
-    :param cancelled_s: when it was cancelled last [s]; ``None`` if it was not
-    :param requests: how often it was cancelled
-    :param over: whether the navigation has reported its end
-    """
+    """A goal that the navigation works on, or whose robot is not yet known to stand."""
 
     goal_id: int
     stop: Stop
-    deadline_s: float
-    cancelled_s: float | None = None
-    requests: int = 0
-    over: bool = False
+    deadline_s: float  # when it is late [s]
+    cancelled_s: float | None = None  # when it was cancelled last [s]; ``None`` if it was not
+    requests: int = 0  # how often it was cancelled
+    over: bool = False  # whether the navigation has reported its end
 
 
 @dataclass(frozen=True)
-class Counting:
+class OpenVisit:
     """What has been counted at the stop where the robot stands.
 
-    :param x_m: where the robot stands [m]
-    :param y_m: where the robot stands [m]
-    :param sd_m: standard deviation of that place [m], 0 if unknown
-    :param away_s: since when the robot is elsewhere without a pause [s]; ``None`` if it is there
-    :param arrived_s: time of arrival [s]
-    :param since_s: when counting began or was resumed [s]; ``None`` while it is suspended
-    :param before_s: time counted before the last resumption [s]
-    :param heard_s: time of the last record of this stop, or ``since_s`` [s]
-    :param silent: whether silence has been reported
     :param earlier_counts: those of ``raw_counts`` that had been counted when the planner chose to count on; the
         dwell rule judges what came later
-    :param earlier_s: their exposure [s]
     :param met: why the dwell is over while the next stop is being chosen, ``outcome`` the same in words; ``None``
         while the dwell lasts
-    :param to_the_end: whether the robot counts here until the time is up, since no other stop fits in
     """
 
-    x_m: float
-    y_m: float
-    arrived_s: float
-    since_s: float | None
-    heard_s: float
-    before_s: float = 0.0
-    silent: bool = False
+    x_m: float  # where the robot stands [m]
+    y_m: float  # where the robot stands [m]
+    arrived_s: float  # time of arrival [s]
+    since_s: float | None  # when counting began or was resumed [s]; ``None`` while it is suspended
+    heard_s: float  # time of the last record of this stop, or ``since_s`` [s]
+    before_s: float = 0.0  # time counted before the last resumption [s]
+    silent: bool = False  # whether silence has been reported
     records: int = 0
     raw_counts: int = 0
     exposure_s: float = 0.0
     effective_exposure_s: float = 0.0
     earlier_counts: int = 0
-    earlier_s: float = 0.0
+    earlier_s: float = 0.0  # their exposure [s]
     met: VisitEnd | None = None
     outcome: str = ""
-    to_the_end: bool = False
-    sd_m: float = 0.0
-    away_s: float | None = None
+    to_the_end: bool = False  # whether the robot counts here until the time is up, since no other stop fits in
+    sd_m: float = 0.0  # standard deviation of that place [m], 0 if unknown
+    away_s: float | None = None  # since when the robot is elsewhere without a pause [s]; ``None`` if it is there
 
     @property
     def judged(self) -> tuple[int, float]:
@@ -160,89 +139,57 @@ class QueuedStop:
 class MissionState:
     """All that a mission remembers; :class:`MissionRules` and this determine what an event does.
 
-    :param started_s: when the mission started [s]; ``None`` before
-    :param ended_s: when it finished or was aborted [s]; ``None`` while it is under way
     :param todo: what follows when the robot has stopped (in ``CANCELLING``), or after the wait (in ``WAITING``)
-    :param wait_until_s: no new attempt before [s]
-    :param resume: what the operator's ``resume`` does (in ``PAUSED``, or on the way there)
-    :param cause: what ``CANCELLING`` is for, said again when the robot has stopped
-    :param ending: why the mission is ending
-    :param plans: id of the last plan request; ids are never used twice
-    :param goals: id of the last goal
-    :param returns: how often going home failed
-    :param failures: failures since the last sample
-    :param held: whether the last pause ends by itself, when the guard has nothing more against it
-    :param interrupted: whether the last pause is only because the planner was restarted
-    :param needs_operator: whether the last pause was the mission's own: it waits for the operator
-    :param ended: why the mission has ended or is ending
-    :param position: where the robot is [m]
-    :param position_s: when it was reported [s]
-    :param position_sd_m: standard deviation of the position [m], 0 if unknown
-    :param still_at: the place that the robot has not left [m] ...
-    :param still_since_s: ... since then [s]
-    :param unseen_mps: a slower motion would not have shown in the noise of its places [m/s]
-    :param odometer_at: up to where the distance has been added up [m]
-    :param last_stamp_s: stamp of the newest record [s]
-    :param stamp_offset_s: the clock that stamps the records minus mission time [s]
-    :param boot: names the start of the computer from which the steady clock counts; empty if unknown
-    :param steady_offset_s: mission time minus steady time [s]
-    :param alarms: dangers that are on
-    :param emergency: emergency stops that are pressed
-    :param queue: stops that an operator has asked for
-    :param ruled_out: polygons in which no stop is chosen, corners [m]
-    :param changes: settings that an operator has changed
-    :param raw_counts: counts of all records of this mission, ``exposure_s`` their exposure [s]
     :param forecast: the last forecast of the map's standard deviation, ``forecast_s`` when it was made [s]
-    :param good_forecasts: the last forecasts by which the mission may end, in a row
     """
 
     phase: Phase = Phase.IDLE
     reason: str = READY
     now_s: float | None = None
-    started_s: float | None = None
-    ended_s: float | None = None
+    started_s: float | None = None  # when the mission started [s]; ``None`` before
+    ended_s: float | None = None  # when it finished or was aborted [s]; ``None`` while it is under way
     todo: Todo | None = None
-    resume: Todo | None = None
-    cause: str = ""
-    ending: str = ""
+    resume: Todo | None = None  # what the operator's ``resume`` does (in ``PAUSED``, or on the way there)
+    cause: str = ""  # what ``CANCELLING`` is for, said again when the robot has stopped
+    ending: str = ""  # why the mission is ending
     plan: PendingPlan | None = None
     goal: Goal | None = None
     target: Target | None = None
-    counting: Counting | None = None
+    counting: OpenVisit | None = None
     blacklist: tuple[RuledOut, ...] = ()
-    plans: int = 0
-    goals: int = 0
-    returns: int = 0
-    failures: int = 0
-    position: tuple[float, float] | None = None
-    odometer_at: tuple[float, float] | None = None
+    plans: int = 0  # id of the last plan request; ids are never used twice
+    goals: int = 0  # id of the last goal
+    returns: int = 0  # how often going home failed
+    failures: int = 0  # failures since the last sample
+    position: tuple[float, float] | None = None  # where the robot is [m]
+    odometer_at: tuple[float, float] | None = None  # up to where the distance has been added up [m]
     distance_m: float = 0.0
     samples: int = 0
     counting_s: float = 0.0
-    last_stamp_s: float | None = None
-    raw_counts: int = 0
+    last_stamp_s: float | None = None  # stamp of the newest record [s]
+    raw_counts: int = 0  # counts of all records of this mission, ``exposure_s`` their exposure [s]
     exposure_s: float = 0.0
-    needs_operator: bool = False
-    ended: MissionEnd | None = None
-    held: bool = False
-    interrupted: bool = False
-    wait_until_s: float | None = None
-    position_s: float | None = None
-    position_sd_m: float = 0.0
-    still_at: tuple[float, float] | None = None
-    still_since_s: float | None = None
-    unseen_mps: float = 0.0
-    stamp_offset_s: float = 0.0
-    boot: str = ""
-    steady_offset_s: float = 0.0
-    alarms: tuple[Alarm, ...] = ()
-    emergency: tuple[str, ...] = ()
-    queue: tuple[QueuedStop, ...] = ()
-    ruled_out: Polygons = ()
-    changes: Changes | None = None
+    needs_operator: bool = False  # whether the last pause was the mission's own: it waits for the operator
+    ended: MissionEnd | None = None  # why the mission has ended or is ending
+    held: bool = False  # whether the last pause ends by itself, when the guard has nothing more against it
+    interrupted: bool = False  # whether the last pause is only because the planner was restarted
+    wait_until_s: float | None = None  # no new attempt before [s]
+    position_s: float | None = None  # when it was reported [s]
+    position_sd_m: float = 0.0  # standard deviation of the position [m], 0 if unknown
+    still_at: tuple[float, float] | None = None  # the place that the robot has not left [m] ...
+    still_since_s: float | None = None  # ... since then [s]
+    unseen_mps: float = 0.0  # a slower motion would not have shown in the noise of its places [m/s]
+    stamp_offset_s: float = 0.0  # the clock that stamps the records minus mission time [s]
+    boot: str = ""  # names the start of the computer from which the steady clock counts; empty if unknown
+    steady_offset_s: float = 0.0  # mission time minus steady time [s]
+    alarms: tuple[Alarm, ...] = ()  # dangers that are on
+    emergency: tuple[str, ...] = ()  # emergency stops that are pressed
+    queue: tuple[QueuedStop, ...] = ()  # stops that an operator has asked for
+    ruled_out: Polygons = ()  # polygons in which no stop is chosen, corners [m]
+    changes: Changes | None = None  # settings that an operator has changed
     forecast: Forecast | None = None
     forecast_s: float | None = None
-    good_forecasts: int = 0
+    good_forecasts: int = 0  # the last forecasts by which the mission may end, in a row
 
     @property
     def time_used_s(self) -> float:
@@ -361,7 +308,7 @@ def _planned_dwell_s(rules: MissionRules, state: MissionState) -> float:
     return max(earlier_s + dwell_rule(rules, state).expected_s(raw_rate(state)), rules.min_dwell_s)
 
 
-def _progress(dwell: DwellRule, counting: Counting | None) -> float:
+def _progress(dwell: DwellRule, counting: OpenVisit | None) -> float:
     """Share of the dwell that is done."""
     if counting is None:
         return 0.0
@@ -416,3 +363,94 @@ def raw_rate(state: MissionState) -> float:
             # No count at all is a measurement, too: of a low rate, as in the dwell rules.
             return max(gathered.raw_counts, 0.5) / gathered.exposure_s
     return math.nan
+
+
+# State, events and visits of a mission as plain dictionaries of numbers, texts and lists, fit for strict JSON ---
+
+
+def state_to_dict(state: MissionState) -> dict[str, Any]:
+    """The state as plain data, fit for JSON."""
+    return _plain(state)
+
+
+def state_from_json(text: str) -> MissionState:
+    """The state that a snapshot of a mission holds.
+
+    :raises InputError: if the text is not a snapshot
+    """
+    try:
+        content = read_json(text)
+    except ValueError as error:
+        raise InputError(f"the mission's state is not valid JSON: {error}", "start without it") from None
+    return state_from_dict(content)
+
+
+def state_from_dict(content: object) -> MissionState:
+    """The state that :func:`state_to_dict` wrote.
+
+    :raises InputError: if it is not one
+    """
+    state = _read("MissionState", content, "a mission state")
+    assert isinstance(state, MissionState)
+    return state
+
+
+def event_to_dict(event: Event) -> dict[str, Any]:
+    """An event as plain data, fit for JSON; ``event`` holds its kind."""
+    return {"event": type(event).__name__, **_plain(event)}
+
+
+def event_from_dict(content: dict[str, Any]) -> Event:
+    """The event that :func:`event_to_dict` wrote.
+
+    :raises InputError: if it is not one
+    """
+    name = content.get("event")
+    if not isinstance(name, str) or name not in _EVENTS:
+        raise InputError(f"{name!r} is not a mission event", f"known are {', '.join(_EVENTS)}")
+    values = {key: value for key, value in content.items() if key != "event"}
+    event: Event = _read(name, values, f"a mission event {name!r}")
+    return event
+
+
+def visit_to_dict(visit: Visit) -> dict[str, Any]:
+    """A visit as plain data, fit for JSON."""
+    return _plain(visit)
+
+
+def visit_from_dict(content: object) -> Visit:
+    """The visit that :func:`visit_to_dict` wrote.
+
+    :raises InputError: if it is not one
+    """
+    visit = _read("Visit", content, "a visit")
+    assert isinstance(visit, Visit)
+    return visit
+
+
+_EVENTS: dict[str, Any] = {kind.__name__: kind for kind in get_args(Event)}
+_KINDS: dict[str, Any] = {"MissionState": MissionState, "Visit": Visit, **_EVENTS}
+
+
+@cache
+def _adapter(name: str) -> TypeAdapter[Any]:
+    return TypeAdapter(_KINDS[name])
+
+
+def _plain(value: Any) -> dict[str, Any]:
+    content = nan_as_text(_adapter(type(value).__name__).dump_python(value, mode="json"))
+    assert isinstance(content, dict)
+    return content
+
+
+def _read(name: str, content: object, what: str) -> Any:
+    remedy = "it was written by another version or has been changed: start without it"
+    unknown = set(content) - {field.name for field in fields(_KINDS[name])} if isinstance(content, dict) else set()
+    if unknown:
+        raise InputError(f"this is not {what}: unknown {', '.join(sorted(map(str, unknown)))}", remedy)
+    try:
+        return _adapter(name).validate_python(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"this is not {what}: {where or 'its type'}: {first['msg']}", remedy) from None

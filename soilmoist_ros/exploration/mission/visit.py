@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A visit: a stop that a robot has driven to and counted at."""
+"""A visit: a stop that a robot has driven to and counted at. Light to import: many read only visits."""
 
 from __future__ import annotations
 

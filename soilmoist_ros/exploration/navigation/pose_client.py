@@ -14,10 +14,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
-from soilmoist_ros.exploration.mission.actions import ANYBODYS
+from soilmoist_ros.exploration.mission.events import ANYBODYS
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.track import Place, Track
-from soilmoist_ros.exploration.navigation.way_points import WayPoint
+from soilmoist_ros.exploration.travel.stop import WayPoint
 
 PASS_M = 0.3
 """A way point is passed within this distance [m]: an earlier turn would cut the corner of a no-go area."""

@@ -117,13 +117,10 @@ class AdaptiveInterval:
     """Count until the relative standard error ``1 / sqrt(raw counts)`` falls to a threshold ("AMI").
 
     The rule uses the *raw* counts: they are Poisson distributed, corrected counts are not.
-
-    :param threshold: relative standard error to reach, 0 < threshold < 1 [-]
-    :param longest_s: counting ends after this time in any case [s]
     """
 
-    threshold: float
-    longest_s: float = MAX_DWELL_S
+    threshold: float  # relative standard error to reach, 0 < threshold < 1 [-]
+    longest_s: float = MAX_DWELL_S  # counting ends after this time in any case [s]
 
     @cached_property
     def counts_needed(self) -> int:
@@ -200,21 +197,14 @@ class MarginalValue:
     A dwell of t seconds lowers the integrated variance by ``A t / (B t + n)``, with n the rate times the
     correction factor. Counting pays while ``A n / (B t + n)^2 > price``. The rate is the rate counted at the stop.
     Every further property adds a term, with its expected noise.
-
-    :param gain: A: weighted sum over the cells of the squared posterior covariance with the stop
-    :param variance: B: posterior variance at the stop, nugget included [(counts/s)^2], > 0
-    :param price: reduction of the integrated variance per second elsewhere, >= 0
-    :param factor: product of the correction factors, ``raw rate = rate / factor`` [-]
-    :param longest_s: counting ends after this time in any case [s]
-    :param others: A, B and n of each further property
     """
 
-    gain: float
-    variance: float
-    price: float
-    factor: float = 1.0
-    longest_s: float = MAX_DWELL_S
-    others: tuple[tuple[float, float, float], ...] = ()
+    gain: float  # A: weighted sum over the cells of the squared posterior covariance with the stop
+    variance: float  # B: posterior variance at the stop, nugget included [(counts/s)^2], > 0
+    price: float  # reduction of the integrated variance per second elsewhere, >= 0
+    factor: float = 1.0  # product of the correction factors, ``raw rate = rate / factor`` [-]
+    longest_s: float = MAX_DWELL_S  # counting ends after this time in any case [s]
+    others: tuple[tuple[float, float, float], ...] = ()  # A, B and n of each further property
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
         """Whether more counting is worth less than the price, or the longest dwell is over."""
@@ -304,17 +294,13 @@ class DwellKind:
 
     :param read: makes the rule from the text after ``NAME:`` and the longest dwell [s];
         raises :class:`InputError` if the text is no value
-    :param describe: returns a readable description for the text after ``NAME:``
-    :param needs_value: whether the rule requires this text; otherwise the rule is its name alone
-    :param about: what it does, for people in the field
-    :param example: how it is written; empty for the name alone
     """
 
     read: Callable[[str, float], DwellRule]
-    describe: Callable[[str], str]
-    needs_value: bool = True
-    about: str = ""
-    example: str = ""
+    describe: Callable[[str], str]  # returns a readable description for the text after ``NAME:``
+    needs_value: bool = True  # whether the rule requires this text; otherwise the rule is its name alone
+    about: str = ""  # what it does, for people in the field
+    example: str = ""  # how it is written; empty for the name alone
 
 
 def _fixed(number: str, longest_s: float) -> DwellRule:

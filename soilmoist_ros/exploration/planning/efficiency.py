@@ -28,16 +28,11 @@ _FAR = 100.0
 
 @dataclass(frozen=True, eq=False)
 class LeastVariance:
-    """Result of :func:`least_variance`.
+    """Result of :func:`least_variance`."""
 
-    :param integrated_variance: least weighted sum of the variances of the cells [(counts/s)^2]
-    :param dwell_s: time to count at each cell, shape (g,) [s]
-    :param gap: the result is at most this share above the minimum
-    """
-
-    integrated_variance: float
-    dwell_s: Array
-    gap: float
+    integrated_variance: float  # least weighted sum of the variances of the cells [(counts/s)^2]
+    dwell_s: Array  # time to count at each cell, shape (g,) [s]
+    gap: float  # the result is at most this share above the minimum
 
 
 def least_variance(

@@ -42,23 +42,17 @@ _HALVINGS = 50
 class Worth:
     """Value of a trip and a dwell; arrays of one value per candidate.
 
-    :param on_way: reduction of the integrated variance by the counts on the way
-    :param gain: A of the stop after the trip
-    :param variance: B of the stop after the trip [(counts/s)^2]
-    :param rate: rate expected at the stop [counts/s]
-    :param travel_s: time of the trip, stop overhead included [s]
-    :param dwell_s: dwell with the highest value [s], the shortest one if counting on the way is worth more
     :param value: reduction of the integrated variance per second of dwell and trip, an operator's costs of the
         trip included, with ``dwell_s``
     :param others: A, B and noise n of each further property; ``on_way`` and ``value`` include all properties
     """
 
-    on_way: Array
-    gain: Array
-    variance: Array
-    rate: Array
-    travel_s: Array
-    dwell_s: Array
+    on_way: Array  # reduction of the integrated variance by the counts on the way
+    gain: Array  # A of the stop after the trip
+    variance: Array  # B of the stop after the trip [(counts/s)^2]
+    rate: Array  # rate expected at the stop [counts/s]
+    travel_s: Array  # time of the trip, stop overhead included [s]
+    dwell_s: Array  # dwell with the highest value [s], the shortest one if counting on the way is worth more
     value: Array
     others: tuple[tuple[Array, Array, Array], ...] = ()
 

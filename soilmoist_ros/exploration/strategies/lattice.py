@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, Optimal
-from soilmoist_ros.exploration.strategies.clusters import KMeans
-from soilmoist_ros.exploration.strategies.route import nearest_neighbour, open_route
-from soilmoist_ros.exploration.strategies.rules import reachable, whole_records
-from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
+from soilmoist_ros.exploration.strategies.route import KMeans, nearest_neighbour, open_route
+from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, reachable, whole_records
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.mapping import PoissonKriging, Prior, Variogram, correlation_model
 

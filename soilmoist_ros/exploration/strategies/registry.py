@@ -9,13 +9,11 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
-from soilmoist_ros.exploration.strategies.information import VarianceReduction
+from soilmoist_ros.exploration.strategies.cost_benefit_tour import VarianceReduction
 from soilmoist_ros.exploration.strategies.lattice import Lattice
-from soilmoist_ros.exploration.strategies.one_stop import Greedy, MonteCarlo, Random
+from soilmoist_ros.exploration.strategies.published import AdaptiveSampling, Greedy, MonteCarlo, Random
 from soilmoist_ros.exploration.strategies.route import require_solver
-from soilmoist_ros.exploration.strategies.rules import PRESETS, Preset
-from soilmoist_ros.exploration.strategies.strategy import Strategy
-from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling
+from soilmoist_ros.exploration.strategies.strategy import PRESETS, Preset, Strategy
 from soilmoist_ros.foundation import InputError, Registry, did_you_mean
 
 Dashes = str | tuple[float, tuple[float, ...]]

@@ -43,16 +43,11 @@ _SLOWEST, _FASTEST = 0.1, 10.0
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A drive to a stop that ended there.
+    """A drive to a stop that ended there."""
 
-    :param length_m: length of the route [m]
-    :param turn_rad: sum of its turns [rad]
-    :param time_s: from the goal to the arrival [s]
-    """
-
-    length_m: float
-    turn_rad: float
-    time_s: float
+    length_m: float  # length of the route [m]
+    turn_rad: float  # sum of its turns [rad]
+    time_s: float  # from the goal to the arrival [s]
 
 
 class LearnedMotion:

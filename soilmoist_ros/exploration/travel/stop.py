@@ -64,3 +64,83 @@ def is_polygon(corners: ArrayLike) -> bool:
 
     polygon = shapely.Polygon(np.asarray(corners, float))
     return bool(polygon.is_valid and polygon.area > 0)
+
+
+# The route of a goal, as it goes to a navigator -----------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Way:
+    """A route that the fence allows.
+
+    :param corners: corners from the robot's place to the stop, both included, shape (p, 2) [m]; way points for a
+        navigation that takes poses
+    :param nodes: nodes to send one after the other to a navigation that takes names, the stop last. There is more
+        than one where the navigation's own route to the stop would leave the fence; empty without a travel graph
+    :param choices: straight lines of which a navigation that plans its own route may take any, shape (k, 2, 2)
+        [m]; ``None`` where it takes the corners
+    """
+
+    corners: Array
+    nodes: tuple[Stop, ...] = ()
+    choices: Array | None = None
+
+    @property
+    def lines(self) -> Array:
+        """Straight lines that the robot may follow, shape (k, 2, 2) [m]."""
+        return np.stack([self.corners[:-1], self.corners[1:]], axis=1) if self.choices is None else self.choices
+
+    def passes_m(self, place: tuple[float, float]) -> float:
+        """Shortest distance of the route from a place [m]."""
+        import shapely
+
+        corners = self.corners if len(self.corners) > 1 else np.repeat(self.corners, 2, axis=0)
+        return float(shapely.LineString(corners).distance(shapely.Point(place)))
+
+
+# Goals on the way to a stop: where the robot goes straight, and which way it faces there ------------------------
+
+MIN_LEG_M = 0.01
+"""Corners closer together, or closer to a straight line than this, are left out [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class WayPoint:
+    """One goal of the navigation.
+
+    :param stop: where
+    :param heading_rad: direction in which the robot comes from the corner before, anticlockwise from east [rad]
+    """
+
+    stop: Stop
+    heading_rad: float = 0.0
+
+
+def way_points(way: ArrayLike, stop: Stop) -> tuple[WayPoint, ...]:
+    """Goals along a route, where it bends; the last one is the stop.
+
+    :param way: corners of the route from the robot's place, shape (p, 2); none if it is not known [m]
+    :param stop: end of the route; it may also be the last corner
+    """
+    end = (stop.x_m, stop.y_m)
+    places = _bends(np.asarray(way, float).reshape(-1, 2))
+    before, goals = places[0] if places else end, list[WayPoint]()
+    heading_rad = 0.0
+    for number, place in enumerate(places[1:], 1):
+        if math.dist(place, end) < MIN_LEG_M or math.dist(place, before) < MIN_LEG_M:
+            continue
+        heading_rad = math.atan2(place[1] - before[1], place[0] - before[0])
+        goals.append(WayPoint(Stop(f"way point {number} to {stop.name}", *place), heading_rad))
+        before = place
+    if math.dist(before, end) >= MIN_LEG_M:
+        heading_rad = math.atan2(end[1] - before[1], end[0] - before[0])
+    return *goals, WayPoint(stop, heading_rad)
+
+
+def _bends(corners: NDArray[np.float64]) -> list[tuple[float, float]]:
+    """Ends and bends of a route: nodes of a travel graph on a straight line are no goals."""
+    import shapely
+
+    if len(corners) > 2:
+        corners = shapely.get_coordinates(shapely.LineString(corners).simplify(MIN_LEG_M, preserve_topology=False))
+    return [(float(x), float(y)) for x, y in corners]

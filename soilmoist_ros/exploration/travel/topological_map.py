@@ -43,6 +43,9 @@ _SAME_DATUM_M = 0.1
 """Distance between two spellings of a datum from which they contradict each other [m]."""
 KNOWN_ACTIONS = ("NavigateToPose", "NavigateThroughPoses", "DriveOnHeading", "row_traversal", "row_change")
 """Actions of edges that the topological navigation has without a map that describes them."""
+_RESTRICTIONS = ("restrictions_planning", "restrictions_runtime")
+XY_TOLERANCE_M = 0.3
+"""Distance at which a node of a map that is made here counts as reached [m]."""
 ANY_HEADING_RAD = 6.283
 """Goal tolerance that lets the robot arrive at any heading [rad]."""
 
@@ -70,16 +73,6 @@ class TopologicalMap:
     def name(self) -> str:
         """Name of the map."""
         return foreign_text(str(self.document.get("name", "")))
-
-    @property
-    def metric_map(self) -> str:
-        """Name of the metric map it belongs to."""
-        return str(self.document.get("metric_map", ""))
-
-    @property
-    def pointset(self) -> str:
-        """Name of its set of nodes."""
-        return str(self.document.get("pointset", ""))
 
     def has_ways_of(self, other: TopologicalMap) -> bool:
         """Whether nodes, places, edges, frame and datum are those of another map; names and dates may differ."""
@@ -135,7 +128,7 @@ class TopologicalMap:
                 (node, node["name"]),
                 *((edge, edge.get("edge_id")) for edge in node.get("edges") or []),
             ]:
-                for key in ("restrictions_planning", "restrictions_runtime"):
+                for key in _RESTRICTIONS:
                     if (text := str(part.get(key) or "True").strip()).lower() != "true":
                         found.setdefault(text, []).append(str(name))
                 properties, meta = part.get("properties"), entry.get("meta")
@@ -192,89 +185,63 @@ def parse_topological_map(text: str, path: Path | None = None) -> TopologicalMap
     return _checked(content, path)
 
 
-def make_topological_map(
-    graph: TravelGraph,
-    name: str,
-    updated: datetime,
-    *,
-    metric_map: str | None = None,
-    pointset: str | None = None,
-    frame: str = "map",
-    action: str = "NavigateToPose",
-    action_type: str = "geometry_msgs/PoseStamped",
-    xy_goal_tolerance_m: float = 0.3,
-) -> TopologicalMap:
+def make_topological_map(graph: TravelGraph, name: str, updated: datetime) -> TopologicalMap:
     """Map of a travel graph, with what the navigation expects in the other keys.
 
     Places are rounded to 0.1 mm. The influence zones are octagons that do not overlap; any heading will do
     at a node, since the sensor has none.
 
-    :param graph: nodes and directed edges, in the frame ``frame`` [m]
-    :param name: name of the map
+    :param graph: nodes and directed edges, in the frame ``map`` [m]
+    :param name: name of the map, of its metric map and of its set of nodes
     :param updated: time written as ``last_updated``
-    :param metric_map: name of the metric map; the map's own if left out
-    :param pointset: name of the set of nodes; the map's own if left out
-    :param frame: frame of the places
-    :param action: navigation action of every edge
-    :param action_type: type of its goal
-    :param xy_goal_tolerance_m: distance at which a node counts as reached [m], > 0
     """
-    if not (math.isfinite(xy_goal_tolerance_m) and xy_goal_tolerance_m > 0):
-        raise ValueError(f"xy_goal_tolerance_m must be > 0 and finite, got {xy_goal_tolerance_m}")
-    place = {"map": metric_map or name, "pointset": pointset or name}
-    zone = _octagon(zone_radius_m(graph))
-    properties = {"xy_goal_tolerance": float(xy_goal_tolerance_m), "yaw_goal_tolerance": ANY_HEADING_RAD}
-    targets: list[list[str]] = [[] for _ in graph.names]
+    zone, unrestricted = _octagon(zone_radius_m(graph)), dict.fromkeys(_RESTRICTIONS, "True")
+    turn = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
+    edges: list[list[dict[str, Any]]] = [[] for _ in graph.names]
     for start, end in graph.edges.tolist():
-        targets[start].append(graph.names[end])
+        edges[start].append(
+            {
+                "action": KNOWN_ACTIONS[0],
+                "action_type": "geometry_msgs/PoseStamped",
+                "config": [],
+                "edge_id": f"{graph.names[start]}_{graph.names[end]}",
+                "fail_policy": "fail",
+                "fluid_navigation": True,
+                "goal": {"target_pose": {"header": {"frame_id": "$node.parent_frame"}, "pose": "$node.pose"}},
+                "node": graph.names[end],
+                "properties": {},
+                "recovery_behaviours_config": "",
+                **unrestricted,
+            }
+        )
     nodes = []
-    for stop, ends in zip(graph.stops, targets, strict=True):
+    for stop, ways in zip(graph.stops, edges, strict=True):
         position = {"x": round(stop.x_m, PLACE_DIGITS) + 0.0, "y": round(stop.y_m, PLACE_DIGITS) + 0.0, "z": 0.0}
         node = {
-            "edges": [_edge(stop.name, end, action, action_type) for end in ends],
+            "edges": ways,
             "localise_by_topic": "",
             "name": stop.name,
-            "parent_frame": frame,
-            "pose": {"orientation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}, "position": position},
-            "properties": dict(properties),
-            "restrictions_planning": "True",
-            "restrictions_runtime": "True",
+            "parent_frame": "map",
+            "pose": {"orientation": dict(turn), "position": position},
+            "properties": {"xy_goal_tolerance": XY_TOLERANCE_M, "yaw_goal_tolerance": ANY_HEADING_RAD},
+            **unrestricted,
             "verts": [dict(vertex) for vertex in zone],
         }
-        nodes.append(
-            {"meta": {"map": place["map"], "node": stop.name, "pointset": place["pointset"]}, "node": node}
-        )
+        nodes.append({"meta": {"map": name, "node": stop.name, "pointset": name}, "node": node})
     document = {
         "meta": {"last_updated": updated.strftime("%Y-%m-%d_%H-%M-%S")},
-        "metric_map": place["map"],
+        "metric_map": name,
         "name": name,
         "nodes": nodes,
-        "pointset": place["pointset"],
+        "pointset": name,
         "transformation": {
             "child": "topo_map",
-            "parent": frame,
-            "rotation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0},
+            "parent": "map",
+            "rotation": turn,
             "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
         },
     }
     return _checked(document, None)
-
-
-def _edge(start: str, end: str, action: str, action_type: str) -> dict[str, Any]:
-    return {
-        "action": action,
-        "action_type": action_type,
-        "config": [],
-        "edge_id": f"{start}_{end}",
-        "fail_policy": "fail",
-        "fluid_navigation": True,
-        "goal": {"target_pose": {"header": {"frame_id": "$node.parent_frame"}, "pose": "$node.pose"}},
-        "node": end,
-        "properties": {},
-        "recovery_behaviours_config": "",
-        "restrictions_planning": "True",
-        "restrictions_runtime": "True",
-    }
 
 
 def zone_radius_m(graph: TravelGraph) -> float:

@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,10 +70,6 @@ class RobotMotion:
         """Whether a trip costs more than its time."""
         return self.stop_cost_s > 0 or self.metre_cost_s > 0
 
-    def polyline_s(self, polyline: Array) -> float:
-        """Time for a route given by its corners, shape (p, 2) [m], one stop overhead included [s]."""
-        return float(self.travel_s(polyline_length_m(polyline), polyline_turn_rad(polyline)))
-
 
 def polyline_length_m(polyline: Array) -> float:
     """Length of a route given by its corners, shape (p, 2) [m]."""
@@ -98,65 +94,39 @@ def polyline_turn_rad(polyline: Array) -> float:
     return float(np.abs(np.arctan2(cross, (legs[:-1] * legs[1:]).sum(axis=1))).sum())
 
 
-class TravelModel(Protocol):
-    """Routes and travel times. A route is the shortest one; turning only adds to its time."""
+class TravelModel(ABC):
+    """Routes and travel times. A route is the shortest one; turning only adds to its time.
+
+    Times depend on lengths, and on corners only if turning costs time.
+    """
 
     motion: RobotMotion
 
-    def travel_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
-        """Time from a place to each stop, one stop overhead included, shape (k,) [s]; inf if unreachable."""
-        ...
-
-    def cost_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
-        """As :meth:`travel_s` with the operator's costs of a stop and of a metre, for comparisons of trips."""
-        ...
-
-    def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
-        """Times between some of the stops, from row to column, shape (m, m) [s]; 0 on the diagonal."""
-        ...
-
-    def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
-        """Times from each of the stops of a route to the next, shape (m - 1,) [s]."""
-        ...
-
+    @abstractmethod
     def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
         """Corners of the route from a place to a stop, both included, shape (p, 2) [m].
 
         :raises ValueError: if the stop cannot be reached
         """
-        ...
 
+    @abstractmethod
     def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
         """Places on the way to each stop, shape (k, m, 2) [m].
 
         :param stops: they can be reached
         :param shares: shares of the length of each route, 0..1, shape (k, m)
         """
-        ...
 
-    def length_m(self, from_xy: ArrayLike, stop: Stop) -> float:
-        """Length of the route [m]; inf if unreachable."""
-        ...
-
-
-class _Model:
-    """Base of both models: times depend on lengths, and on corners only if turning costs time."""
-
-    motion: RobotMotion
-
-    def _lengths(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
-        raise NotImplementedError
-
-    def route(self, from_xy: ArrayLike, stop: Stop) -> Array:
-        """See :class:`TravelModel`."""
-        raise NotImplementedError
+    @abstractmethod
+    def lengths_m(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
+        """Lengths of the routes from a place, shape (k,) [m]; inf if unreachable."""
 
     def travel_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
-        """See :class:`TravelModel`."""
+        """Time from a place to each stop, one stop overhead included, shape (k,) [s]; inf if unreachable."""
         return self.motion.travel_s(*self._lengths_and_turns(from_xy, stops))
 
     def cost_s(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> Array:
-        """See :class:`TravelModel`."""
+        """As :meth:`travel_s` with the operator's costs of a stop and of a metre, for comparisons of trips."""
         return self.motion.cost_s(*self._lengths_and_turns(from_xy, stops))
 
     def _lengths_and_turns(self, from_xy: ArrayLike, stops: Sequence[Stop]) -> tuple[Array, ArrayLike]:
@@ -164,7 +134,7 @@ class _Model:
         if not len(stops):
             return np.empty(0), 0.0
         start = np.asarray(from_xy, float)
-        lengths = self._lengths(start, stops)
+        lengths = self.lengths_m(start, stops)
         if self.motion.turn_s_per_rad == 0:
             return lengths, 0.0
         turns = np.zeros(len(stops))
@@ -173,7 +143,7 @@ class _Model:
         return lengths, turns
 
     def between_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
-        """See :class:`TravelModel`."""
+        """Times between some of the stops, from row to column, shape (m, m) [s]; 0 on the diagonal."""
         chosen = [stops[int(index)] for index in indices]
         rows = [self.travel_s((stop.x_m, stop.y_m), chosen) for stop in chosen]
         times = np.array(rows, float).reshape(len(chosen), len(chosen))
@@ -181,16 +151,12 @@ class _Model:
         return times
 
     def legs_s(self, stops: Sequence[Stop], indices: Indices) -> Array:
-        """See :class:`TravelModel`."""
+        """Times from each of the stops of a route to the next, shape (m - 1,) [s]."""
         route = [stops[int(index)] for index in indices]
         return np.array([self.travel_s((a.x_m, a.y_m), [b])[0] for a, b in pairwise(route)], float)
 
-    def length_m(self, from_xy: ArrayLike, stop: Stop) -> float:
-        """See :class:`TravelModel`."""
-        return float(self._lengths(np.asarray(from_xy, float), [stop])[0])
 
-
-class FreeTravel(_Model):
+class FreeTravel(TravelModel):
     """Straight lines, or the shortest route around the field's border and the no-go areas.
 
     Routes bend at corners of the border and of the no-go areas (a visibility graph), and keep the margin. A robot
@@ -271,7 +237,8 @@ class FreeTravel(_Model):
             return inside & bool(self._area.contains(start)[0])
         return self._area.allows(start, places)
 
-    def _lengths(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
+    def lengths_m(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
+        """See :class:`TravelModel`."""
         places, inside = self._places(stops)
         if self._area is None:
             return np.asarray(np.hypot(*(places - from_xy).T))
@@ -322,7 +289,7 @@ class FreeTravel(_Model):
         return np.asarray(lengths), np.asarray(before)
 
 
-class GraphTravel(_Model):
+class GraphTravel(TravelModel):
     """Shortest routes along a travel graph; the robot enters the graph at the nearest node.
 
     :param graph: nodes and edges; stops have the names of its nodes
@@ -368,7 +335,8 @@ class GraphTravel(_Model):
         lengths = [self.graph.routes_to_all(start)[0][end] for start, end in pairwise(nodes)]
         return self.motion.travel_s(np.array(lengths, float))
 
-    def _lengths(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
+    def lengths_m(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
+        """See :class:`TravelModel`."""
         entry = self._entry(from_xy)
         lead = np.hypot(*(self.graph.xy[self.graph.index(entry)] - from_xy))
         return np.asarray(self.graph.distances_from(entry)[[self.graph.index(stop.name) for stop in stops]] + lead)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.mapping.kriging.covariances import SamplePoints, differences
 from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, keep_between
-from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
+from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 
 Array = NDArray[np.float64]

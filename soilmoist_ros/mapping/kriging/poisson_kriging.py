@@ -24,9 +24,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import IllConditionedError
 from soilmoist_ros.mapping.kriging.raster import RasterKriging, check_raster
-from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, no_system, target_variance
-from soilmoist_ros.mapping.kriging.targets import Points, RasterCells, Targets, coincident, sample_correlation
-from soilmoist_ros.mapping.samples.samples import (
+from soilmoist_ros.mapping.kriging.system import (
+    KrigingSystem,
+    Points,
+    Progress,
+    RasterCells,
+    Targets,
+    coincident,
+    no_system,
+    sample_correlation,
+    target_variance,
+)
+from soilmoist_ros.mapping.samples import (
     NO_SAMPLES,
     Samples,
     as_samples,
@@ -35,7 +44,7 @@ from soilmoist_ros.mapping.samples.samples import (
     noise_rate,
 )
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
+from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]

@@ -16,12 +16,11 @@ from soilmoist_ros.mapping.kriging.covariances import AxesCovariances, Covarianc
 from soilmoist_ros.mapping.kriging.few_targets import MAX_SAMPLES, MAX_TARGETS, FewTargets, KnownCovariances
 from soilmoist_ros.mapping.kriging.product_features import ProductFeatures
 from soilmoist_ros.mapping.kriging.rows import MIN_PIVOT, KrigingRows
-from soilmoist_ros.mapping.kriging.system import KrigingSystem, Progress, target_variance
-from soilmoist_ros.mapping.kriging.targets import Points, RasterCells
+from soilmoist_ros.mapping.kriging.system import KrigingSystem, Points, Progress, RasterCells, target_variance
 from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances, tile_shape
 from soilmoist_ros.mapping.kriging.tile_forms import find_tiles, tile_sums
-from soilmoist_ros.mapping.samples.samples import Samples, merge_exactly
-from soilmoist_ros.mapping.variogram.local_rate import LocalRate
+from soilmoist_ros.mapping.samples import Samples, merge_exactly
+from soilmoist_ros.mapping.variogram.local import LocalRate
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]

@@ -29,8 +29,8 @@ from soilmoist_ros.mapping.kriging.covariances import (
     differences,
     first_changed,
 )
-from soilmoist_ros.mapping.samples.samples import Samples
-from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
+from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 from soilmoist_ros.mapping.variogram.support import Supports
 

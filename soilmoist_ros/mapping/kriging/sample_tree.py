@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.samples import Samples
 
 Array = NDArray[np.float64]
 

@@ -26,12 +26,10 @@ from soilmoist_ros.foundation import IllConditionedError
 from soilmoist_ros.mapping.kriging.poisson_kriging import JITTER
 from soilmoist_ros.mapping.kriging.raster import check_raster
 from soilmoist_ros.mapping.kriging.sample_tree import Neighbourhood, SampleTree
-from soilmoist_ros.mapping.kriging.system import Progress
-from soilmoist_ros.mapping.kriging.targets import Points, coincident, sample_correlation
-from soilmoist_ros.mapping.samples.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate
-from soilmoist_ros.mapping.variogram.local_rate import LocalRate, noise_rates
+from soilmoist_ros.mapping.kriging.system import Points, Progress, coincident, sample_correlation
+from soilmoist_ros.mapping.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate, spatial_blocks
+from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
-from soilmoist_ros.mapping.variogram.reml import spatial_blocks
 
 Array = NDArray[np.float64]
 Compute = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]

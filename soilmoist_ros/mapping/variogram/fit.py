@@ -11,17 +11,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.mapping.samples.samples import Samples, as_samples, merge_exactly, noise_rate
-from soilmoist_ros.mapping.samples.surveys import Surveys
-from soilmoist_ros.mapping.variogram.amplitude import Box
-from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
+from soilmoist_ros.mapping.samples import Samples, Surveys, as_samples, merge_exactly, noise_rate
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.local_fit import LocalFit, fit_amplitude
-from soilmoist_ros.mapping.variogram.local_rate import LocalRate
-from soilmoist_ros.mapping.variogram.model import Variogram
+from soilmoist_ros.mapping.variogram.local import LocalFit, LocalRate, fit_amplitude
+from soilmoist_ros.mapping.variogram.model import Box, ModelName, Variogram, correlation_model
 from soilmoist_ros.mapping.variogram.reml import maximise_reml, mode_of
-from soilmoist_ros.mapping.variogram.semivariogram import default_edges, semivariogram_of
-from soilmoist_ros.mapping.variogram.soft_l1 import fit_soft_l1
+from soilmoist_ros.mapping.variogram.semivariogram import default_edges, fit_soft_l1, semivariogram_of
 
 Array = NDArray[np.float64]
 FitMethod = Literal["reml", "soft_l1"]
@@ -178,7 +173,7 @@ def estimate_variogram(
         and soft_l1 ignore the spread
     :param anisotropy: whether the range may depend on the direction; it never does with soft_l1
     :param local_noise: whether the Poisson noise in a map has the rate at each place, instead of the mean
-    :param box: box of the field, to test whether the rate varies more here than there (:mod:`.local_fit`); with
+    :param box: box of the field, to test whether the rate varies more here than there (:mod:`.local`); with
         ``None`` or soft_l1 the variogram is stationary
     :param others: samples of other surveys at distinct places, whose rates have the same variogram and a mean of
         their own; soft_l1 ignores them

@@ -10,29 +10,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import squared_distances
-from soilmoist_ros.mapping.samples.samples import Samples, noise_rate
-from soilmoist_ros.mapping.samples.surveys import Surveys
-from soilmoist_ros.mapping.variogram.correlation import ModelName, correlation_model
-from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane
-from soilmoist_ros.mapping.variogram.newton import minimise
-from soilmoist_ros.mapping.variogram.packed import Packed
+from soilmoist_ros.mapping.samples import Samples, Surveys, noise_rate, spatial_blocks
+from soilmoist_ros.mapping.variogram.model import ModelName, Variogram, correlation_model, isotropic_plane
 from soilmoist_ros.mapping.variogram.support import SupportCorrelation
 
 Array = NDArray[np.float64]
 
+Expansion = tuple[float, Array, Array]
+_MIN_CURVATURE = 0.1
+_ROUNDING = 1e-11
+_FIRST_DAMPING, _MIN_DAMPING, _MAX_DAMPING = 1e-3, 1e-6, 1e8
 ONE_BLOCK_PLACES = 1000
 """Maximum number of places for the full likelihood."""
 BLOCK_PLACES = 500
 """Maximum number of places in a block of the composite likelihood."""
 MAX_BLOCKS = 16
 """Maximum number of blocks. With more, the fit uses some of them, plus blocks of places from the whole field."""
-
 _MIN_POOLS = 8
 _FEW_PLACES = 100
 """Number of places beyond which one start is enough if the model's likelihood has only one peak."""
@@ -58,6 +58,141 @@ _TOLERANCE = 1e-4
 """Distance from the mode at which the optimiser stops, in posterior standard deviations."""
 _ROUGH = 0.3
 """Likewise of searches from further starts; a peak that is higher by less than half its square may be missed."""
+
+
+class Minimum(NamedTuple):
+    """Minimum of a function.
+
+    :param at: parameters, shape (p,)
+    :param value: value at the minimum
+    :param gradient: gradient at the minimum, shape (p,)
+    :param converged: whether the next step would be negligible
+    """
+
+    at: Array
+    value: float
+    gradient: Array
+    converged: bool
+
+
+def minimise(
+    expand: Callable[[Array], Expansion], start: Array, bound: float, tolerance: float, max_steps: int = 100
+) -> Minimum:
+    """Descend from a start to a minimum.
+
+    ``expand`` may return an approximate Hessian. Symmetric secant updates learn the missing part from the
+    gradients, as Dennis, Gay & Welsch (1981), ACM Transactions on Mathematical Software 7:348-368, do for least
+    squares.
+
+    Distances are in the metric of the Hessian: for a posterior in posterior standard deviations, whatever the
+    scale of the parameters.
+
+    :param expand: parameters -> value, gradient (p,), and approximate Hessian (p, p), symmetric and positive
+        definite
+    :param start: start values, shape (p,)
+    :param bound: maximum absolute value of each parameter
+    :param tolerance: largest distance from the minimum at the end, as predicted by a Newton step of the parameters
+        that are not at bounds
+    :param max_steps: maximum number of steps
+    """
+    at = _within(start, bound)
+    value, gradient, hessian = expand(at)
+    learned = np.zeros_like(hessian)
+    damping = _FIRST_DAMPING
+    for _ in range(max_steps):
+        free = np.flatnonzero(_free(at, gradient, bound))
+        steepest = np.abs(gradient[free]).max(initial=0.0)
+        curvature, axes = np.linalg.eigh((hessian + learned)[free[:, None], free])
+        curvature = np.maximum(curvature, _MIN_CURVATURE)
+        along = axes.T @ gradient[free]
+        if along @ (along / curvature) <= tolerance**2:
+            return Minimum(at, value, gradient, True)
+        if damping > _MAX_DAMPING:
+            break
+        tried = at.copy()
+        tried[free] -= axes @ (along / (curvature * (1 + damping)))
+        tried = _within(tried, bound)
+        then = expand(tried)
+        # Close to the minimum, where values differ only by rounding, accept a step to a smaller gradient.
+        flatter = np.abs(then[1][_free(tried, then[1], bound)]).max(initial=0.0) < steepest
+        if not (then[0] < value or (flatter and then[0] <= value + _ROUNDING * abs(value))):
+            damping = max(10 * damping, 1.0)
+            continue
+        step = tried - at
+        at, change = tried, then[1] - gradient
+        value, gradient, hessian = then
+        damping = max(damping / 10, _MIN_DAMPING)
+        missing, square = change - (hessian + learned) @ step, step @ step
+        across = missing[:, None] * step
+        learned = learned + (across + across.T) / square
+        learned -= (missing @ step) / square**2 * (step[:, None] * step)
+    return Minimum(at, value, gradient, False)
+
+
+def _within(place: Array, bound: float) -> Array:
+    return np.asarray(np.minimum(np.maximum(place, -bound), bound))
+
+
+def _free(at: Array, gradient: Array, bound: float) -> NDArray[np.bool_]:
+    """Which parameters are not held at a bound."""
+    return ~(((at <= -bound) & (gradient > 0)) | ((at >= bound) & (gradient < 0)))
+
+
+# -- Packed matrices -----------------------------------------------------------------------------------------
+
+Indices = NDArray[np.intp]
+
+
+class Packed:
+    """Lower triangles of symmetric matrices of one size, column after column (the packed storage of BLAS).
+
+    :param n: rows
+
+    Attributes
+    ----------
+    positions : NDArray
+        where the elements are in the matrix as one vector, shape (n (n + 1) / 2,)
+    diagonal : NDArray
+        which of the elements are on the diagonal, shape (n,)
+    """
+
+    def __init__(self, n: int) -> None:
+        self.n = n
+        self.positions, self.diagonal = _positions(n)
+        self._memory = np.empty(n * n)
+
+    def pack(self, matrix: Array) -> Array:
+        """The lower triangle of a matrix of shape (n, n) in Fortran's order, or of a symmetric one in any."""
+        flat = matrix.reshape(-1, order="F" if matrix.flags.f_contiguous else "C")
+        return flat.take(self.positions)
+
+    def unpack(self, packed: Array) -> Array:
+        """The matrix, in Fortran's order; above the diagonal it is anything. The next call takes its memory."""
+        self._memory[self.positions] = packed
+        return self._memory.reshape(self.n, self.n, order="F")
+
+    def inner(self, a: Array, b: Array) -> float:
+        """Sum of the products of all elements of two matrices."""
+        return float(2 * (a @ b) - a[self.diagonal] @ b[self.diagonal])
+
+    def times(self, a: Array, vector: Array) -> Array:
+        """Matrix times vector, shape (n,)."""
+        from scipy.linalg.blas import dspmv
+
+        return np.asarray(dspmv(self.n, 1.0, a, vector, lower=1))
+
+
+@lru_cache(maxsize=4)
+def _positions(n: int) -> tuple[Indices, Indices]:
+    """Positions and diagonal of :class:`Packed`; kept, for many likelihoods are of the same number of places."""
+    column, row = np.triu_indices(n)
+    found = column * n + row, np.flatnonzero(column == row)
+    for indices in found:
+        indices.setflags(write=False)
+    return found
+
+
+# -- Likelihood and prior ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -454,30 +589,6 @@ def _mean_direction(surveys: Surveys, model: ModelName, prior: Prior, u: Array) 
     )
 
 
-def spatial_blocks(
-    xy: Array, one_block: int = ONE_BLOCK_PLACES, size: int = BLOCK_PLACES
-) -> list[NDArray[np.intp]]:
-    """Disjoint compact blocks of places, halved across the wider side until no block exceeds ``size``.
-
-    :param xy: places, shape (n, 2) [m]
-    :param one_block: maximum number of places for a single block
-    :param size: maximum number of places in a block otherwise
-    :returns: numbers of the places of each block
-    """
-    if len(xy) <= one_block:
-        return [np.arange(len(xy))]
-    blocks, todo = [], [np.arange(len(xy))]
-    while todo:
-        block = todo.pop()
-        if len(block) <= size:
-            blocks.append(block)
-            continue
-        axis = int(np.argmax(np.ptp(xy[block], axis=0)))
-        block = block[np.lexsort((xy[block, 1 - axis], xy[block, axis]))]
-        todo += [block[len(block) // 2 :], block[: len(block) // 2]]
-    return blocks
-
-
 def _starts(surveys: Surveys, model: ModelName, prior: Prior) -> list[Array]:
     """Start values in prior standard deviations: the best of a few ranges, or the three best.
 
@@ -501,7 +612,7 @@ def _likelihood_blocks(xy: Array) -> list[NDArray[np.intp]]:
 
     Compact blocks contain only short distances, so a quarter of the blocks spans the whole field.
     """
-    blocks = spatial_blocks(xy)
+    blocks = spatial_blocks(xy, ONE_BLOCK_PLACES, BLOCK_PLACES)
     if len(blocks) <= MAX_BLOCKS:
         return blocks
     wide, order = MAX_BLOCKS // 4, np.concatenate(blocks)

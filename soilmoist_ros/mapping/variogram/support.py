@@ -32,8 +32,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import squared_distances
-from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2
-from soilmoist_ros.mapping.variogram.correlation import CorrelationModel
+from soilmoist_ros.mapping.samples import MIN_SPREAD_M2
+from soilmoist_ros.mapping.variogram.model import CorrelationModel
 from soilmoist_ros.sensing import Footprint
 
 Array = NDArray[np.float64]

@@ -42,7 +42,7 @@ def colour_map(name: str) -> Any:
     return ListedColormap(colour_ramp(name, 256) / 255, name)
 
 
-def plain(axes: Axes, grid: str = "") -> Axes:
+def plain_axes(axes: Axes, grid: str = "") -> Axes:
     """Remove the upper and right spines and make the ticks lighter."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(SOFT)

@@ -58,11 +58,7 @@ class ClockDrift:
         return f"ClockDrift({self.message})"
 
     def add(self, stamp_s: float, ahead_s: float) -> None:
-        """Add a comparison.
-
-        :param stamp_s: time of the logger [s since 1970 UTC]
-        :param ahead_s: logger's clock minus GNSS time [s]; NaN is ignored
-        """
+        """Add a comparison."""
         if not math.isfinite(ahead_s):
             return
         is_odd = abs(ahead_s - self._last_ahead_s) > MIN_STEP_S

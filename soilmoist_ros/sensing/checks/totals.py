@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Record against record: the counts of all tubes together, and the dispersion of a log.
+"""The checks of one probe: tube against tube, record against record, and the weather.
 
 At a stop all records see the same soil, so given the total of two counts one of them is binomial. Rain, irrigation
 and snow change the rate at one place slowly; while driving it changes with the soil. The tests allow for both.
@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from soilmoist_ros.sensing.checks.alarms import MAX_PER_RECORD, alarm_probability, least_chance
-from soilmoist_ros.sensing.checks.finding import Finding
-from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import CountRecord
+import numpy as np
+
+from soilmoist_ros.sensing.checks.tubes import BadTube, TubeChecks, alarm_probability, tube_shares
+from soilmoist_ros.sensing.checks.weather import WeatherChecks
+from soilmoist_ros.sensing.problems import Finding, Kind
+from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 
 STOP_RADIUS_M = 3.0
 """Places closer than this to the first record of a stop belong to the stop [m]."""
@@ -40,6 +43,106 @@ MIN_PAIRS = 20
 HIGH_DISPERSION = 1.5
 """Index of dispersion from which intervals of a map are clearly too narrow: by a fifth."""
 SIGNIFICANCE = 1e-4
+MAX_TUBE_RATE_CPS = 1000.0
+"""Rate that no tube for environmental neutrons reaches, by orders of magnitude [counts/s]."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A record after the checks.
+
+    :param record: the record; impossible weather and the counts of bad tubes are NaN, unless no tube is left
+    :param findings: its faults
+    :param bad_since_s: tubes that have just been found bad: index -> stamp of the first bad record [s since 1970]
+    """
+
+    record: LoggerRecord
+    findings: tuple[Finding, ...] = ()
+    bad_since_s: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def quarantine(self) -> str:
+        """Reason code of a bad record, empty for a usable one."""
+        return next((finding.kind.value for finding in self.findings if finding.bad), "")
+
+
+class RecordChecks:
+    """Checks the records of one probe in order of time; only earlier records are known, unless they are learned.
+
+    A bad tube is masked: its counts become NaN, and the exposure covers the other tubes. A record without a good
+    tube, or with counts that do not fit the records before, is bad as a whole.
+
+    :param n0_cps: count rate over dry soil [counts/s], NaN if unknown
+    :param altitude_of: altitude of the probe at a record [m], NaN if unknown
+
+    >>> checks = RecordChecks()
+    >>> checks.check(LoggerRecord(10.0, (1_200_000.0,), (10.0,))).quarantine
+    'impossible_count'
+    >>> checks.check(LoggerRecord(20.0, (12.0,), (10.0,))).quarantine
+    ''
+    """
+
+    def __init__(
+        self, n0_cps: float = NAN, altitude_of: Callable[[LoggerRecord], float] = lambda record: NAN
+    ) -> None:
+        self.totals = TotalChecks(n0_cps)
+        """Record against record, for corrected and placed records."""
+        self.masked: dict[int, Kind] = {}
+        """Tubes that were left out of the last record, by index, and why."""
+        self._altitude_of = altitude_of
+        self._weather = WeatherChecks()
+        self._tubes: TubeChecks | None = None
+
+    def learn(self, records: Sequence[LoggerRecord]) -> list[Checked]:
+        """Learn the shares of the tubes and their bad periods from a whole log, before its first record."""
+        first = RecordChecks(altitude_of=self._altitude_of)
+        found = [first.check(record) for record in records]
+        good = [checked.record for checked in found if not checked.quarantine]
+        if good and first._tubes is not None:
+            self._tubes = TubeChecks(
+                first._tubes.tubes, tube_shares(good), first._tubes.rate_cps, first._tubes.spans
+            )
+        return found
+
+    def check(self, record: LoggerRecord, unused_tubes: Collection[int] = ()) -> Checked:
+        """Check the next record."""
+        tubes = len(record.tube_counts)
+        if self._tubes is None or self._tubes.tubes != tubes:
+            self._tubes = TubeChecks(tubes)
+        record, findings = self._weather.check(record, self._altitude_of(record))
+        counts, live_s = np.array(record.tube_counts, float), np.array(record.tube_live_s, float)
+        present = np.isfinite(counts) & (live_s > 0)
+        present[list(unused_tubes)] = False
+        wild = present & (counts > MAX_TUBE_RATE_CPS * live_s)
+        bad = [BadTube(int(tube), Kind.IMPOSSIBLE_COUNT, counts[tube], NAN) for tube in np.flatnonzero(wild)]
+        known = len(self._tubes.spans)
+        bad += self._tubes.check(record, present & ~wild)
+        self.masked = {one.tube: one.kind for one in bad}
+        if not bad:
+            return Checked(record, tuple(findings))
+        none_left = len(bad) == present.sum()
+        findings += [_finding(one, float(live_s[one.tube]), none_left) for one in bad]
+        since_s = {span.tube: span.begin_s for span in self._tubes.spans[known:]}
+        masked = record if none_left else _masked(record, [one.tube for one in bad])
+        return Checked(masked, tuple(findings), since_s)
+
+
+def _masked(record: LoggerRecord, tubes: Collection[int]) -> LoggerRecord:
+    counts = tuple(NAN if tube in tubes else count for tube, count in enumerate(record.tube_counts))
+    return replace(record, tube_counts=counts)
+
+
+def _finding(bad: BadTube, live_s: float, none_left: bool) -> Finding:
+    message = f"tube {bad.tube + 1} has {bad.counts:.0f} counts in {live_s:g} s"
+    if bad.kind is Kind.IMPOSSIBLE_COUNT:
+        message += ", which no tube can count"
+    elif bad.kind is Kind.STUCK_TUBE:
+        message += " again and again"
+    elif bad.expected == bad.expected:
+        message += f", the other tubes expect {bad.expected:.0f}"
+    else:
+        message += ", and the tubes do not agree"
+    return Finding(bad.kind, message, "check the tube, its high voltage and its cable", none_left)
 
 
 class _Counted(NamedTuple):
@@ -74,7 +177,7 @@ class Dispersion:
         """Whether the scatter is higher than counting statistics, clearly and significantly."""
         if self.pairs < MIN_PAIRS or self.index <= HIGH_DISPERSION:
             return False
-        from scipy.special import chdtrc  # slow to import, and needed for odd records only
+        from scipy.special import chdtrc
 
         return bool(chdtrc(self.pairs, self._sum) < SIGNIFICANCE)
 
@@ -108,11 +211,7 @@ class TotalChecks:
         self._odd = self._good = 0
 
     def check(self, record: CountRecord, recorded: CountRecord | None = None) -> list[Finding]:
-        """Faults of the next record; a record that is quarantined already only counts for the dispersion.
-
-        :param record: the corrected record, with its place if known
-        :param recorded: the same record with the counts of all tubes, bad ones included; ``None`` if none was bad
-        """
+        """Faults of the next record; a record that is quarantined already only counts for the dispersion."""
         self.recorded.add(record if recorded is None else recorded)
         if record.quarantine or not (record.effective_exposure_s > 0 and record.exposure_s > 0):
             return []
@@ -151,25 +250,18 @@ class TotalChecks:
 
     def _chance(self, counted: _Counted, near: list[_Counted], change: tuple[float, float]) -> tuple[float, float]:
         """Expected rate [counts/s], and the probability of a count so far from it if the rate is possible."""
+        from scipy.special import bdtr, bdtrc, pdtr, pdtrc
+
         fall, rise = change
         if not near:
             mean = self.typical_cps * counted.exposure_s
             if math.isnan(mean):
                 return math.nan, 1.0
-            if mean / fall <= counted.counts <= rise * mean:  # both chances are 1/2 or more
-                return self.typical_cps, 0.5
-            from scipy.special import pdtr, pdtrc  # see above
-
             above = pdtrc(counted.counts - 1, rise * mean) if counted.counts else 1.0
             return self.typical_cps, float(min(above, pdtr(counted.counts, mean / fall)))
         counts, exposure_s = sum(one.counts for one in near), math.fsum(one.exposure_s for one in near)
         total, ratio = counts + counted.counts, counted.exposure_s / exposure_s
         largest, smallest = ratio * rise / (ratio * rise + 1), ratio / fall / (ratio / fall + 1)
-        least = min(least_chance(counted.counts, total, largest), least_chance(counts, total, 1 - smallest))
-        if least > MAX_PER_RECORD:
-            return counts / exposure_s, least
-        from scipy.special import bdtr, bdtrc  # see above
-
         above = bdtrc(counted.counts - 1, total, largest) if counted.counts else 1.0
         below = bdtr(counted.counts, total, smallest)
         return counts / exposure_s, float(min(above, below))
@@ -198,8 +290,6 @@ def _same_place(one: CountRecord, other: CountRecord) -> bool:
 
 def _are_above(counts: int, mean: float, level: float) -> bool:
     """Whether so many counts have a probability below a level, which is below 1/2."""
-    if not counts > mean:
-        return False
-    from scipy.special import pdtrc  # see above
+    from scipy.special import pdtrc
 
-    return bool(pdtrc(counts - 1, mean) < level)
+    return counts > mean and bool(pdtrc(counts - 1, mean) < level)

@@ -9,10 +9,9 @@ import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from soilmoist_ros.sensing.checks.finding import Finding
-from soilmoist_ros.sensing.corrections.atmosphere import SEA_LEVEL_HPA as STANDARD_HPA
-from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa
-from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.corrections.factors import SEA_LEVEL_HPA as STANDARD_HPA
+from soilmoist_ros.sensing.corrections.factors import standard_pressure_hpa
+from soilmoist_ros.sensing.problems import Finding, Kind
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
 SEA_LEVEL_HPA = (870.0, 1085.0)
@@ -66,10 +65,7 @@ MAX_MEDIAN_DEGC = 42.0
 
 
 def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:
-    """Lowest and highest possible air pressure [hPa].
-
-    :param altitude_m: altitude above mean sea level [m], NaN if unknown
-    """
+    """Lowest and highest possible air pressure [hPa]."""
     low_m, high_m = ALTITUDES_M
     if math.isfinite(altitude_m):
         low_m, high_m = altitude_m - ALTITUDE_TOLERANCE_M, altitude_m + ALTITUDE_TOLERANCE_M
@@ -83,11 +79,6 @@ def remedy_of_unit(quantity: str, value: float, low: float, high: float, otherwi
 
     >>> remedy_of_unit("pressure", 99000.0, 300.0, 1085.0, "check the sensor")
     "if it is in Pa, write 'unit: Pa' into the logger format; else check the sensor"
-
-    :param quantity: pressure, temperature or humidity
-    :param low: least possible value [hPa, degC or fraction]
-    :param high: greatest possible value
-    :param otherwise: remedy if the unit is right
     """
     units = [unit for unit, convert in _UNITS[quantity].items() if low <= convert(value) <= high]
     if not units:
@@ -127,10 +118,7 @@ class WeatherChecks:
         self._frozen = _FrozenPressure()
 
     def check(self, record: LoggerRecord, altitude_m: float = NAN) -> tuple[LoggerRecord, list[Finding]]:
-        """The record without impossible values, which become NaN, and its faults.
-
-        :param altitude_m: altitude of the probe at the record [m], NaN if unknown
-        """
+        """The record without impossible values, which become NaN, and its faults."""
         limits = {
             "pressure_hpa": (pressure_limits_hpa(altitude_m), "hPa", 1.0, "pressure"),
             "temperature_degc": (TEMPERATURES_DEGC, "degC", 1.0, "temperature"),

@@ -127,3 +127,116 @@ def effective_exposure(exposure_s: float, factor: float) -> float:
 def _require_positive(name: str, value: float) -> None:
     if not (math.isfinite(value) and value > 0):
         raise ValueError(f"{name} must be positive and finite, got {value}")
+
+
+# Pressure and depth of the air above a place, and the barometric coefficient of the neutrons there --------------
+
+SEA_LEVEL_HPA = 1013.25
+
+
+def gravity_ms2(latitude_deg: float, altitude_m: float) -> float:
+    """Acceleration of gravity on land [m/s^2]: the 1967 formula with free-air and Bouguer terms.
+
+    McJannet & Desilets (2023, Water Resources Research 59:e2022WR033889) use it, with rock of 2670 kg/m^3.
+    """
+    latitude = math.radians(latitude_deg)
+    sea_level = 9.780327 * (1 + 0.0053024 * math.sin(latitude) ** 2 - 0.0000058 * math.sin(2 * latitude) ** 2)
+    return sea_level + (-3.086e-6 + 4.193e-10 * 2670) * altitude_m
+
+
+def standard_pressure_hpa(latitude_deg: float, altitude_m: float) -> float:
+    """Mean air pressure [hPa] of the US Standard Atmosphere 1976 under the gravity of the place.
+
+    :param latitude_deg: latitude [deg]
+    :param altitude_m: altitude above mean sea level, -500 to 9000 [m]
+    :raises ValueError: if a value is out of range
+    """
+    if not (abs(latitude_deg) <= 90 and -500 <= altitude_m <= 9000):
+        raise ValueError(f"there is no place at latitude {latitude_deg:g} and altitude {altitude_m:g} m")
+    exponent = gravity_ms2(latitude_deg, altitude_m) * 0.0289644 / (8.31432 * 0.0065)
+    return float(SEA_LEVEL_HPA * (1 - 0.0065 / 288.15 * altitude_m) ** exponent)
+
+
+def atmospheric_depth_gcm2(latitude_deg: float, altitude_m: float) -> float:
+    """Mass of the air above a place [g/cm^2]: standard pressure divided by gravity.
+
+    >>> round(atmospheric_depth_gcm2(46.55, 3570.0), 1)  # Jungfraujoch
+    665.2
+    """
+    return 10 * standard_pressure_hpa(latitude_deg, altitude_m) / gravity_ms2(latitude_deg, altitude_m)
+
+
+def barometric_coefficient(depth_gcm2: float, cutoff_rigidity_gv: float) -> float:
+    """Barometric coefficient beta of a cosmic-ray neutron sensor [1/hPa].
+
+    Desilets (2021, Hydroinnova Technical Document 21-01, doi:10.5281/zenodo.4569062). The source gives beta per
+    g/cm^2. As in other software for such sensors, it is used per hPa, which is 2 % less mass.
+
+    >>> round(1 / barometric_coefficient(1033.0, 3.0))
+    137
+
+    :param depth_gcm2: atmospheric depth [g/cm^2], above 400
+    :param cutoff_rigidity_gv: vertical cutoff rigidity [GV], 0 to 20
+    :raises ValueError: if a value is out of range
+    """
+    if not (400 <= depth_gcm2 <= 1100 and 0 <= cutoff_rigidity_gv <= 20):
+        raise ValueError(
+            f"there is no barometric coefficient for {depth_gcm2:g} g/cm2 and {cutoff_rigidity_gv:g} GV"
+        )
+    rigidity = cutoff_rigidity_gv
+    return (
+        0.01231386 / (1 + math.exp(-0.0554611 * rigidity**0.6012159))
+        + (4.74235e-06 - 9.66624e-07 * rigidity + 1.42783e-09 * rigidity**2) * depth_gcm2
+        + (-3.70478e-09 + 1.27739e-09 * rigidity + 3.58814e-11 * rigidity**2) * depth_gcm2**2
+        + (-3.146e-15 - 3.5528e-13 * rigidity - 4.29191e-14 * rigidity**2) * depth_gcm2**3
+    )
+
+
+# Constant factors of a site: plants around the probe, and the road that it drives on ----------------------------
+
+DRY_BIOMASS_SHARE_M2KG = 0.009
+"""Share of the counts that 1 kg/m^2 of dry biomass takes (Baatz et al. 2015, abstract)."""
+BIOMASS_WATER_SHARE_M2KG = 6.4 / 1210
+"""Share of the counts that 1 kg/m^2 of biomass water equivalent takes: r2 / N0 of Baatz et al. (2015)."""
+CELLULOSE_WATER = 0.494
+"""Water equivalent of dry biomass [kg/kg] (Wahbi & Avery 2018, In situ destructive sampling, Springer)."""
+
+
+def biomass_water_kgm2(fresh_kgm2: float, dry_kgm2: float) -> float:
+    """Biomass water equivalent: the water of the plants, and that of their cellulose [kg/m^2].
+
+    :param fresh_kgm2: fresh biomass above the ground [kg/m^2]
+    :param dry_kgm2: dry biomass above the ground [kg/m^2]
+    """
+    return fresh_kgm2 - dry_kgm2 + CELLULOSE_WATER * dry_kgm2
+
+
+def f_biomass(biomass_kgm2: float, share_m2kg: float) -> float:
+    """Factor ``1 / (1 - share * biomass)`` [-] (Baatz et al. 2015, Water Resources Research 51:2030-2046).
+
+    :param biomass_kgm2: dry biomass or biomass water equivalent [kg/m^2], >= 0
+    :param share_m2kg: share of the counts that 1 kg/m^2 takes, the one of this kind of biomass [m^2/kg]
+    :raises ValueError: if the biomass would take half of the counts or more, far beyond the measurements
+    """
+    if not 0 <= share_m2kg * biomass_kgm2 < 0.5:
+        raise ValueError(f"biomass must be 0 to {0.5 / share_m2kg:.0f} kg/m2, got {biomass_kgm2:g}")
+    return 1 / (1 - share_m2kg * biomass_kgm2)
+
+
+def f_road(width_m: float, road_vwc: float, field_vwc: float, distance_m: float = 0.0) -> float:
+    """Factor ``1 / (1 + F1 F2 F3)`` [-] (Schrön et al. 2018, Water Resources Research 54:6441-6459).
+
+    F1 (width), F2 (moisture from counts, equation 6) and F3 (distance) have the parameters of table 1. They were
+    found with an unshielded rover.
+
+    :param width_m: width of the road [m], >= 0
+    :param road_vwc: moisture of the road: 0.07 for asphalt, 0.12 for gravel, say [m^3/m^3]
+    :param field_vwc: typical moisture of the field as the uncorrected counts show it [m^3/m^3]
+    :param distance_m: distance of the probe from the middle of the road [m]
+    """
+    if width_m == 0:
+        return 1.0
+    geometry = 0.42 * (1 - math.exp(-0.5 * width_m))
+    moisture = 1.06 - 4 * road_vwc - (0.16 + road_vwc) / (0.39 + field_vwc)
+    near = 0.94 * math.exp(-1.10 * width_m**-2.70 * distance_m**4)
+    return 1 / (1 + geometry * moisture * (near + 0.06 * math.exp(-0.01 * distance_m)))

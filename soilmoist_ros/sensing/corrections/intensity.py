@@ -10,11 +10,18 @@ atmospheric depth. With the rate C of the monitor and its reference C0 the corre
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import cache, lru_cache
+from pathlib import Path
 from typing import Literal
 
-from soilmoist_ros.sensing.corrections.atmosphere import atmospheric_depth_gcm2
-from soilmoist_ros.sensing.corrections.cutoff_rigidity import cutoff_rigidity_gv
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation import InputError, Mistake, did_you_mean, read_lines
+from soilmoist_ros.sensing.corrections.factors import atmospheric_depth_gcm2
 
 Scaling = Literal["none", "hawdon2014", "mcjannet2023"]
 
@@ -71,7 +78,6 @@ def cosmic_place(
 ) -> CosmicPlace:
     """Cutoff rigidity and atmospheric depth of a place.
 
-    :param rigidity_gv: known cutoff rigidity [GV]; from the table if ``None``
     :raises ValueError: if a value is out of range
     """
     if rigidity_gv is None:
@@ -108,3 +114,353 @@ def _tau(place: CosmicPlace) -> float:
     return (-0.0009 * depth + 1.7699) * (
         1 - math.exp(-(0.0064 * depth + 1.8855) * rigidity ** (0.000013 * depth - 1.2237))
     )
+
+
+# Vertical cutoff rigidity of a place, from a table of the world -------------------------------------------------
+
+TABLE = Path(__file__).with_name("cutoff_rigidity.csv")
+
+
+@lru_cache(maxsize=256)
+def cutoff_rigidity_gv(latitude_deg: float, longitude_deg: float) -> float:
+    """Effective vertical cutoff rigidity [GV], bilinear in the table.
+
+    The table has one value per 5 x 10 degrees, for the field of 2020. ``scripts/cutoff_rigidity_table.py``
+    computed it by tracing particles through the International Geomagnetic Reference Field (IGRF-14). Between its
+    values the error is about 0.1 GV, at most 0.3. Published values of neutron monitors, of other years, differ by
+    up to 0.5 GV.
+
+    >>> round(cutoff_rigidity_gv(51.5, 0.0), 1)  # London
+    3.0
+
+    :param latitude_deg: geographic latitude [deg]
+    :param longitude_deg: geographic longitude, any number of turns [deg]
+    :raises ValueError: if the latitude is not within -90..90
+    """
+    if not abs(latitude_deg) <= 90:
+        raise ValueError(f"the latitude must be within -90..90 degrees, got {latitude_deg}")
+    latitudes, longitudes, table = _table()
+    row = min(int(np.searchsorted(latitudes, latitude_deg, side="right")) - 1, len(latitudes) - 2)
+    north = (latitude_deg - latitudes[row]) / (latitudes[row + 1] - latitudes[row])
+    step = longitudes[1] - longitudes[0]
+    turns, east = divmod(((longitude_deg - longitudes[0]) % 360) / step, 1)
+    columns = [int(turns) % len(longitudes), (int(turns) + 1) % len(longitudes)]
+    low, high = table[row : row + 2, columns] @ np.array([1 - east, east])
+    return float(low + north * (high - low))
+
+
+@cache
+def _table() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Latitudes, ascending, longitudes and rigidities [GV]."""
+    header, *rows = TABLE.read_text(encoding="ascii").splitlines()
+    values = np.array([[float(cell) for cell in row.split(",")] for row in rows])[::-1]
+    return values[:, 0], np.array([float(cell) for cell in header.split(",")[1:]]), values[:, 1:]
+
+
+# The latest incoming intensity that came from outside, with its age ---------------------------------------------
+
+
+class LatestIntensity:
+    """The latest rate of a neutron monitor that publishes its values.
+
+    >>> latest = LatestIntensity()
+    >>> latest.take(151.2, now_s=100.0)
+    True
+    >>> latest.rate, latest.age_s(160.0)
+    (151.2, 60.0)
+    """
+
+    def __init__(self) -> None:
+        self.rate = math.nan
+        """The rate, in the unit of the site's reference; NaN if none has come."""
+        self._since_s = -math.inf
+
+    def __repr__(self) -> str:
+        return f"LatestIntensity({self.rate:g})"
+
+    def take(self, rate: float, now_s: float) -> bool:
+        """Store a rate that has just come; returns whether it is one: positive and finite.
+
+        :param now_s: monotonic time [s]
+        """
+        if not (math.isfinite(rate) and rate > 0):
+            return False
+        self.rate, self._since_s = rate, now_s
+        return True
+
+    def age_s(self, now_s: float) -> float:
+        """Time since the rate came [s], infinite if none has come.
+
+        :param now_s: monotonic time [s]
+        """
+        return now_s - self._since_s
+
+
+# Incoming cosmic-ray intensity from a file of neutron monitors, such as an export of the database NMDB ----------
+
+Gaps = Literal["interpolate", "hold"]
+
+MAX_GAP_S = 6 * 3600.0
+MAX_MISTAKES = 3
+"""Maximum number of rows that are named in an error for one remedy."""
+_TAG = re.compile(r"<[^<>]{1,40}>")
+_KEY_AND_VALUE = re.compile(r"#\s*([A-Z][A-Z .]{2,20}):\s*(.*?)\s*")
+_DURATION = re.compile(r"(\d+)\s*(min|hour|day)")
+_SECONDS = {"min": 60.0, "hour": 3600.0, "day": 86_400.0}
+_MISSING = ("", "null", "nan", "na", "-")
+_DATA_TYPES = re.compile(r"(?:R|1H)?(?:CORR?|UNCORR?|PRESS)(?:_\w+)?|\w*mbar", re.IGNORECASE)
+_CORRECTED_E = re.compile(r"(?:R|1H)?CORR?_E", re.IGNORECASE)
+_NOT_CORRECTED = re.compile(r"uncorr|press_|pressure_mbar", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
+_WORDS = re.compile(r"(\S+(?:[ T]\d\d?:\d\d\S*)?)\s+(.+)")
+_EXPECTED = "expected lines such as '2018-05-01 14:00:00;151.2' (UTC), as exported from nmdb.eu"
+
+
+@dataclass(frozen=True)
+class NeutronMonitor:
+    """A time series of incoming intensity.
+
+    :param stamp_s: middle of each interval [s since 1970-01-01 UTC], shape (n,), ascending
+    :param rate: neutron-monitor rate, any unit, shape (n,), > 0
+    :param interval_s: duration of an interval [s], 0 if the rates are momentary
+    :param gaps: interpolate between the neighbours of a gap, or hold the last rate
+    :param max_gap_s: maximum time between neighbours, or for which a rate is held [s]
+    :param station: name of the station or column; empty if the file does not give it
+    :param not_used: other stations and columns of the file
+    """
+
+    stamp_s: NDArray[np.float64]
+    rate: NDArray[np.float64]
+    interval_s: float = 0.0
+    gaps: Gaps = "interpolate"
+    max_gap_s: float = MAX_GAP_S
+    station: str = ""
+    not_used: tuple[str, ...] = ()
+
+    def at(self, stamp_s: float) -> float | None:
+        """Rate at a time; ``None`` outside the series or in a gap that is too long."""
+        after = int(np.searchsorted(self.stamp_s, stamp_s))
+        early_s = self.interval_s / 2 if after == 0 else 0.0
+        if after < len(self.stamp_s) and self.stamp_s[after] - stamp_s <= early_s:
+            return float(self.rate[after])
+        if after == 0:
+            return None
+        since_s = stamp_s - float(self.stamp_s[after - 1])
+        if self.gaps == "hold" or after == len(self.stamp_s):
+            limit_s = self.max_gap_s if self.gaps == "hold" else 0.0
+            return float(self.rate[after - 1]) if since_s <= max(limit_s, self.interval_s / 2) else None
+        if self.stamp_s[after] - self.stamp_s[after - 1] > max(self.max_gap_s, self.interval_s):
+            return None
+        return float(np.interp(stamp_s, self.stamp_s, self.rate))
+
+    @property
+    def coverage(self) -> str:
+        """The time of the series, in words."""
+        first, last = (datetime.fromtimestamp(float(stamp), UTC) for stamp in (self.stamp_s[0], self.stamp_s[-1]))
+        return f"the neutron monitor, {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC,"
+
+    def longest_gap_s(self, start_s: float, end_s: float) -> float:
+        """Longest time without a rate between two times, the ends of the series included [s]."""
+        inside = self.stamp_s[(self.stamp_s > start_s) & (self.stamp_s < end_s)]
+        edges = [start_s, *inside.tolist(), end_s]
+        before, after = self.stamp_s[self.stamp_s <= start_s], self.stamp_s[self.stamp_s >= end_s]
+        edges[0], edges[-1] = (before[-1] if len(before) else start_s), (after[0] if len(after) else end_s)
+        return float(np.diff(edges).max()) - self.interval_s if len(self.stamp_s) else end_s - start_s
+
+
+@dataclass
+class _Export:
+    """What the lines of a file say.
+
+    :param values: values by their key in the head
+    :param columns: names of the columns, empty if the file does not give them
+    :param rates: rate by time, for each station
+    :param faults: bad rates of each station
+    :param of_database: whether the file has the head of an export, so that its columns are stations
+    :param unread: rows whose times cannot be read
+    :param last_row: the last row that is neither a comment nor a time with rates
+    """
+
+    values: dict[str, str] = field(default_factory=dict)
+    columns: list[str] = field(default_factory=list)
+    rates: dict[str, dict[float, float]] = field(default_factory=dict)
+    faults: dict[str, list[Mistake]] = field(default_factory=dict)
+    of_database: bool = False
+    unread: list[Mistake] = field(default_factory=list)
+    last_row: str = ""
+
+    @property
+    def interval_s(self) -> float:
+        """Duration of an interval by the head of an export [s], 0 without one."""
+        for key in ("AVERAGING", "ORIGINAL RES"):
+            if match := _DURATION.search(self.values.get(key, "")):
+                return int(match[1]) * _SECONDS[match[2]]
+        return 0.0
+
+    @property
+    def stations(self) -> list[str]:
+        """Stations by the head."""
+        names = re.split(r"[\s,;]+", self.values.get("STATION") or self.values.get("STATIONS") or "")
+        return [name for name in names if name]
+
+    def station(self, column: int) -> str:
+        """Name of a column: from the line of names, else from the head, else its number."""
+        for names in (self.columns, self.stations):
+            if column < len(names):
+                return names[column]
+        return f"column {column + 1}"
+
+
+def read_neutron_monitor(
+    path: Path, station: str = "", gaps: Gaps = "interpolate", max_gap_s: float = MAX_GAP_S
+) -> NeutronMonitor:
+    """Read an ASCII export of the neutron monitor database NMDB (www.nmdb.eu/nest), or rows of time and rate.
+
+    The separator is ``;`` (with decimal points or commas), a tab, ``,`` or blanks; times are ISO 8601, or begin
+    with day.month.year (UTC). Rows with an empty or null rate are skipped. The times of an export are the
+    beginnings of intervals, whose duration is in its head.
+
+    :param station: code of the station, for a file of several; the only one if empty
+    :param gaps: interpolate between the neighbours of a gap, or hold the last rate
+    :param max_gap_s: maximum duration of a gap that is filled [s]
+    :raises InputError: if the file cannot be read, has uncorrected counts, no positive rate, or not the station
+    """
+    export = _read_rows(read_lines(path, "check 'file' under 'intensity'"), path)
+    if _NOT_CORRECTED.search(export.values.get("DATA TYPE", "")):
+        remedy = "export the rates 'corrected for pressure and efficiency' instead"
+        raise InputError(f"has the data type {export.values['DATA TYPE']}", remedy, path)
+    name = _chosen(export, station, path)
+    rates = export.rates[name]
+    if faults := [*export.unread, *export.faults.get(name, [])]:
+        raise InputError(_of_each_kind(faults))
+    stamps = np.array(sorted(rates))
+    middle_s = export.interval_s / 2
+    series = np.array([rates[stamp] for stamp in stamps])
+    of = (export.stations or [""])[0] if _DATA_TYPES.fullmatch(name) or name == "column 1" else name
+    not_used = tuple(other for other in export.rates if other != name)
+    return NeutronMonitor(stamps + middle_s, series, export.interval_s, gaps, max_gap_s, of, not_used)
+
+
+def _read_rows(lines: list[str], path: Path) -> _Export:
+    if any("no data available" in line.lower() for line in lines):
+        raise InputError("says that there are no data", "export another time or station from nmdb.eu", path)
+    export = _Export()
+    for number, line in enumerate(lines, start=1):
+        line = _TAG.sub("", line).strip()
+        if match := _KEY_AND_VALUE.fullmatch(line):
+            export.values[match[1].strip()] = match[2]
+            export.of_database |= match[1].startswith("STATION")
+        cells = _cells(line.lstrip("# "))
+        stamp_s = None if line.startswith("#") or len(cells) < 2 else _stamp(cells[0])
+        if stamp_s is not None:
+            _take_row(export, stamp_s, cells[1:], path, number)
+        elif cells[0].startswith("start_date_time"):
+            names = re.split(r"[\s;,]+", line.lstrip("# "))[1:]
+            # A line such as "start_date_time RCORR_E" names what was measured, not where.
+            export.of_database = True
+            types = all(_DATA_TYPES.fullmatch(name) for name in names)
+            export.columns = names if not types or (len(set(names)) > 1 and len(export.stations) < 2) else []
+        elif len(cells) >= 2 and not line.startswith("#"):
+            export.last_row = f"{line:.60}"
+            if _NUMBER.fullmatch(cells[1]) and re.match(r"\d", cells[0]):
+                remedy = "write times as 2018-05-01 14:00 (UTC)"
+                mistake = Mistake(f"the time {cells[0]!r} cannot be read", remedy, path, number)
+                export.unread.append(mistake)
+            elif not export.rates:
+                export.columns = [cell for cell in cells[1:] if not _DATA_TYPES.fullmatch(cell)]
+    return export
+
+
+def _cells(line: str) -> list[str]:
+    """Cells of a row; a comma is a separator only in a row without semicolons and tabs."""
+    separator = next((one for one in ";\t," if one in line), "")
+    if not separator:
+        match = _WORDS.fullmatch(line)
+        return [match[1], *match[2].split()] if match else [line]
+    cells = [cell.strip() for cell in line.split(separator)]
+    return cells if separator == "," else [re.sub(r"^(\d+),(\d+)$", r"\1.\2", cell) for cell in cells]
+
+
+def _take_row(export: _Export, stamp_s: float, cells: list[str], path: Path, number: int) -> None:
+    for column, cell in enumerate(cells):
+        rates = export.rates.setdefault(export.station(column), {})
+        if cell.lower() in _MISSING:
+            continue
+        try:
+            rate = float(cell)
+        except ValueError:
+            rate = math.nan
+        if not (math.isfinite(rate) and rate > 0):
+            remedy = "correct the row, or export counts per second, not relative units"
+            if rate == 0 or rate <= -99:
+                remedy = "if it marks a gap, leave the rate empty"
+            mistake = Mistake(f"rate {cell!r} is not a positive number", remedy, path, number)
+            export.faults.setdefault(export.station(column), []).append(mistake)
+            continue
+        rates[stamp_s] = rate
+
+
+def _of_each_kind(faults: list[Mistake]) -> list[Mistake]:
+    """The first rows of each kind of fault; the last of them says how many more there are."""
+    found = []
+    for remedy in dict.fromkeys(fault.remedy for fault in faults):
+        alike = [fault for fault in faults if fault.remedy == remedy]
+        found += alike[:MAX_MISTAKES]
+        if (more := len(alike) - MAX_MISTAKES) > 0:
+            found[-1] = replace(found[-1], message=f"{found[-1].message}, and {more} more rows")
+    return found
+
+
+def _chosen(export: _Export, station: str, path: Path) -> str:
+    """Name of the chosen station, with one rate or fault at least."""
+    known = [name for name in export.rates if export.rates[name] or export.faults.get(name)]
+    if not known:
+        if export.unread:
+            raise InputError(_of_each_kind(export.unread))
+        rows = f", but rows such as {export.last_row!r}" if export.last_row else ""
+        raise InputError(f"has no row of time and rate{rows}", _EXPECTED, path)
+    if known and all(_DATA_TYPES.fullmatch(name) for name in known) and not (station and station in known):
+        return _corrected(export, station, path)
+    same = [name for name in known if name.upper() == station.upper()]
+    if same:
+        return same[0]
+    if not export.of_database and sum(bool(export.rates[name]) for name in known) < 2:
+        return known[0]
+    if len(known) > 1:
+        kind = "stations" if export.of_database else "columns of rates"
+        what = f"has no station {station}" if station else f"has several {kind}"
+        remedy = f"choose one with 'monitor' under 'intensity'{did_you_mean(station.upper(), known)}"
+        raise InputError(f"{what}: it has {', '.join(known)}", remedy, path)
+    named = export.values.get("STATION", "")
+    if station and named and named.upper() != station.upper():
+        raise _other_station(named, station, path)
+    return known[0]
+
+
+def _corrected(export: _Export, station: str, path: Path) -> str:
+    """The column of rates corrected for pressure and efficiency, of an export with several types of data."""
+    found = [name for name in export.rates if _CORRECTED_E.fullmatch(name) and export.rates[name]]
+    of = (export.stations or [""])[0]
+    if station and of and of.upper() != station.upper():
+        raise _other_station(of, station, path)
+    if not found:
+        remedy = "export the rates 'corrected for pressure and efficiency' instead"
+        raise InputError(f"has the data types {', '.join(export.rates)}", remedy, path)
+    return found[0]
+
+
+def _other_station(of: str, station: str, path: Path) -> InputError:
+    remedy = "correct 'monitor' under 'intensity', or export the file of that station"
+    return InputError(f"is of the station {of}, not of {station}", remedy, path)
+
+
+def _stamp(text: str) -> float | None:
+    text = re.sub(r"^(\d\d?)\.(\d\d?)\.(\d{4})\b", lambda day: f"{day[3]}-{day[2]:0>2}-{day[1]:0>2}", text)
+    try:
+        time = datetime.fromisoformat(text.replace("Z", "+00:00").replace("/", "-"))
+    except ValueError:
+        return None
+    # Neutron monitors exist since 1951.
+    if not 1950 <= time.year < 2100:
+        return None
+    return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()

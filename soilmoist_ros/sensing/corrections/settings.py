@@ -10,21 +10,22 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from soilmoist_ros.foundation import Section, did_you_mean
-from soilmoist_ros.sensing.corrections.atmosphere import barometric_coefficient, standard_pressure_hpa
-from soilmoist_ros.sensing.corrections.factors import Corrections
+from soilmoist_ros.sensing.corrections.factors import (
+    BIOMASS_WATER_SHARE_M2KG,
+    DRY_BIOMASS_SHARE_M2KG,
+    Corrections,
+    barometric_coefficient,
+    biomass_water_kgm2,
+    f_biomass,
+    f_road,
+    standard_pressure_hpa,
+)
 from soilmoist_ros.sensing.corrections.intensity import (
     MONITORS,
     CosmicPlace,
     Scaling,
     cosmic_place,
     intensity_scale,
-)
-from soilmoist_ros.sensing.corrections.surroundings import (
-    BIOMASS_WATER_SHARE_M2KG,
-    DRY_BIOMASS_SHARE_M2KG,
-    biomass_water_kgm2,
-    f_biomass,
-    f_road,
 )
 
 Positive = Annotated[float, Field(gt=0)]

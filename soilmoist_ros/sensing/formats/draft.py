@@ -14,8 +14,7 @@ from pathlib import Path
 from statistics import median
 
 from soilmoist_ros.foundation import InputError, listing
-from soilmoist_ros.sensing.formats import units
-from soilmoist_ros.sensing.formats.log_file import matching_formats, read_lines
+from soilmoist_ros.sensing.formats import log_values as units
 from soilmoist_ros.sensing.formats.log_layout import build_layout, plain_name, split_text
 from soilmoist_ros.sensing.formats.log_values import (
     decode_line,
@@ -25,6 +24,8 @@ from soilmoist_ros.sensing.formats.log_values import (
     read_time,
 )
 from soilmoist_ros.sensing.formats.logger_format import MISSING, load_logger_format, order_of
+from soilmoist_ros.sensing.formats.logger_reader import read_lines
+from soilmoist_ros.sensing.formats.notation import matching_formats
 
 MAX_LINES = 2_000
 """Number of lines from which a format is drafted."""

@@ -7,10 +7,12 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-from soilmoist_ros.sensing.formats import units
-from soilmoist_ros.sensing.formats.logger_format import Humidity, LoggerFormat, Pressure, Temperature
+from soilmoist_ros.sensing.formats import log_values as units
+from soilmoist_ros.sensing.formats.log_values import canonical
+from soilmoist_ros.sensing.formats.logger_format import AirQuantity, LoggerFormat
+from soilmoist_ros.sensing.records import NAN
 
 TUBE = "{tube}"
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": None}
@@ -27,10 +29,7 @@ def split_fields(logger: LoggerFormat, text: str) -> list[str]:
 
 
 def split_text(text: str, delimiter: str) -> list[str]:
-    """Fields of a line; see :func:`split_fields`.
-
-    :param delimiter: name of the separator, such as ``comma``
-    """
+    """Fields of a line; see :func:`split_fields`."""
     separator = _SEPARATORS[delimiter]
     if separator and '"' in text:
         try:
@@ -225,8 +224,6 @@ def is_header(logger: LoggerFormat, fields: Sequence[str]) -> bool:
 def build_layout(logger: LoggerFormat, names: Sequence[str], given_units: Sequence[str] = ()) -> Layout:
     """Find the columns of a format in a header.
 
-    :param names: names of the columns, in order
-    :param given_units: units of the columns in the header, empty if unknown
     :raises MissingColumnsError: if the time, the counts or a required position is missing
     """
     columns = _Columns(names, given_units)
@@ -286,9 +283,7 @@ def _find_live(columns: _Columns, logger: LoggerFormat, tubes: Sequence[int]) ->
     return tuple(found)
 
 
-def _sensors(
-    columns: _Columns, settings: Pressure | Temperature | Humidity | None, quantity: units.Quantity
-) -> tuple[Source, ...]:
+def _sensors(columns: _Columns, settings: AirQuantity | None, quantity: units.Quantity) -> tuple[Source, ...]:
     sensors = settings.sensors if settings else ()
     found = [columns.find_sensor(sensor.column, sensor.unit, quantity) for sensor in sensors]
     return tuple(source for source in found if source is not None)
@@ -311,3 +306,121 @@ def _find_position(columns: _Columns, logger: LoggerFormat) -> PositionLayout | 
         columns.find(position.latitude_hemisphere),
         columns.find(position.longitude_hemisphere),
     )
+
+
+# The header lines of one log: names and units of the columns, and values such as the serial number --------------
+
+MAX_METADATA = 500
+_KEY_AND_VALUE = re.compile(r"\s*([^=:]{1,80}?)\s*[=:]\s*(\S.*?)\s*")
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a log's lines need of its header.
+
+    :param names: names of the columns
+    :param units: units of the columns, empty without a line of units
+    :param values: serial number and record period as written, by their keys
+    :param stored_s: when an earlier header was stored [s since 1970 UTC], NaN if unknown
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...] = ()
+    values: dict[str, str] = field(default_factory=dict)
+    stored_s: float = field(default=NAN, compare=False)
+
+
+class HeaderReader:
+    """Reads the header lines of one log; a header may be repeated at any time.
+
+    :param logger: format of the log
+    """
+
+    def __init__(self, logger: LoggerFormat) -> None:
+        self._format, self._settings = logger, logger.header
+        self.names: list[str] = list(logger.header.columns)
+        """Names of the columns."""
+        self.units: list[str] = []
+        """Units of the columns, empty without a line of units."""
+        self.metadata: dict[str, str] = {}
+        """Values by their key as written."""
+        self.is_new = bool(self.names)
+        """Whether names or units have changed; reset by the reader of the records."""
+        self._values: dict[str, str] = {}
+        self._continued: set[str] = set()
+        self._lines_left = 0
+        self._after_names = False
+
+    def value_of(self, key: str) -> str:
+        """Value of a key, empty if it has none."""
+        return self._values.get(plain_name(key), "") if key else ""
+
+    @property
+    def content(self) -> Header:
+        """The header so far."""
+        keys = (self._format.serial_key, self._format.record_period.header_key)
+        values = {key: value for key in keys if (value := self.value_of(key))}
+        return Header(tuple(self.names), tuple(self.units), values)
+
+    def take_values(self, header: Header) -> None:
+        """Use the values of an earlier header until others come."""
+        for key, value in header.values.items():
+            self._set(key, value)
+
+    def takes(self, fields: Sequence[str]) -> bool:
+        """Read a line without a comment mark, and return whether it is part of the header."""
+        starts_with_digit = fields[0][:1].isdigit()
+        if self._lines_left and not starts_with_digit:
+            first = self._lines_left == self._settings.lines_after_names
+            self._lines_left -= 1
+            if first and self._settings.units_line and list(fields) != self.units:
+                self.units, self.is_new = list(fields), True
+            return True
+        self._lines_left = 0
+        if self._after_names and not any(any(map(str.isdigit, field)) for field in fields):
+            # Units or kinds of values, of a table whose format does not announce them.
+            if not self.units and any(map(canonical, fields)):
+                self.units, self.is_new = list(fields), True
+            return True
+        self._after_names = False
+        environment = self._settings.environment
+        if environment and fields[0] == environment[0]:
+            for key, value in zip(environment[1:], fields[1:], strict=False):
+                self._set(key, value)
+            return True
+        if starts_with_digit or not is_header(self._format, fields):
+            return False
+        self._take_names(list(fields))
+        return True
+
+    def take_comment(self, text: str) -> None:
+        """Read a line with a comment mark, given without the mark."""
+        names = split_fields(self._format, text)
+        while names and not names[-1]:
+            names.pop()
+        if not names:
+            return
+        first = plain_name(names[0])
+        if is_header(self._format, names):
+            self._take_names(names)
+        elif self.names and first in map(plain_name, self._settings.continued_by):
+            if first not in self._continued and first not in map(plain_name, self.names):
+                self.names = self.names + names
+                self.is_new = True
+            self._continued.add(first)
+        elif match := _KEY_AND_VALUE.fullmatch(text):
+            self._set(match[1], match[2])
+
+    def _set(self, key: str, value: str) -> None:
+        if len(self.metadata) < MAX_METADATA:
+            self.metadata[key] = value
+            self._values[plain_name(key)] = value
+
+    def _take_names(self, names: list[str]) -> None:
+        while names and not names[-1]:
+            names.pop()
+        self._lines_left, self._after_names = self._settings.lines_after_names, True
+        known = self.names[: len(names)] if self._settings.continued_by else self.names
+        if names != known:
+            self.names, self.units, self.is_new = names, [], True
+            self._continued.clear()

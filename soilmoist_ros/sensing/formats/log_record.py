@@ -24,10 +24,8 @@ from soilmoist_ros.sensing.formats.log_values import (
 )
 from soilmoist_ros.sensing.formats.logger_format import (
     RATE_TIME_S,
-    Humidity,
+    AirQuantity,
     LoggerFormat,
-    Pressure,
-    Temperature,
     order_of,
 )
 from soilmoist_ros.sensing.formats.notation import date_text, is_packed, stamp_text
@@ -99,9 +97,6 @@ class FieldReader:
     def read(self, fields: Sequence[str], period_s: float | None, line: int) -> Reading:
         """Convert one line to a record.
 
-        :param fields: fields of the line, one for each name of the layout
-        :param period_s: nominal duration of a record [s], ``None`` if unknown
-        :param line: number of the line
         :raises LostRecordError: if the line has no usable record
         """
         self._notes = []
@@ -248,11 +243,7 @@ class FieldReader:
         if live_s == 0:
             return NAN  # the tube did not count in this record
         if not low <= live_s <= high:
-            _lose(
-                Kind.OUT_OF_RANGE,
-                f"the live time {live_s:g} s is not within {low:g}..{high:g}",
-                source.name,
-            )
+            _lose(Kind.OUT_OF_RANGE, f"the live time {live_s:g} s is not within {low:g}..{high:g}", source.name)
         return live_s
 
     def _assumed_live_time(self, period_s: float | None, why: str) -> float:
@@ -287,10 +278,7 @@ class FieldReader:
         return counts
 
     def _count(self, text: str, source: Source, live_s: float) -> float:
-        """Counts of one tube; NaN if it did not count.
-
-        :raises LostRecordError: if the field is damaged
-        """
+        """Counts of one tube; NaN if it did not count."""
         settings = self._logger.counts
         if self._is_missing(text):
             return NAN
@@ -326,7 +314,7 @@ class FieldReader:
         self,
         fields: Sequence[str],
         name: str,
-        quantity: Pressure | Temperature | Humidity | None,
+        quantity: AirQuantity | None,
         sources: Sequence[Source],
     ) -> float:
         """Value of the first sensor with a credible value, NaN if there is none."""

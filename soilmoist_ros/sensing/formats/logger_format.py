@@ -219,64 +219,63 @@ class RecordPeriod(Section):
     """Minimum live time as a fraction of the period; records below it are reported and kept."""
 
 
-class PressureSensor(Section):
+class Sensor(Section):
+    """One sensor of a quantity."""
+
+    column: str
+    """Name of its column."""
+    unit: str
+    """Unit of its column."""
+
+
+class PressureSensor(Sensor):
     """One barometer."""
 
-    column: str
-    """Name of its column."""
     unit: PressureUnit
-    """Unit of its column."""
 
 
-class TemperatureSensor(Section):
+class TemperatureSensor(Sensor):
     """One thermometer."""
 
-    column: str
-    """Name of its column."""
     unit: TemperatureUnit = "degC"
-    """Unit of its column."""
 
 
-class HumiditySensor(Section):
+class HumiditySensor(Sensor):
     """One hygrometer."""
 
-    column: str
-    """Name of its column."""
     unit: HumidityUnit = "percent"
-    """Unit of its column."""
 
 
-class Pressure(Section):
+class AirQuantity(Section):
+    """A quantity of the air, measured by one or more sensors, preferably outside the housing."""
+
+    sensors: tuple[Sensor, ...] = Field(min_length=1)
+    """In order of preference: in each record the first one within the range is used."""
+    range: Limits
+    """Credible values [hPa, degC, or 0..1; hygrometers read slightly above 1 in fog: such values are set to 1]."""
+    sentinels: tuple[float, ...] = ()
+    """Numbers in the column that mark a missing value."""
+
+
+class Pressure(AirQuantity):
     """Air pressure."""
 
     sensors: tuple[PressureSensor, ...] = Field(min_length=1)
-    """In order of preference: in each record the first one within the range is used."""
     range: Limits = (300, 1085)
-    """Credible values [hPa]."""
-    sentinels: tuple[float, ...] = ()
-    """Numbers in the column that mark a missing value."""
 
 
-class Temperature(Section):
-    """Air temperature, preferably outside the housing."""
+class Temperature(AirQuantity):
+    """Air temperature."""
 
     sensors: tuple[TemperatureSensor, ...] = Field(min_length=1)
-    """In order of preference: in each record the first one within the range is used."""
     range: Limits = (-60, 65)
-    """Credible values [degC]."""
-    sentinels: tuple[float, ...] = ()
-    """Numbers in the column that mark a missing value."""
 
 
-class Humidity(Section):
-    """Relative humidity of the air, preferably outside the housing."""
+class Humidity(AirQuantity):
+    """Relative humidity of the air."""
 
     sensors: tuple[HumiditySensor, ...] = Field(min_length=1)
-    """In order of preference: in each record the first one within the range is used."""
     range: Limits = (0, 1.05)
-    """Credible values [0..1]; hygrometers read slightly above 1 in fog, and such values are set to 1."""
-    sentinels: tuple[float, ...] = ()
-    """Numbers in the column that mark a missing value."""
 
 
 class LoggedPosition(Section):

@@ -7,7 +7,8 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+import zipfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -15,28 +16,35 @@ from typing import TypeVar
 
 from soilmoist_ros.foundation import InputError, Mistake
 from soilmoist_ros.sensing.checks.clock import ClockDrift
-from soilmoist_ros.sensing.formats import units
-from soilmoist_ros.sensing.formats.log_file import (
-    HEADER_LINES,
-    matching_formats,
-    nothing_usable,
-    other_format,
-    read_lines,
-    separated_as,
-    unreadable_header,
+from soilmoist_ros.sensing.formats import log_values as units
+from soilmoist_ros.sensing.formats.log_layout import (
+    Header,
+    HeaderReader,
+    Layout,
+    MissingColumnsError,
+    build_layout,
+    split_fields,
 )
-from soilmoist_ros.sensing.formats.log_header import Header, HeaderReader
-from soilmoist_ros.sensing.formats.log_layout import Layout, MissingColumnsError, build_layout, split_fields
 from soilmoist_ros.sensing.formats.log_record import FieldReader, Longitude, LostRecordError, Note, Reading
 from soilmoist_ros.sensing.formats.log_values import (
     MAX_LINE,
     decode_line,
     read_number,
     read_time,
+    split_lines,
     strip_checksum,
+    utf16,
 )
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names
-from soilmoist_ros.sensing.formats.notation import settle, stamp_text
+from soilmoist_ros.sensing.formats.notation import (
+    HEADER_LINES,
+    _known_format,
+    header_candidates,
+    matching_formats,
+    separated_as,
+    settle,
+    stamp_text,
+)
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, LoggerRecord
 
@@ -498,3 +506,132 @@ def _checked_side(logger: LoggerFormat, longitude: Longitude, path: Path | None)
             path,
         )
     return longitude
+
+
+# Finds and reads logger files, and explains unreadable files ----------------------------------------------------
+
+_GNSS_SENTENCE = re.compile(rb"\s*\$G[A-Z](GGA|RMC|GST|GLL|GSA|GSV|VTG|ZDA),")
+_MAGIC = {
+    b"PK\x03\x04": "a ZIP archive or a spreadsheet (.xlsx)",
+    b"\x1f\x8b": "a gzip archive",
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "an image",
+    b"\xd0\xcf\x11\xe0": "an old Office document (.xls)",
+    b"\x89MCAP": "a ROS bag (MCAP)",
+    b"SQLite": "a database",
+}
+
+
+def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
+    """Lines of a text file without line ends, and whether the last line had an end.
+
+    :param path: the file; the path of an archive, followed by the name of a file in it, is one as well
+    :param binary: whether other bytes may stand between the lines
+    :raises InputError: if the file is missing, a folder, not readable, empty or not text
+    """
+    if path.is_dir():
+        raise InputError("is a folder, not a file", "give the path of a log file in it", path)
+    try:
+        data = read_data(path)
+    except FileNotFoundError:
+        raise InputError("there is no such file", "check the path", path) from None
+    except (OSError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {reason}", "check the path and its permissions", path) from None
+    if not data.strip(b"\x00 \t\r\n\xef\xbb\xbf\xff\xfe"):
+        raise EmptyFileError("is empty", "check that the logger wrote it, and that it was copied as a whole", path)
+    for magic, what in _MAGIC.items():
+        if data.startswith(magic):
+            raise InputError(f"is {what}, not a text file", "unpack it or export it as text first", path)
+    if not binary and _is_binary(data[:4096]):
+        raise InputError("is not a text file", "give the text file that the logger wrote", path)
+    return split_lines(data)
+
+
+class EmptyFileError(InputError):
+    """A file without content, as loggers leave them when the power fails."""
+
+
+def read_data(path: Path) -> bytes:
+    """Content of a file, or of a file in a ZIP archive."""
+    archive = next((parent for parent in path.parents if parent.is_file()), None)
+    if archive is None:
+        return path.read_bytes()
+    with zipfile.ZipFile(archive) as content:
+        return content.read(path.relative_to(archive).as_posix())
+
+
+def log_files(paths: Iterable[Path]) -> list[Path]:
+    """Files to read: those that are given, and those in folders and ZIP archives, without hidden ones.
+
+    :raises InputError: if a folder or archive has no file
+    """
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            runs = {one.parent for one in path.rglob("summary.json")}
+            names = sorted(one for one in path.rglob("*") if one.is_file() and not runs.intersection(one.parents))
+        elif path.suffix.lower() == ".zip" and zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as content:
+                names = sorted(path / one.filename for one in content.infolist() if not one.is_dir())
+        else:
+            found.append(path)
+            continue
+        files = [one for one in names if not any(part[0] in "._" for part in one.relative_to(path).parts)]
+        if not files:
+            raise InputError("has no file", "give a log file, or a folder or archive with log files", path)
+        found += files
+    return found
+
+
+def _is_binary(start: bytes) -> bool:
+    if utf16(start):
+        return False
+    start = start.replace(b"\x00", b"")  # a power cut leaves blocks of zeros
+    control = sum(byte < 32 and byte not in b"\t\r\n\x0c\x1a" for byte in start)
+    return control > 0.05 * len(start)
+
+
+def unreadable_header(path: Path, lines: Sequence[bytes], logger: LoggerFormat, missing: Sequence[str]) -> Mistake:
+    """Reason why a file does not have a format, and the format that may fit."""
+    remedy = other_format(lines)
+    if not missing:
+        wanted = " or ".join(repr(name) for name in logger.time.columns)
+        return Mistake(f"{logger.title}: no header line, which would name a column {wanted}", remedy, path)
+    number, names = _first_header(logger, lines)
+    have = f"; it has {', '.join(name.lstrip('/# ') for name in names[:40])}" if names else ""
+    lacks = "; no column ".join(missing)
+    return Mistake(f"{logger.title}: the header has no column {lacks}{have}", remedy, path, number)
+
+
+def nothing_usable(
+    path: Path, lines: Sequence[bytes], logger: LoggerFormat, mistakes: Sequence[Mistake]
+) -> Mistake:
+    """Reason why no record of a file is usable; its columns were found."""
+    first = mistakes[0]
+    fitting = [_known_format(name) for name in matching_formats(lines)[:1]]
+    other = [one for one in fitting if one.title != logger.title and one.header.columns == ()]
+    remedy = first.remedy or (other_format(lines) if other else "correct the logger format or the file")
+    message = f"{logger.title}: none of the {len(mistakes)} records is usable; the first: {first.message}"
+    return Mistake(message, remedy, path, first.line, first.column)
+
+
+def other_format(lines: Sequence[bytes]) -> str:
+    """Advice on the format that a file may have."""
+    fitting = matching_formats(lines)
+    if fitting:
+        return f"this looks like {fitting[0]}: pass --logger {fitting[0]}"
+    if any(_GNSS_SENTENCE.match(line) for line in lines[:HEADER_LINES]):
+        return "this looks like the log of a GNSS receiver: pass it with --nmea, together with the neutron log"
+    return (
+        f"the known formats are {', '.join(logger_names())}; for another logger, soilmoist logger FILE drafts a "
+        "format from the file: pass its path with --logger"
+    )
+
+
+def _first_header(logger: LoggerFormat, lines: Sequence[bytes]) -> tuple[int, list[str]]:
+    for number, line in enumerate(lines[:HEADER_LINES], start=1):
+        names = header_candidates(logger, [line])
+        if names:
+            return number, names[0]
+    return 0, []

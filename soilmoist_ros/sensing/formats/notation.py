@@ -8,14 +8,21 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
 from soilmoist_ros.foundation import InputError, Mistake
-from soilmoist_ros.sensing.formats.log_file import separated_as
-from soilmoist_ros.sensing.formats.log_header import HeaderReader
-from soilmoist_ros.sensing.formats.log_layout import Layout, MissingColumnsError, build_layout, split_fields
+from soilmoist_ros.sensing.formats.log_layout import (
+    HeaderReader,
+    Layout,
+    MissingColumnsError,
+    build_layout,
+    is_header,
+    plain_name,
+    split_fields,
+)
 from soilmoist_ros.sensing.formats.log_values import (
     MAX_LINE,
     Decimal,
@@ -24,7 +31,13 @@ from soilmoist_ros.sensing.formats.log_values import (
     read_number,
     read_time,
 )
-from soilmoist_ros.sensing.formats.logger_format import DateOrder, LoggerFormat, order_of
+from soilmoist_ros.sensing.formats.logger_format import (
+    DateOrder,
+    LoggerFormat,
+    load_logger_format,
+    logger_names,
+    order_of,
+)
 
 MAX_SAMPLE = 2_000
 """Number of first lines, and of later lines, from which the notation of numbers is decided."""
@@ -58,7 +71,6 @@ class UndecidedOrderError(InputError):
 def settle(lines: Sequence[bytes], logger: LoggerFormat, path: Path) -> tuple[LoggerFormat, tuple[str, ...]]:
     """A format with all decisions that a file allows, and these decisions in words.
 
-    :param path: the file, for messages
     :raises InputError: if a file can be read in two ways, and nothing decides
     """
     if logger.checksum != "none":
@@ -149,8 +161,6 @@ def decimal_of(text: str, whole: bool = False) -> Decimal:
 
     >>> decimal_of("985,3"), decimal_of("1.234,5"), decimal_of("1,649"), decimal_of("1,649", whole=True)
     ('comma', 'comma', 'auto', 'point')
-
-    :param whole: whether the number has no decimals
     """
     points, commas = text.count("."), text.count(",")
     if points and commas:
@@ -287,3 +297,60 @@ def date_text(stamp_s: float) -> str:
 
     moment = datetime.fromtimestamp(stamp_s, UTC)
     return f"{moment.day} {moment:%B %Y}"
+
+
+HEADER_LINES = 200
+
+
+def separated_as(logger: LoggerFormat, lines: Sequence[bytes]) -> LoggerFormat:
+    """The format with the separator by which the first lines have its columns; unchanged if none does."""
+    for delimiter in (
+        logger.delimiter,
+        *(one for one in ("semicolon", "comma", "tab") if one != logger.delimiter),
+    ):
+        form = logger if delimiter == logger.delimiter else logger.model_copy(update={"delimiter": delimiter})
+        if any(_number_of_sources(form, names) for names in header_candidates(form, lines)):
+            return form
+    return logger
+
+
+def header_candidates(logger: LoggerFormat, lines: Sequence[bytes]) -> list[list[str]]:
+    """Lists of column names in the first lines of a file, if it has this format."""
+    found: list[list[str]] = []
+    comment = logger.header.comment
+    continued = {plain_name(name) for name in logger.header.continued_by}
+    for line in lines[:HEADER_LINES]:
+        text = decode_line(line).strip()
+        if logger.checksum == "nmea":
+            text = text.partition("*")[0]
+        if comment:
+            text = text.removeprefix(comment)
+        names = [name for name in split_fields(logger, text) if name]
+        if is_header(logger, names):
+            found.append(names)
+        elif found and names and plain_name(names[0]) in continued:
+            found[-1] = found[-1] + names
+    return found
+
+
+def matching_formats(lines: Sequence[bytes]) -> list[str]:
+    """Names of the formats whose columns are in the first lines, best match first."""
+    matches = []
+    for name in logger_names():
+        logger = separated_as(_known_format(name), lines)
+        best = max((_number_of_sources(logger, names) for names in header_candidates(logger, lines)), default=0)
+        if best:
+            matches.append((-best, name))
+    return [name for _, name in sorted(matches)]
+
+
+@cache
+def _known_format(name: str) -> LoggerFormat:
+    return load_logger_format(name)
+
+
+def _number_of_sources(logger: LoggerFormat, names: Sequence[str]) -> int:
+    try:
+        return build_layout(logger, names).number_of_sources
+    except MissingColumnsError:
+        return 0

@@ -8,7 +8,7 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date, timedelta
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from soilmoist_ros.foundation import InputError, Mistake, listing, read_lines
-from soilmoist_ros.sensing.moisture.soil_limits import soil_limits
+from soilmoist_ros.sensing.moisture.curve import soil_limits
 
 
 class _Quantity(NamedTuple):
@@ -53,17 +53,6 @@ _OTHER_UNITS = {
 """Columns in another unit: the column that they stand for, the factor to its unit, texts for the unit."""
 _NAMES = (*_COLUMNS, "profile", "date")
 _SITES = ("site", "site_id", "site_name", "station", "station_id", "field", "field_id")
-_SIMILAR = (
-    ("top", "top"), ("bottom", "bottom"), ("depth", "depth"), ("dist", "distance"), ("radius", "distance"),
-    ("dens", "bulk_density"), ("prof", "profile"), ("weighting", "weight"),
-    ("theta_v", "vwc"), ("volumetric", "vwc"), ("vwc", "vwc"), ("swc", "vwc"), ("theta_g", "gravimetric"),
-    ("grav", "gravimetric"), ("g_g", "gravimetric"), ("g/g", "gravimetric"),
-    ("moist", "vwc or gravimetric"), ("water", "vwc or gravimetric"),
-)  # fmt: skip
-"""Parts of names that other programs give to columns, and the quantity that they probably are."""
-_LENGTHS = ("mm", "cm", "m", "km", "ft", "feet", "inch", "inches", "yd")
-_OTHER_QUANTITY = re.compile(r"lattice|organic|carbon|mass|weight(?!ing)|volume\b")
-"""Names of water that is no moisture, and of what a laboratory weighs."""
 _SEPARATOR_LINE = re.compile(r"\"?sep=.\"?[,;\t]*", re.IGNORECASE)
 """Line that tells a spreadsheet how columns are separated."""
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---")
@@ -293,22 +282,15 @@ def _read_rows(path: Path, notes: list[str]) -> list[_Row]:
             same = " and ".join(raw for raw in header if _canonical(raw) == name)
             mistakes.append(Mistake(f"has {times} columns of {name}: {same}", "keep one of them", path))
     if "vwc" not in names and "gravimetric_water" not in names and not mistakes:
-        meant = listing(f"{name} may be {_meant(name)}" for name in header if _meant(name))
         message = (
             f"has no column 'vwc' or 'gravimetric_water', only: {', '.join(filter(None, header)) or 'nothing'}"
         )
         known = f"name the columns in the first line; known are: {', '.join([*_NAMES, *_OTHER_UNITS])}"
-        raise InputError(message, f"{known}{f'; {meant}' if meant else ''}", path)
+        raise InputError(message, known, path)
     rows = _without_units(rows, header, names, path, mistakes, notes)
     names = _with_date(names, rows)
     _one_site(names, rows, path, mistakes)
-    used = {name for name in names if name in _NAMES}
-    ignored = [
-        f"{raw}{f' (is it {_meant(raw, used)}?)' if _meant(raw, used) else ''}"
-        for raw, name in zip(header, names, strict=True)
-        if raw and name not in _NAMES
-    ]
-    if ignored:
+    if ignored := [raw for raw, name in zip(header, names, strict=True) if raw and name not in _NAMES]:
         notes.append(f"columns that are not used: {', '.join(ignored)}")
     if bound := [raw for raw in header if "lattice" in raw or "carbon" in raw or "organic" in raw]:
         notes.append(f"lattice and organic water come from 'soil' in the site file, not from {', '.join(bound)}")
@@ -332,38 +314,6 @@ def _canonical(name: str) -> str:
     return _OTHER_UNITS[name][0] if name in _OTHER_UNITS else name
 
 
-def _meant(name: str, used: Collection[str] = ()) -> str:
-    """The known column that an unknown name probably means, with its unit; empty if there is none.
-
-    :param used: columns that the table has
-    """
-    if _canonical(name) in _NAMES or _OTHER_QUANTITY.search(name):
-        return ""
-    quantity = next((known for part, known in _SIMILAR if part in name), "")
-    if not quantity or any(column.startswith(quantity.split(" or ")[-1]) for column in used):
-        return ""
-    words = re.split(r"[^a-z0-9%³]+", name)
-    unit = next((word for word in words if word in _LENGTHS), "")
-    if quantity in ("depth", "top", "bottom"):
-        return f"{quantity}_{unit}" if unit in ("mm", "m") else f"{quantity}_cm" + _converted(unit, "cm")
-    if quantity == "distance":
-        return "distance_m" + _converted(unit, "m")
-    if quantity == "bulk_density":
-        return "bulk_density_kgm3" if "kg" in name and "m3" in name.replace("³", "3") else "bulk_density_gcm3"
-    if "vwc" in quantity or quantity == "gravimetric":
-        if "vwc" in used or "gravimetric_water" in used:
-            return ""
-        if re.search(r"%|perc|pct|vol_?p", name):
-            return " or ".join(f"{part}_percent" for part in quantity.split(" or "))
-        return quantity.replace("gravimetric", "gravimetric_water")
-    return quantity
-
-
-def _converted(unit: str, to: str) -> str:
-    """What a column in another unit needs besides its new name."""
-    return f" after conversion to {to}" if unit not in ("", to) else ""
-
-
 def _cells(cells: Sequence[str], header: Sequence[str], names: Sequence[str], comma: bool) -> dict[str, str]:
     """Cells by known column, with a decimal point and in the unit of the column."""
     found: dict[str, str] = {}
@@ -378,7 +328,6 @@ def _cells(cells: Sequence[str], header: Sequence[str], names: Sequence[str], co
 
 
 def _scaled(cell: str, factor: float) -> str:
-    """A cell with its numbers in another unit."""
     return re.sub(r"\d+(?:\.\d+)?", lambda number: f"{float(number[0]) * factor:.9g}", cell)
 
 
@@ -451,10 +400,7 @@ def _has_decimal_comma(
 
 
 def _of_days(rows: list[_Row], days: Sequence[str], path: Path) -> tuple[list[_Row], tuple[str, ...]]:
-    """Rows of the chosen days, and these days.
-
-    :raises InputError: if there are several days and none is chosen, or a chosen one is not there
-    """
+    """Rows of the chosen days, and these days."""
     written = [row.cells["date"] for row in rows if row.cells.get("date")]
     if not written:
         return rows, ()

@@ -8,6 +8,7 @@ epoch. No line makes the parser raise; faults are reported and counted.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,10 +19,10 @@ from pathlib import Path
 import pynmea2
 
 from soilmoist_ros.foundation import DAY_S, InputError, Mistake
-from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.formats.log_values import read_number, read_time, strip_checksum
 from soilmoist_ros.sensing.gnss import (
     DEFAULT_UERE_M,
+    EARLIEST_DATE_S,
     STATUS_OF_QUALITY,
     UNKNOWN_COVARIANCE,
     Covariance,
@@ -33,8 +34,8 @@ from soilmoist_ros.sensing.gnss import (
     diagonal_covariance,
     horizontal_sd,
     is_place,
+    utc_text,
 )
-from soilmoist_ros.sensing.position.heard import EARLIEST_DATE_S, utc_text
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
 
@@ -48,82 +49,72 @@ _DATED = (b"RMC", b"ZDA", b"PUBX,04")
 _CHECKED = re.compile(rb"\$[^$*]*\*[0-9A-Fa-f]{2}")
 _DATE_BEFORE = re.compile(rb"(\d{4}[-/]\d\d[-/]\d\d[T ]\d\d:\d\d:\d\d)[^$]*\$")
 
-Values = dict[str, float | None]
+Values = dict[str, float]
+"""Values of a sentence by their names; NaN where a field is empty."""
 
 
 class _BadFieldError(ValueError):
     """A field with an impossible value."""
 
+    def __init__(self, text: str, what: str) -> None:
+        super().__init__(f"{text[:30]!r} is {what}")
 
-def _number(text: str) -> float | None:
-    if not text.strip():
-        return None
+
+def _number(text: str) -> float:
     value = read_number(text)
     if value is None:
-        raise _BadFieldError(f"{text[:30]!r} is not a number")
+        raise _BadFieldError(text, "not a number")
     return value
 
 
-def _time_of_day(text: str) -> float | None:
+def _time_of_day(text: str) -> float:
     """Seconds since midnight of ``hhmmss.ss``."""
-    value = _number(text)
-    if value is None:
-        return None
-    clock = text.strip().partition(".")[0]
-    if len(clock) != 6 or not clock.isdigit():
-        raise _BadFieldError(f"{text[:30]!r} is not a time of day")
-    hours, minutes, seconds = int(clock[:2]), int(clock[2:4]), value % 100
-    if hours > 23 or minutes > 59 or seconds >= 61:
-        raise _BadFieldError(f"{text[:30]!r} is not a time of day")
-    return hours * 3600.0 + minutes * 60.0 + seconds
+    value, clock = _number(text), text.partition(".")[0]
+    seconds = value % 100
+    if len(clock) != 6 or not clock.isdigit() or clock[:2] > "23" or clock[2:4] > "59" or seconds >= 61:
+        raise _BadFieldError(text, "not a time of day")
+    return int(clock[:2]) * 3600.0 + int(clock[2:4]) * 60.0 + seconds
 
 
-def _date(text: str) -> float | None:
-    """Midnight of ``ddmmyy`` [s since 1970 UTC]."""
-    if not text.strip():
-        return None
+def _date(text: str) -> float:
+    """Midnight of ``ddmmyy`` [s since 1970 UTC]; NaN of a receiver without a date."""
     try:
-        stamp_s = datetime.strptime(text.strip()[:10], "%d%m%y").replace(tzinfo=UTC).timestamp()
+        stamp_s = datetime.strptime(text[:10], "%d%m%y").replace(tzinfo=UTC).timestamp()
     except ValueError:
-        raise _BadFieldError(f"{text[:30]!r} is not a date") from None
-    return stamp_s if stamp_s >= EARLIEST_DATE_S else None
+        raise _BadFieldError(text, "not a date") from None
+    return stamp_s if stamp_s >= EARLIEST_DATE_S else NAN
 
 
-def _degrees(text: str) -> float | None:
+def _degrees(text: str) -> float:
     """Decimal degrees of ``dddmm.mmmm``."""
     value = _number(text)
-    if value is None:
-        return None
     degrees, minutes = divmod(value, 100.0)
     if minutes >= 60.0 or value < 0:
-        raise _BadFieldError(f"{text[:30]!r} is not degrees and minutes")
+        raise _BadFieldError(text, "not degrees and minutes")
     return degrees + minutes / 60.0
 
 
-def _hemisphere(text: str) -> float | None:
-    signs = {"N": 1.0, "E": 1.0, "S": -1.0, "W": -1.0, "": None}
+def _hemisphere(text: str) -> float:
     try:
-        return signs[text.strip().upper()]
+        return {"N": 1.0, "E": 1.0, "S": -1.0, "W": -1.0}[text.upper()]
     except KeyError:
-        raise _BadFieldError(f"{text[:30]!r} is none of N, S, E, W") from None
+        raise _BadFieldError(text, "none of N, S, E, W") from None
 
 
-def _status(text: str) -> float | None:
-    return 1.0 if text.strip().upper() == "A" else 0.0
+def _status(text: str) -> float:
+    return 1.0 if text.upper() == "A" else 0.0
 
 
-def _mode(text: str) -> float | None:
-    said = text.strip().upper()
-    return next((float(quality) for mode, quality in QUALITY_OF_MODE.items() if mode in said), None)
+def _mode(text: str) -> float:
+    return next((float(quality) for mode, quality in QUALITY_OF_MODE.items() if mode in text.upper()), NAN)
 
 
-def _pubx_state(text: str) -> float | None:
-    return float(_QUALITY_OF_PUBX.get(text.strip().upper(), 0))
+def _pubx_state(text: str) -> float:
+    return float(_QUALITY_OF_PUBX.get(text.upper(), 0))
 
 
-def _speed(text: str) -> float | None:
-    knots = _number(text)
-    return None if knots is None else knots * KNOTS_MPS
+def _speed(text: str) -> float:
+    return _number(text) * KNOTS_MPS
 
 
 _PLACE = {
@@ -133,7 +124,7 @@ _PLACE = {
     "east": ("lon_dir", _hemisphere),
 }
 # Sentence -> quantity -> its field (as pynmea2 names it) and converter.
-SENTENCES: Mapping[str, Mapping[str, tuple[str, Callable[[str], float | None]]]] = {
+SENTENCES: Mapping[str, Mapping[str, tuple[str, Callable[[str], float]]]] = {
     "GGA": {
         "time": ("timestamp", _time_of_day),
         **_PLACE,
@@ -204,26 +195,24 @@ class _Epoch:
     sentences: dict[str, Values] = field(default_factory=dict)
     sent: bool = False
 
-    def value(self, sentence: str, name: str) -> float | None:
-        return self.sentences.get(sentence, {}).get(name)
+    def value(self, sentence: str, name: str) -> float:
+        return self.sentences.get(sentence, {}).get(name, NAN)
 
-    def best(self, name: str) -> float | None:
+    def best(self, name: str) -> float:
         """Value of the best sentence with a position that has it."""
-        return next((v for kind in _PLACES if (v := self.value(kind, name)) is not None), None)
+        return next((v for kind in _PLACES if not math.isnan(v := self.value(kind, name))), NAN)
 
     @property
-    def midnight_s(self) -> float | None:
-        """Begin of its day [s since 1970 UTC], ``None`` if no sentence has a date."""
+    def midnight_s(self) -> float:
+        """Begin of its day [s since 1970 UTC], NaN if no sentence has a date."""
         day, month, year = (self.value("ZDA", name) for name in ("day", "month", "year"))
-        if day is not None and month is not None and year is not None:
-            try:
+        if math.isfinite(day + month + year):
+            with contextlib.suppress(ValueError):
                 stamp_s = datetime(int(year), int(month), int(day), tzinfo=UTC).timestamp()
-            except ValueError:
-                stamp_s = 0.0
-            if stamp_s >= EARLIEST_DATE_S:
-                return stamp_s
+                if stamp_s >= EARLIEST_DATE_S:
+                    return stamp_s
         date_s = self.value("RMC", "date")
-        return self.value("PUBX,04", "date") if date_s is None else date_s
+        return self.value("PUBX,04", "date") if math.isnan(date_s) else date_s
 
 
 class NmeaParser:
@@ -275,19 +264,15 @@ class NmeaParser:
             return None
         kind, values = found
         time_of_day_s = values["time"]
-        if time_of_day_s is None:
+        if math.isnan(time_of_day_s):
             return None  # the receiver is starting
         finished = None
         if self._epoch is None or self._epoch.time_of_day_s != time_of_day_s:
             finished = self.flush()
             self._epoch = _Epoch(time_of_day_s)
         self._epoch.sentences.setdefault(kind, values)
-        if (
-            finished is None
-            and not self._epoch.sent
-            and self._expected
-            and self._expected <= set(self._epoch.sentences)
-        ):
+        complete = self._expected and self._expected <= set(self._epoch.sentences)
+        if finished is None and not self._epoch.sent and complete:
             self._epoch.sent = True
             return self._fix(self._epoch)
         return finished
@@ -352,20 +337,19 @@ class NmeaParser:
             return Fix.without_place(stamp_s, why, said, quality)
         if place is None:
             return Fix.without_place(stamp_s, NoPlace.NO_COORDINATES, said, quality)
-        hdop = _or_nan(epoch.best("hdop"))
-        satellites = epoch.best("satellites")
+        hdop, satellites = epoch.best("hdop"), epoch.best("satellites")
         covariance, known = self._covariance(epoch, quality, hdop)
         sd = math.sqrt((covariance[0][0] + covariance[1][1]) / 2)
         return Fix(
             stamp_s=stamp_s,
-            position=Position(*place, _or_nan(epoch.best("altitude")), sd),
+            position=Position(*place, epoch.best("altitude"), sd),
             status=status,
             quality=quality,
-            satellites=-1 if satellites is None else int(satellites),
+            satellites=-1 if math.isnan(satellites) else int(satellites),
             hdop=hdop,
-            speed_mps=_or_nan(epoch.value("RMC", "speed")),
-            course_deg=_or_nan(epoch.value("RMC", "course")),
-            geoid_separation_m=_or_nan(epoch.best("geoid")),
+            speed_mps=epoch.value("RMC", "speed"),
+            course_deg=epoch.value("RMC", "course"),
+            geoid_separation_m=epoch.best("geoid"),
             covariance_m2=covariance,
             covariance_kind=known,
         )
@@ -373,9 +357,10 @@ class NmeaParser:
     def _stamp(self, epoch: _Epoch) -> float:
         """Time of the epoch: with the date of its sentences, else within 12 h of the previous epoch, or of now."""
         midnight_s = epoch.midnight_s
-        if midnight_s is None and not self._has_date and math.isfinite(self._now_s):
+        dated = not math.isnan(midnight_s)
+        if not dated and not self._has_date and math.isfinite(self._now_s):
             self._last_stamp_s = self._now_s  # each time anew: the clock may have been wrong before
-        if midnight_s is not None:
+        if dated:
             if not self._has_date:
                 self.first_dated_s = midnight_s + epoch.time_of_day_s
             self._has_date, self._last_stamp_s = True, midnight_s + epoch.time_of_day_s
@@ -388,14 +373,11 @@ class NmeaParser:
         return self._last_stamp_s
 
     def _covariance(self, epoch: _Epoch, quality: int, hdop: float) -> tuple[Covariance, CovarianceKind]:
-        ellipse = [epoch.value("GST", name) for name in ("major_sd", "minor_sd", "orientation")]
-        axes = [epoch.value("GST", name) for name in ("east_sd", "north_sd")]
-        up_sd = _or_nan(epoch.value("GST", "up_sd"))
-        if _all_known(ellipse, 2):
-            major, minor, orientation = (_or_nan(value) for value in ellipse)
+        names = ("major_sd", "minor_sd", "orientation", "east_sd", "north_sd", "up_sd")
+        major, minor, orientation, east, north, up_sd = (epoch.value("GST", name) for name in names)
+        if _are_sds(major, minor) and not math.isnan(orientation):
             return covariance_of_ellipse(major, minor, orientation, up_sd), CovarianceKind.KNOWN
-        if _all_known(axes, 2):
-            east, north = (_or_nan(value) for value in axes)
+        if _are_sds(east, north):
             return diagonal_covariance(east, north, up_sd), CovarianceKind.DIAGONAL_KNOWN
         sd = horizontal_sd(quality, hdop, self._uere_m)
         if math.isnan(sd):
@@ -403,24 +385,24 @@ class NmeaParser:
         return diagonal_covariance(sd, sd, VERTICAL_PER_HORIZONTAL * sd), CovarianceKind.APPROXIMATED
 
 
-def _values(
-    message: pynmea2.NMEASentence, fields: Mapping[str, tuple[str, Callable[[str], float | None]]]
-) -> Values:
+def _values(message: pynmea2.NMEASentence, fields: Mapping[str, tuple[str, Callable[[str], float]]]) -> Values:
     values: Values = {}
     for name, (attribute, convert) in fields.items():
         index = message.name_to_idx[attribute]
-        values[name] = convert(message.data[index]) if index < len(message.data) else None
+        if index < len(message.data) and ((text := message.data[index].strip()) or convert in _NEVER_EMPTY):
+            values[name] = convert(text)
+        else:
+            values[name] = NAN
     return values
 
 
-def _or_nan(value: float | None) -> float:
-    return NAN if value is None else value
+_NEVER_EMPTY = (_status, _pubx_state)
+"""An empty field of these says that there is no fix."""
 
 
-def _all_known(values: list[float | None], deviations: int) -> bool:
-    """Whether all values are known, and the first ``deviations`` values are possible standard deviations."""
-    known = [value for value in values if value is not None]
-    return len(known) == len(values) and all(0 < value < 1e5 for value in known[:deviations])
+def _are_sds(*values: float) -> bool:
+    """Whether all values are possible standard deviations."""
+    return all(0 < value < 1e5 for value in values)
 
 
 def _quality(epoch: _Epoch) -> tuple[int, str]:
@@ -432,7 +414,7 @@ def _quality(epoch: _Epoch) -> tuple[int, str]:
         if kind in epoch.sentences:
             name = "quality" if kind in ("GGA", "PUBX,00") else "mode"
             quality = epoch.value(kind, name)
-            if quality is None:
+            if math.isnan(quality):
                 quality = 0.0 if kind in ("GGA", "GNS") else 1.0
             return int(quality), f"{kind} {name} {quality:.0f}"
     return 0, "no quality"
@@ -441,8 +423,8 @@ def _quality(epoch: _Epoch) -> tuple[int, str]:
 def _place(epoch: _Epoch) -> tuple[float, float] | None:
     """Latitude and longitude [deg] of the best sentence that has them."""
     for sentence in _PLACES:
-        values = [epoch.value(sentence, name) for name in ("latitude", "north", "longitude", "east")]
-        latitude, north, longitude, east = (_or_nan(value) for value in values)
+        names = ("latitude", "north", "longitude", "east")
+        latitude, north, longitude, east = (epoch.value(sentence, name) for name in names)
         if is_place(latitude, longitude) and not math.isnan(north + east):
             return latitude * north, longitude * east
     return None
@@ -453,27 +435,17 @@ def _is_other_message(line: bytes) -> bool:
     return line[:1] in b"#%!" or 10 * sum(not (32 <= byte < 127 or byte in b"\t\r\n") for byte in line) > len(line)
 
 
-def read_nmea(path: Path | str, log_s: tuple[float, float] | None = None) -> tuple[list[Fix], list[Problem]]:
-    """Read the fixes and problems of a file of NMEA sentences, in the order of the file.
+def parse_nmea(
+    lines: Sequence[bytes], path: Path, log_s: tuple[float, float] | None = None
+) -> tuple[list[Fix], list[Problem]]:
+    """Read the fixes and problems of lines with NMEA sentences, in their order.
 
     Epochs before the first date are dated from the first date; without any date, from the times of a log. Other
     messages between the sentences are skipped, text is reported.
 
-    :param path: the file
-    :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
-    :raises InputError: if the file cannot be read, has no NMEA sentence, or its day is not clear
-    """
-    path = Path(path)
-    lines, _ = read_lines(path, binary=True)
-    return parse_nmea(lines, path, log_s)
-
-
-def parse_nmea(
-    lines: Sequence[bytes], path: Path, log_s: tuple[float, float] | None = None
-) -> tuple[list[Fix], list[Problem]]:
-    """Parse the lines of a receiver; see :func:`read_nmea`.
-
     :param path: source of the lines, for messages
+    :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
+    :raises InputError: if there is no NMEA sentence, or the day is not clear
     """
     pieces = list(_pieces(lines))
     fixes, parser = _parsed(pieces, path, NAN)
@@ -539,11 +511,7 @@ def _iso_s(text: bytes) -> float:
 
 
 def _day_of(fixes_from: Callable[[float], list[Fix]], log_s: tuple[float, float], path: Path) -> int:
-    """The day after the first one of a log on which positions without a date were taken.
-
-    :param fixes_from: the fixes, dated from a time within 12 h of the first
-    :raises InputError: if there are several such days, or none
-    """
+    """The day after the first one of a log on which positions without a date were taken."""
     stamps = [fix.stamp_s for fix in fixes_from(log_s[0])]
     first_s, last_s = min(stamps), max(stamps)
     days = math.ceil((log_s[1] - log_s[0]) / DAY_S) + 1

@@ -96,9 +96,6 @@ def placed(record: CountRecord, doubts: Iterable[Doubt]) -> CountRecord:
     'place_doubt'
     >>> placed(record, [Doubt(80.0, 120.0, Outcome.RETURNED, 1.0, 0.0)]).x_m
     1.0
-
-    :param record: a record of the robot
-    :param doubts: doubts about its place, each with its newest outcome
     """
     ended = None
     for doubt in doubts:

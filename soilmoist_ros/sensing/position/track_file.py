@@ -15,7 +15,6 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from soilmoist_ros.foundation import DAY_S, InputError, Mistake
-from soilmoist_ros.sensing.formats.log_file import read_lines
 from soilmoist_ros.sensing.formats.log_values import (
     Decimal,
     decode_line,
@@ -24,8 +23,8 @@ from soilmoist_ros.sensing.formats.log_values import (
     read_number,
     read_time,
 )
-from soilmoist_ros.sensing.gnss import STATUS_OF_QUALITY, Fix, FixStatus, NoPlace, is_place
-from soilmoist_ros.sensing.position.heard import utc_text
+from soilmoist_ros.sensing.formats.logger_reader import read_lines
+from soilmoist_ros.sensing.gnss import STATUS_OF_QUALITY, Fix, FixStatus, NoPlace, is_place, utc_text
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
@@ -135,10 +134,7 @@ def _fix(
 
 
 def _require_times(fixes: Sequence[Fix], path: Path) -> None:
-    """Check that a position has a time.
-
-    :raises InputError: if none has
-    """
+    """Check that a position has a time."""
     if fixes and all(math.isnan(fix.stamp_s) for fix in fixes):
         remedy = "export the recorded track with its times, not a planned route"
         raise InputError(f"has {len(fixes)} points, but not one time", remedy, path)
@@ -158,7 +154,6 @@ class _Zones:
     def stamp_s(self, text: str, line: int, known: bool = False) -> float:
         """Time of a text [s since 1970 UTC], NaN if it is empty.
 
-        :param known: whether the file states the zone elsewhere
         :raises InputError: if it cannot be understood
         """
         said = re.sub(r"\s*(UTC|GMT)$", "Z", text.strip().strip('"'))
@@ -227,10 +222,7 @@ class _Table(NamedTuple):
 
 
 def _table(lines: Sequence[bytes], path: Path) -> _Table | None:
-    """Columns of a table, ``None`` without a header.
-
-    :raises InputError: if it has several latitudes or longitudes
-    """
+    """Columns of a table, ``None`` without a header."""
     for number, raw in enumerate(lines[:_HEAD], 1):
         line = decode_line(raw)
         for delimiter in ";\t, ":
@@ -383,10 +375,7 @@ def _coordinate(
     path: Path,
     line: int,
 ) -> float | None:
-    """Latitude or longitude of a row [deg], ``None`` if it is empty.
-
-    :raises InputError: if it cannot be read
-    """
+    """Latitude or longitude of a row [deg], ``None`` if it is empty."""
     if not text[key]:
         return None
     name, limit = ("latitude", 90.0) if key == "lat" else ("longitude", 360.0)
@@ -416,10 +405,7 @@ def _time(cells: Sequence[str], columns: Mapping[str, int]) -> str:
 def _time_formats(
     texts: Sequence[str], log_s: tuple[float, float] | None, path: Path
 ) -> tuple[list[str], list[Problem]]:
-    """Format of times that are not in ISO 8601, if all of a file have one, and a note if the log decided it.
-
-    :raises InputError: if day and month can be exchanged
-    """
+    """Format of times that are not in ISO 8601, if all of a file have one, and a note if the log decided it."""
     texts = [text for text in texts if text]
     if not texts or not re.match(r"\d{1,2}[-/. ][\dA-Za-z]{1,3}[-/. ]\d{2,4}\b", texts[0]):
         return [], []

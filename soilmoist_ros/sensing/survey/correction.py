@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -12,18 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame
-from soilmoist_ros.sensing.corrections.atmosphere import standard_pressure_hpa
-from soilmoist_ros.sensing.corrections.factors import Corrections, effective_exposure
-from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor, read_neutron_monitor
+from soilmoist_ros.sensing.checks.tubes import combine_tubes
+from soilmoist_ros.sensing.corrections.factors import Corrections, effective_exposure, standard_pressure_hpa
+from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor, read_neutron_monitor
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings
-from soilmoist_ros.sensing.corrections.tubes import combine_tubes
-from soilmoist_ros.sensing.corrections.weather import Weather
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
+from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, Position
 
-_POSITION_GAP_RECORDS = 3.0
-_MIN_POSITION_GAP_S = 5.0
+USUAL_FACTORS = {"f_humidity": (0.85, 1.25), "f_intensity": (0.8, 1.25)}
+"""Factors within which humid air and the solar cycle stay, for usual references [-]."""
+MAX_FROM_ALTITUDE_HPA = 40.0
+"""Distance of the mean pressure from that of the altitude beyond which one of them is doubted [hPa]."""
+MAX_WEATHER_GAP_S = 1800.0
+"""Maximum gap over which missing values are interpolated in time [s]; longer for long records."""
+MAX_GAP_RECORDS = 4.0
+"""This gap in counting intervals: three records of a logger that writes every hour may lack a value."""
+QUANTITIES = ("pressure_hpa", "temperature_degc", "relative_humidity")
+_FACTORS = {"f_pressure": "pressure", "f_humidity": "humidity", "f_intensity": "incoming neutrons"}
 
 
 class UnusableRecordError(Exception):
@@ -32,6 +39,63 @@ class UnusableRecordError(Exception):
     def __init__(self, kind: Kind, message: str, remedy: str) -> None:
         super().__init__(message)
         self.kind, self.message, self.remedy = kind, message, remedy
+
+
+class WeatherSeries:
+    """The weather of all records of a file, or of the records so far.
+
+    A missing value is interpolated in time. It stays NaN if the gap is longer than :data:`MAX_WEATHER_GAP_S` and
+    :data:`MAX_GAP_RECORDS` counting intervals, and the nearest value is further away than half of the longer one.
+
+    :param max_values: minimum number of latest values to keep; all if ``None``
+    """
+
+    def __init__(self, max_values: int | None = None) -> None:
+        self._max_values = max_values
+        self._stamps: dict[str, list[float]] = {name: [] for name in QUANTITIES}
+        self._values: dict[str, list[float]] = {name: [] for name in QUANTITIES}
+
+    def add(self, record: LoggerRecord) -> None:
+        """Add the values of a record; later values are deleted, because the clock was set back."""
+        for name in QUANTITIES:
+            value = getattr(record, name)
+            if not math.isfinite(value):
+                continue
+            stamps, values = self._stamps[name], self._values[name]
+            if stamps and record.stamp_s < stamps[-1]:
+                later = bisect_left(stamps, record.stamp_s)
+                del stamps[later:], values[later:]
+            stamps.append(record.stamp_s)
+            values.append(value)
+            limit = self._max_values
+            if limit is not None and len(stamps) > 2 * limit:
+                del stamps[:-limit], values[:-limit]
+
+    def filled(self, record: LoggerRecord) -> LoggerRecord:
+        """A record whose missing values come from other records."""
+        live_s = max((time for time in record.tube_live_s if math.isfinite(time)), default=0.0)
+        limit_s = max(MAX_WEATHER_GAP_S, MAX_GAP_RECORDS * live_s)
+        pressure, temperature, humidity = (
+            value if math.isfinite(value := getattr(record, name)) else self._filled(name, record.stamp_s, limit_s)
+            for name in QUANTITIES
+        )
+        return replace(record, pressure_hpa=pressure, temperature_degc=temperature, relative_humidity=humidity)
+
+    def _filled(self, name: str, stamp_s: float, limit_s: float) -> float:
+        stamps, values = self._stamps[name], self._values[name]
+        after = bisect_right(stamps, stamp_s)
+        near = [index for index in (after - 1, after) if 0 <= index < len(stamps)]
+        if not near:
+            return NAN
+        first, last = near[0], near[-1]
+        nearest_s = min(abs(stamps[index] - stamp_s) for index in near)
+        gap_s = stamps[last] - stamps[first]
+        if nearest_s > limit_s / 2 and not (first < last and gap_s <= limit_s):
+            return NAN
+        if first == last or stamp_s == stamps[first]:
+            return values[first]
+        slope = (values[last] - values[first]) / gap_s
+        return slope * (stamp_s - stamps[first]) + values[first]
 
 
 def intensity_source(settings: CorrectionSettings) -> NeutronMonitor | float | None:
@@ -47,37 +111,28 @@ def intensity_source(settings: CorrectionSettings) -> NeutronMonitor | float | N
 
 
 def correction_factors(
-    air: Weather, intensity: float | None, settings: CorrectionSettings, parameters: Corrections
-) -> Mapping[str, float]:
-    """Factors ``f_pressure``, ``f_humidity`` and ``f_intensity`` of one record [-].
-
-    The factor of a correction that is switched off is 1.
+    record: LoggerRecord, intensity: float | None, settings: CorrectionSettings, parameters: Corrections
+) -> tuple[float, float, float]:
+    """Factors of pressure, humidity and intensity of a record [-]; 1 if a correction is switched off.
 
     :raises ValueError: if an active correction lacks a value, or a value is impossible; the message names it
     """
-    factors = {"f_pressure": 1.0, "f_humidity": 1.0, "f_intensity": 1.0}
+    pressure = humidity = incoming = 1.0
     if settings.pressure is not None:
-        factors["f_pressure"] = parameters.f_pressure(air.pressure_hpa)
+        pressure = parameters.f_pressure(record.pressure_hpa)
     if settings.humidity is not None:
-        factors["f_humidity"] = parameters.f_humidity(air.temperature_degc, air.relative_humidity)
+        humidity = parameters.f_humidity(record.temperature_degc, record.relative_humidity)
     if settings.intensity is not None:
-        factors["f_intensity"] = parameters.f_intensity(math.nan if intensity is None else intensity)
-    return factors
+        incoming = parameters.f_intensity(math.nan if intensity is None else intensity)
+    return pressure, humidity, incoming
 
 
-def _lacking(air: Weather, settings: CorrectionSettings) -> list[str]:
+def _lacking(record: LoggerRecord, settings: CorrectionSettings) -> list[str]:
     """Quantities that active corrections need and that a record does not have."""
-    needed = {"air pressure": air.pressure_hpa} if settings.pressure is not None else {}
+    needed = {"air pressure": record.pressure_hpa} if settings.pressure is not None else {}
     if settings.humidity is not None:
-        needed |= {"air temperature": air.temperature_degc, "relative humidity": air.relative_humidity}
+        needed |= {"air temperature": record.temperature_degc, "relative humidity": record.relative_humidity}
     return [name for name, value in needed.items() if math.isnan(value)]
-
-
-USUAL_FACTORS = {"f_humidity": (0.85, 1.25), "f_intensity": (0.8, 1.25)}
-"""Factors within which humid air and the solar cycle stay, for usual references [-]."""
-
-
-_FACTORS = {"f_pressure": "pressure", "f_humidity": "humidity", "f_intensity": "incoming neutrons"}
 
 
 def factors_text(factors: Mapping[str, tuple[float, float]]) -> str:
@@ -106,10 +161,6 @@ def unusual_factors(factors: Mapping[str, tuple[float, float]]) -> list[str]:
     return found
 
 
-MAX_FROM_ALTITUDE_HPA = 40.0
-"""Distance of the mean pressure from that of the altitude beyond which one of them is doubted [hPa]."""
-
-
 def unusual_pressure(pressure_hpa: float, site: Site) -> str:
     """Doubt about a mean air pressure that does not fit the altitude of the site; empty for a usual one.
 
@@ -128,17 +179,11 @@ def unusual_pressure(pressure_hpa: float, site: Site) -> str:
 
 
 def correct_record(
-    record: LoggerRecord,
-    air: Weather,
-    site: Site,
-    intensity: NeutronMonitor | float | None,
-    shares: NDArray[np.float64],
+    record: LoggerRecord, site: Site, intensity: NeutronMonitor | float | None, shares: NDArray[np.float64]
 ) -> CountRecord:
     """Correct a record without placing it.
 
-    :param record: the raw record
-    :param air: weather at the time of the record
-    :param site: settings of the corrections
+    :param record: the raw record, with the weather at its time
     :param intensity: incoming intensity: from a monitor or constant, ``None`` if unknown
     :param shares: share of each tube in the whole rate [-]
     :raises UnusableRecordError: if no tube counted, or a value that a correction needs is missing
@@ -156,36 +201,24 @@ def correct_record(
             message = f"cannot be corrected: {intensity.coverage} has no rate at this time"
             raise UnusableRecordError(Kind.NO_CORRECTION, message, remedy)
         intensity = rate
-    if lacking := _lacking(air, site.corrections):
+    if lacking := _lacking(record, site.corrections):
         remedy = "complete the data; write null for a correction only if N0 was calibrated without it"
         message = f"cannot be corrected: there is no {' and no '.join(lacking)}"
         raise UnusableRecordError(Kind.NO_CORRECTION, message, remedy)
     try:
         parameters = site.corrections_parameters
-        factors = correction_factors(air, intensity, site.corrections, parameters)
-        factor = factors["f_pressure"] * factors["f_humidity"] * factors["f_intensity"]
-        effective_s = effective_exposure(exposure_s, factor * parameters.f_surroundings)
+        factors = correction_factors(record, intensity, site.corrections, parameters)
+        effective_s = effective_exposure(exposure_s, math.prod(factors) * parameters.f_surroundings)
     except ValueError as error:
         remedy = "correct the value, or the corrections in the site file"
         raise UnusableRecordError(Kind.NO_CORRECTION, f"cannot be corrected: {error}", remedy) from None
-    nowhere = math.nan
-    place = (nowhere, nowhere, nowhere)
-    in_order = factors["f_pressure"], factors["f_humidity"], factors["f_intensity"]
-    return CountRecord(record.stamp_s, *place, raw_counts, exposure_s, effective_s, *in_order)
+    return CountRecord(record.stamp_s, NAN, NAN, NAN, raw_counts, exposure_s, effective_s, *factors)
 
 
 def uncorrected_record(record: LoggerRecord, shares: NDArray[np.float64], quarantine: str) -> CountRecord:
-    """A record that nobody can correct, with neutral factors and a reason for its quarantine.
-
-    :param record: the raw record, with a tube that counts
-    :param shares: share of each tube in the whole rate [-]
-    :param quarantine: code of the reason
-    """
-    nowhere = math.nan
+    """A record that nobody can correct, with neutral factors and the code of the reason for its quarantine."""
     counts, exposure_s = combine_tubes(record, shares)
-    return CountRecord(
-        record.stamp_s, nowhere, nowhere, nowhere, counts, exposure_s, exposure_s, quarantine=quarantine
-    )
+    return CountRecord(record.stamp_s, NAN, NAN, NAN, counts, exposure_s, exposure_s, quarantine=quarantine)
 
 
 def place_record(
@@ -196,8 +229,6 @@ def place_record(
 ) -> CountRecord:
     """Add the coordinates of a record.
 
-    :param position: position of the antenna
-    :param offset_m: east and north from the antenna to the sensor [m]
     :raises UnusableRecordError: if there is no position, or it is beyond the datum's hemisphere
     """
     if position is None or frame is None:
@@ -222,13 +253,12 @@ def counting_interval_s(record: LoggerRecord, previous: LoggerRecord | None) -> 
 
 def position_gap_s(interval_s: float) -> float:
     """Maximum time between two fixes for interpolating the position of a record [s]."""
-    return max(_POSITION_GAP_RECORDS * interval_s, _MIN_POSITION_GAP_S)
+    return max(3.0 * interval_s, 5.0)
 
 
 def site_shares(site: Site, tubes: int | None) -> NDArray[np.float64] | None:
     """Tube shares from the site file, normalised to a sum of 1; ``None`` if it has none.
 
-    :param tubes: number of tubes of the logger, ``None`` if unknown
     :raises InputError: if the number of shares is another one, or all are 0
     """
     if site.tube_shares is None:

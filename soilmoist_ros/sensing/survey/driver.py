@@ -7,25 +7,24 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 from soilmoist_ros.foundation import Health, Level, LocalFrame
-from soilmoist_ros.sensing.formats.log_header import Header
+from soilmoist_ros.sensing.connections import MAX_SILENT_PERIODS, Retry, open_source
+from soilmoist_ros.sensing.formats.log_layout import Header
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
-from soilmoist_ros.sensing.gnss import Fix
-from soilmoist_ros.sensing.links.line_reader import LineReader
-from soilmoist_ros.sensing.links.line_source import LineSource
-from soilmoist_ros.sensing.links.open_source import open_source
-from soilmoist_ros.sensing.links.reconnecting import Retry
-from soilmoist_ros.sensing.links.recording import PlaybackClock
+from soilmoist_ros.sensing.gnss import EARLIEST_DATE_S, SIMULATED, Fix, FixStatus, clock_words, utc_text
+from soilmoist_ros.sensing.lines import LineReader, LineSource, LinkState, LinkStatus, PlaybackClock
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.nmea import NmeaParser
 from soilmoist_ros.sensing.position.place_doubt import Doubts
+from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms
+from soilmoist_ros.sensing.problems import Kind, reason_text
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
-from soilmoist_ros.sensing.survey.driver_health import fix_health, link_health, records_health
-from soilmoist_ros.sensing.survey.stream import SensorStream
+from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
 
 LINES_PER_STEP = 500
 """Maximum number of lines per step; a backlog must not block other work."""
@@ -185,3 +184,266 @@ class Driver:
 
             sources[GNSS] = open_source(settings.gnss_uri, retry, fix_stamp, playback)
         return sources
+
+
+# State of the links, the logger and the GNSS receiver, for diagnostics ------------------------------------------
+
+CLOCK_TOLERANCE_S = 5.0
+"""Maximum difference of the clocks without a warning [s]."""
+STALE_FIX_S = 5.0
+"""Maximum age of the last fix without a warning [s]."""
+NO_RECORD_S = 30.0
+"""Time from the first byte of a logger to its first record after which faulty lines are an error [s]."""
+MAX_LOSSES = 1
+"""Maximum number of recently lost records without a warning."""
+
+OLD_INTENSITY = 0.5
+"""Age of the incoming intensity without a warning, as a share of the age from which it is not used."""
+
+MIN_JUDGED = 3
+"""Number of records from which more than half in quarantine are an error."""
+
+_LINK_LEVELS = {
+    LinkState.CONNECTED: Level.OK,
+    LinkState.ENDED: Level.OK,
+    LinkState.CONNECTING: Level.ERROR,
+    LinkState.SILENT: Level.ERROR,
+    LinkState.CLOSED: Level.STALE,
+}
+
+
+def link_health(name: str, status: LinkStatus) -> Health:
+    """State of a link."""
+    level = _LINK_LEVELS[status.state]
+    message = status.state.value
+    if level is Level.ERROR and status.last_error:
+        message += f": {status.last_error}; check the cable, the power and the address {status.uri}"
+    elif level is Level.ERROR and status.n_refused:
+        message += f": datagrams of {status.last_refused} were refused; compare 'from' in the address {status.uri}"
+    elif status.is_open and len(status.senders) > 1:
+        level = max(level, Level.WARN)
+        message += (
+            f": mixes the lines of {len(status.senders)} senders ({', '.join(status.senders)}); "
+            f"name the right one in the address, such as {_with_sender(status)}"
+        )
+    values = {
+        "address": status.uri,
+        "connections": str(status.connections),
+        "failed attempts": str(status.attempts),
+        "last error": status.last_error or "none",
+        "lines": str(status.n_lines),
+        "bytes": str(status.n_bytes),
+        "lines too long": str(status.n_oversized),
+        "senders": ", ".join(status.senders) or "none",
+        "datagrams refused": str(status.n_refused),
+        "last refused sender": status.last_refused or "none",
+        "silent [s]": f"{status.silent_s:.1f}",
+        "silence limit [s]": f"{status.silence_limit_s:.1f}" if math.isfinite(status.silence_limit_s) else "none",
+    }
+    return Health(name, level, message, values)
+
+
+def _with_sender(status: LinkStatus) -> str:
+    return f"{status.uri}{'&' if '?' in status.uri else '?'}from={status.senders[0]}"
+
+
+def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s: float = 0.0) -> Health:
+    """State of the records."""
+    problems, last = stream.logger_problems, stream.last_record
+    difference_s = stream.clock_difference_s
+    values = {
+        "logger": stream.parser.format.title,
+        "serial number": stream.parser.serial or "unknown",
+        "records": str(stream.records_out),
+        "records waiting for a fix": str(stream.survey.waiting),
+        "records without a position": str(stream.records_without_position),
+        "records per minute": _number(60 * stream.record_rate_hz, 2),
+        "records and lines lost": str(problems.losses),
+        "records quarantined": str(stream.quarantined.total()),
+        "masked tubes": _masked(stream) or "none",
+        "index of dispersion": _number(stream.survey.checks.totals.used.index, 2),
+        "logger clock minus ours [s]": _number(difference_s, 1),
+        **_intensity_values(stream),
+        **_by_kind("dropped", problems.lost),
+        **_by_kind("noted", problems.noted),
+        **{f"quarantined: {reason_text(code)}": str(count) for code, count in sorted(stream.quarantined.items())},
+    }
+    if problems.last_loss is not None:
+        values["last loss"] = str(problems.last_loss)
+    if problems.last_quarantined is not None:
+        values["last quarantine"] = str(problems.last_quarantined)
+    values |= stream.faulty.examples
+    doubt = _doubt(stream)
+    level, message = Level.OK, "counting"
+    none_yet = not (stream.records_out or stream.survey.waiting)
+    if last is None or (none_yet and stream.faulty.lost):
+        level, message = _no_record_yet(stream, n_bytes, heard_s)
+    else:
+        offset_s = 0.0 if math.isnan(difference_s) else difference_s
+        silent_s = now_s + offset_s - last.stamp_s
+        values["age of the last record [s]"] = f"{silent_s:.1f}"
+        if silent_s > MAX_SILENT_PERIODS * (stream.record_period_s or math.inf):
+            faults = _faults(stream) or "check the logger"
+            level, message = Level.ERROR, f"no record for {silent_s:.0f} s: {faults}"
+        elif doubt is not None and doubt[0] is Level.ERROR:
+            level, message = doubt
+        elif stream.recent_losses > MAX_LOSSES:
+            example = problems.last_loss.mistake.message if problems.last_loss else ""
+            message = f"{stream.recent_losses} of the last {LAST_RECORDS} records are lost ({example})"
+            level = Level.WARN
+        elif doubt is not None:
+            level, message = doubt
+        elif fault := _header_fault(stream) or _intensity_fault(stream):
+            level, message = Level.WARN, fault
+        elif abs(offset_s) > CLOCK_TOLERANCE_S:
+            level, message = Level.WARN, f"the logger's clock differs by {offset_s:+.0f} s from ours: set it"
+    return Health("records", level, message, values)
+
+
+def _no_record_yet(stream: SensorStream, n_bytes: int, heard_s: float) -> tuple[Level, str]:
+    """Verdict on a logger that has not sent one record that can be used."""
+    faults = _faults(stream)
+    # A logger that sends nothing but its header may be in its first counting interval.
+    limit_s = NO_RECORD_S if faults else max(NO_RECORD_S, MAX_SILENT_PERIODS * stream.record_period_s)
+    if not n_bytes or heard_s <= limit_s:
+        return (Level.WARN, f"no record yet: {faults}") if faults else (Level.STALE, "no record yet")
+    remedy = faults or stream.faulty.remedy(stream.parser.format)
+    came = f"{n_bytes} bytes in {heard_s:.0f} s"
+    return Level.ERROR, f"the logger has not sent one valid record ({came}): {remedy}"
+
+
+def _masked(stream: SensorStream) -> str:
+    """Tubes that are masked now, with the reasons; empty if none is."""
+    masked = stream.survey.checks.masked
+    return ", ".join(f"tube {tube + 1} ({kind.text})" for tube, kind in sorted(masked.items()))
+
+
+def _doubt(stream: SensorStream) -> tuple[Level, str] | None:
+    """What speaks against the counts of the last records, ``None`` if nothing does."""
+    bad, recent = stream.recent_quarantined
+    masked, last = _masked(stream), stream.logger_problems.last_quarantined
+    if not bad:
+        return (Level.WARN, f"not used: {masked}; check its high voltage and its cable") if masked else None
+    reason = f" ({last})" if last is not None else ""
+    message = f"{bad} of the last {recent} records are quarantined{reason}"
+    grave = recent >= MIN_JUDGED and 2 * bad > recent
+    return (Level.ERROR, f"the counts cannot be trusted: {message}") if grave else (Level.WARN, message)
+
+
+def _header_fault(stream: SensorStream) -> str:
+    """What to do about a header that may be out of date, empty if the logger has sent its own.
+
+    Lines whose columns were exchanged fit it, too.
+    """
+    header = stream.parser.earlier_header
+    if header is None:
+        return ""
+    known = math.isfinite(header.stored_s)
+    date = f" of {datetime.fromtimestamp(header.stored_s, UTC):%Y-%m-%d %H:%M} UTC" if known else ""
+    return (
+        f"the columns are those of a stored header{date}: if the logger or its program was changed since then, "
+        "switch the logger off and on, or delete header.json in record_dir and start again"
+    )
+
+
+def _intensity_values(stream: SensorStream) -> dict[str, str]:
+    latest, age_s = stream.survey.latest_intensity, stream.survey.intensity_age_s
+    if latest is None:
+        return {}
+    text = f"{latest.rate:g}" if math.isfinite(age_s) else "none yet"
+    return {"incoming intensity": text, "age of the intensity [s]": f"{age_s:.0f}"}
+
+
+def _intensity_fault(stream: SensorStream) -> str:
+    """What is wrong with an intensity from outside, and what to do; empty if nothing is."""
+    age_s, limit_s = stream.survey.intensity_age_s, stream.survey.max_intensity_age_s
+    if stream.survey.latest_intensity is None or age_s <= OLD_INTENSITY * limit_s:
+        return stream.survey.intensity_doubt
+    remedy = "check the publisher of intensity_topic"
+    if math.isinf(age_s):
+        return f"no incoming intensity has come: that of the site file is used; {remedy}"
+    if stream.survey.keeps_old_intensity:
+        return f"the incoming intensity is {age_s / 3600:.1f} h old, and used: the site file has none; {remedy}"
+    if age_s > limit_s:
+        return f"the incoming intensity is {age_s / 3600:.1f} h old: that of the site file is used; {remedy}"
+    return f"the incoming intensity is {age_s / 3600:.1f} h old, of at most {limit_s / 3600:.1f} h; {remedy}"
+
+
+def _faults(stream: SensorStream) -> str:
+    """What is wrong with the lines since the last record, and what to do; empty if no line was dropped."""
+    faulty = stream.faulty
+    if not faulty.lost:
+        return ""
+    return f"{faulty.reasons} in {faulty.lines} lines; {faulty.remedy(stream.parser.format)}"
+
+
+def fix_health(stream: SensorStream, now_s: float) -> Health:
+    """State of the positions."""
+    fix = stream.last_fix
+    values = _by_kind("dropped", stream.gnss_problems.lost)
+    heard = stream.survey.heard
+    if fix is None:
+        sentences = stream.sentences_read
+        came = f": {sentences} sentences, none with a position (GGA, GNS, RMC or GLL)" if sentences else ""
+        came = f": {heard.other_type}" if heard.other_type else came
+        dropped = stream.gnss_problems.lost.total()
+        came += (
+            f": {dropped} lines could not be read; check the baud rate in gnss_uri" if dropped and not came else ""
+        )
+        return Health("GNSS", Level.WARN if came else Level.STALE, f"no fix yet{came}", values)
+    age_s = now_s - fix.stamp_s
+    values |= {
+        "status": fix.status.name.lower(),
+        "satellites": str(fix.satellites) if fix.satellites >= 0 else "unknown",
+        "hdop": _number(fix.hdop, 1),
+        "standard deviation [m]": _number(fix.position.horizontal_sd_m, 3),
+        "age [s]": _number(age_s, 1),
+    }
+    if fix.status is FixStatus.NO_FIX:
+        said = f" ({fix.said})" if fix.said else ""
+        why = fix.no_place.text if fix.no_place else "no fix"
+        message = f"the receiver has {why}{said}: records are not placed"
+        if heard.why_none() is not None and fix.no_place is not None:
+            message += f"; {fix.no_place.remedy}"
+        return Health("GNSS", Level.ERROR, message, values)
+    if not abs(age_s) <= STALE_FIX_S:
+        message = f"the last fix is {age_s:.0f} s old"
+        if math.isnan(age_s):
+            none = heard.why_none()
+            message = f"the receiver {none.message}; {none.remedy}" if none else "the last fix has no time"
+        elif fix.stamp_s < EARLIEST_DATE_S or (words := clock_words(-age_s)):
+            words = SIMULATED if fix.stamp_s < EARLIEST_DATE_S else words
+            times = f"{utc_text(fix.stamp_s)}, and by this computer {utc_text(now_s)} (UTC)"
+            message = f"the last fix is of {times}: {words}"
+        return Health("GNSS", Level.WARN, message, values)
+    return Health("GNSS", Level.OK, f"fix ({fix.status.name})", values)
+
+
+def _by_kind(what: str, counted: Counter[Kind]) -> dict[str, str]:
+    return {f"{what}: {kind.text}": str(number) for kind, number in sorted(counted.items())}
+
+
+def _number(value: float, digits: int) -> str:
+    return "unknown" if math.isnan(value) else f"{value:.{digits}f}"
+
+
+# What a driver reports about its logger, for nodes that need no survey ------------------------------------------
+
+
+def logger_fault(parts: Iterable[Health], namespace: str) -> str | None:
+    """What a driver reports about its logger, as one line; empty if nothing is wrong.
+
+    :param parts: states of health with the full names of their nodes
+    :param namespace: namespace of the driver
+    :returns: ``None`` if no part is of a driver in this namespace
+    """
+    wanted = [
+        part
+        for part in parts
+        if part.name.endswith((": records", ": logger link"))
+        and (part.name.rpartition(": ")[0].rpartition("/")[0] or "/") == namespace
+    ]
+    if not wanted:
+        return None
+    worst_part = max(wanted, key=lambda part: (part.level is Level.ERROR, part.level))
+    return worst_part.message if worst_part.level is not Level.OK else ""

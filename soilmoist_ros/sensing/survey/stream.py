@@ -10,16 +10,15 @@ from statistics import median_low
 
 from soilmoist_ros.foundation import LocalFrame, Mistake
 from soilmoist_ros.sensing.checks.clock import STEP_PAIRS, ClockDrift
-from soilmoist_ros.sensing.checks.rain import RainSigns
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import RecordParser
+from soilmoist_ros.sensing.formats.notation import matching_formats
 from soilmoist_ros.sensing.gnss import Fix
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.position.nmea import NmeaParser
+from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
-from soilmoist_ros.sensing.survey.no_record import FaultyLines
 from soilmoist_ros.sensing.survey.survey import Survey
 
 LAST_RECORDS = 20
@@ -87,7 +86,6 @@ class SensorStream:
             on_problem=self._on_problem,
         )
         self.last_record: LoggerRecord | None = None
-        self.rain = RainSigns()
         self.last_fix: Fix | None = None
         self._new_fix: Fix | None = None
         self.records_out = 0
@@ -109,18 +107,13 @@ class SensorStream:
         return f"SensorStream({self.parser.format.title!r}, {self.records_out} records)"
 
     def take_logger_line(self, line: bytes, now_s: float) -> LoggerRecord | None:
-        """Process a line of the logger; returns the raw record, if any, with the logged weather.
-
-        :param line: the line, with or without its line end
-        :param now_s: monotonic time [s]
-        """
+        """Process a line of the logger; returns the raw record, if any, with the logged weather."""
         self.faulty.take_line(line)
         n_steps = self.parser.clock.n_steps
         record = self.parser.feed(line)
         if record is None:
             return None
         self.last_record = record
-        self.rain.add(record)
         if self.parser.clock.n_steps > n_steps:
             remedy = f"the places of the {STEP_PAIRS - 1} records before this one are wrong"
             self._on_problem(Problem(Kind.CLOCK_OFFSET, Mistake(self.parser.clock.steps[-1], remedy)))
@@ -153,11 +146,7 @@ class SensorStream:
             self._on_problem(Problem(Kind.CLOCK_DRIFT, mistake))
 
     def take_nmea_line(self, line: bytes, now_s: float = NAN) -> Fix | None:
-        """Process a line of the GNSS receiver; returns the fix that it completes, if any.
-
-        :param now_s: time of the computer's clock, for receivers that send no date; NaN if unknown
-            [s since 1970 UTC]
-        """
+        """Process a line of the GNSS receiver; returns the fix that it completes, if any."""
         fix = self._nmea.feed(line, now_s)
         if fix is not None:
             self.take_fix(fix)
@@ -169,10 +158,7 @@ class SensorStream:
         self.survey.take_fix(fix)
 
     def take_ready(self, now_s: float) -> list[CountRecord]:
-        """Remove and return the records whose wait is over, oldest first.
-
-        :param now_s: monotonic time [s]
-        """
+        """Remove and return the records whose wait is over, oldest first."""
         ready = self.survey.take_ready(now_s)
         self.records_out += len(ready)
         self.quarantined.update(record.quarantine for record in ready if record.quarantine)
@@ -183,11 +169,7 @@ class SensorStream:
         return ready
 
     def compare_clocks(self, stamp_s: float, now_s: float) -> None:
-        """Store the difference of the logger's clock and the computer's clock, for diagnostics only.
-
-        :param stamp_s: time in the line that has just arrived [s since 1970 UTC]
-        :param now_s: time of the computer's clock [s since 1970 UTC]
-        """
+        """Store the difference of the logger's clock and the computer's clock, for diagnostics only."""
         self._clock_differences_s.append(stamp_s - now_s)
 
     @property
@@ -234,3 +216,91 @@ class SensorStream:
         self.faulty.take_problem(problem)
         if problem.severity is Severity.ERROR:
             self._good.append(False)
+
+
+# Why bytes of a logger become no record, and what to do about it ------------------------------------------------
+
+MAX_LINES = 50
+"""Number of lines kept for the search of their format."""
+MAX_EXAMPLE = 80
+"""Number of characters shown of a line."""
+
+_DAMAGED = frozenset((Kind.UNREADABLE, Kind.TOO_LONG))
+_OTHER_FORMAT = frozenset((Kind.NO_HEADER, Kind.BAD_HEADER, Kind.WRONG_FIELDS, Kind.BAD_TIME, Kind.NOT_A_NUMBER))
+_BAUD = "compare the baud rate in logger_uri with the logger's, and check the cable"
+
+
+class FaultyLines:
+    """Lines of a logger since its last record, by what is wrong with them.
+
+    Attributes
+    ----------
+    lines : int
+        number of lines
+    lost : Counter[Kind]
+        number of lines and records that were dropped, by kind of problem
+    """
+
+    def __init__(self) -> None:
+        self.lines = 0
+        self.lost: Counter[Kind] = Counter()
+        self._line = b""
+        self._first: list[bytes] = []
+        self._remedies: dict[Kind, str] = {}
+        self._examples: dict[Kind, bytes] = {}
+
+    def take_line(self, line: bytes) -> None:
+        """A line has come."""
+        self.lines += 1
+        self._line = line
+        if len(self._first) < MAX_LINES:
+            self._first.append(line)
+
+    def take_problem(self, problem: Problem) -> None:
+        """Something is wrong with the last line, or with its record."""
+        if problem.lost and problem.kind is not Kind.DUPLICATE:
+            self.lost[problem.kind] += 1
+            self._remedies[problem.kind] = problem.mistake.remedy
+            self._examples[problem.kind] = self._line
+
+    @property
+    def reasons(self) -> str:
+        """What is wrong and how often, the most frequent first; empty if nothing is."""
+        return ", ".join(f"{kind.text} ({count})" for kind, count in self.lost.most_common(3))
+
+    @property
+    def examples(self) -> dict[str, str]:
+        """The last line of each kind of problem, as printable text."""
+        return {f"last line with: {kind.text}": _printable(line) for kind, line in sorted(self._examples.items())}
+
+    def remedy(self, logger: LoggerFormat) -> str:
+        """What the operator can do."""
+        if not self.lines:
+            return f"no line has an end: {_BAUD}"
+        if sum(line.startswith(b"$G") for line in self._first) > len(self._first) / 2:
+            return "these are sentences of a GNSS receiver: exchange logger_uri and gnss_uri"
+        fitting = matching_formats(self._first)
+        if fitting and logger not in map(load_logger_format, fitting):
+            return f"the lines look like {fitting[0]}: set logger_format to it"
+        kind = next((kind for kind, _ in self.lost.most_common(1)), None)
+        if kind is None:
+            return "check that the logger counts: it sends only lines of a header"
+        if kind in _DAMAGED or (kind is Kind.CHECKSUM and _is_noise(self._examples[kind])):
+            return f"{_BAUD}; binary protocols cannot be read"
+        if kind is Kind.CHECKSUM and b"*" not in self._examples[kind]:
+            return f"the lines have no checksum, unlike those of {logger.title}: check logger_format"
+        if kind in (Kind.BAD_TIME, Kind.NOT_A_NUMBER) and self._remedies[kind]:
+            return self._remedies[kind]
+        if kind in _OTHER_FORMAT:
+            return f"check logger_format (now {logger.title}), or restart the logger, which then sends its header"
+        return self._remedies[kind] or "check the logger"
+
+
+def _is_noise(line: bytes) -> bool:
+    """Whether more than a tenth of a line is not ASCII text."""
+    return 10 * sum(not (32 <= byte < 127 or byte == 9) for byte in line) > len(line)
+
+
+def _printable(line: bytes) -> str:
+    text = "".join(chr(byte) if 32 <= byte < 127 else f"\\x{byte:02x}" for byte in line[:MAX_EXAMPLE])
+    return text if len(text) <= MAX_EXAMPLE else f"{text[:MAX_EXAMPLE]}..."

@@ -15,30 +15,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import LocalFrame, Mistake
-from soilmoist_ros.sensing.checks.checks import RecordChecks
-from soilmoist_ros.sensing.checks.finding import Finding
-from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
-from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
-from soilmoist_ros.sensing.corrections.tubes import RunningShares, tube_shares
-from soilmoist_ros.sensing.corrections.weather import WeatherSeries
-from soilmoist_ros.sensing.gnss import Fix
+from soilmoist_ros.sensing.checks.totals import RecordChecks
+from soilmoist_ros.sensing.checks.tubes import RunningShares, tube_shares
+from soilmoist_ros.sensing.corrections.intensity import LatestIntensity, NeutronMonitor
+from soilmoist_ros.sensing.gnss import Fix, FixStatus, Heard
 from soilmoist_ros.sensing.moisture.site import Site
-from soilmoist_ros.sensing.position.heard import Heard
-from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
-from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.problems import Kind, Problem
+from soilmoist_ros.sensing.position.track import EDGE_TOLERANCE_S, NO_ARMS, CheckedTrack, LeverArms, Track
+from soilmoist_ros.sensing.problems import Finding, Kind, Problem
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.correction import (
     UnusableRecordError,
+    WeatherSeries,
     correct_record,
     counting_interval_s,
     intensity_source,
     place_record,
+    position_gap_s,
     site_shares,
     uncorrected_record,
     unusual_factors,
 )
-from soilmoist_ros.sensing.survey.places import SurveyPlaces
 
 MAX_WEATHER_VALUES = 1000
 MAX_TYPICAL = 500
@@ -206,10 +202,7 @@ class Survey:
         self._places.take_fix(fix)
 
     def take_ready(self, now_s: float = math.inf) -> list[CountRecord]:
-        """Remove and return the records whose wait is over, oldest first.
-
-        :param now_s: monotonic time [s]; at infinity no record waits
-        """
+        """Remove and return the records whose wait is over, oldest first."""
         ready = []
         while self._waiting and self._may_go(self._waiting[0], now_s):
             placed = self._placed(self._waiting.popleft())
@@ -227,7 +220,7 @@ class Survey:
         return self._correct(record, self._shares)
 
     def _correct(self, record: LoggerRecord, shares: NDArray[np.float64]) -> CountRecord:
-        return correct_record(record, self._weather.at(record), self._site, self._intensity, shares)
+        return correct_record(self._weather.filled(record), self._site, self._intensity, shares)
 
     @property
     def max_intensity_age_s(self) -> float:
@@ -268,11 +261,7 @@ class Survey:
         return float(np.median(rates)) if rates else NAN
 
     def position(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
-        """Position at the middle of a record's counting interval, ``None`` if unknown.
-
-        :param interval_s: duration of the interval [s]
-        :param clock_ahead_s: logger's clock minus GNSS time [s]
-        """
+        """Position at the middle of a record's counting interval, ``None`` if unknown."""
         return self._places.at(record, interval_s, clock_ahead_s)
 
     def _learn(self, record: LoggerRecord) -> None:
@@ -336,3 +325,93 @@ class Survey:
 
     def _report(self, error: UnusableRecordError, record: LoggerRecord, path: Path | None, lost: bool) -> None:
         self._on_problem(Problem(error.kind, Mistake(error.message, error.remedy, path, record.line), lost))
+
+
+# Where the records of a survey were counted ---------------------------------------------------------------------
+
+MAX_FIXES = 20_000
+"""Fixes kept during a survey: 5 h at 1 Hz, because a receiver may be far ahead of the logger."""
+MAX_EDGE_TOLERANCE_S = 5.0
+"""Maximum time between the middle of a counting interval and a single fix used as its position [s]."""
+MAX_ALTITUDE_AGE_S = 300.0
+"""Maximum time between a record and a position that shows its altitude [s]."""
+
+
+class SurveyPlaces:
+    """Positions of a separate receiver, else those in the log, else the location of the site.
+
+    :param site: location of a stationary probe
+    :param track: positions of a separate receiver, if known in advance
+    :param arms: where antenna and sensor sit on the robot
+    :param grows: whether records come one by one, so that early positions may be forgotten
+    """
+
+    def __init__(self, site: Site, track: Track | None, arms: LeverArms, grows: bool) -> None:
+        self._site, self._arms = site, arms
+        self.track = CheckedTrack(max_positions=MAX_FIXES) if track is None else track
+        """Positions of a separate receiver."""
+        self._grows = grows
+        self._own = CheckedTrack(max_positions=MAX_FIXES if grows else None)
+
+    def add(self, record: LoggerRecord) -> None:
+        """Store the position in a record for other records."""
+        if record.position is not None:
+            # After the clock was set back, its times come again.
+            if self._grows and record.stamp_s < self._own.reached_s:
+                self._own = CheckedTrack(max_positions=MAX_FIXES)
+            self._own.add(record.stamp_s, record.position)
+
+    def take_fix(self, fix: Fix) -> None:
+        """Add an epoch of a separate receiver, with or without a fix."""
+        self.track.heard.add(fix)
+        self.track.add(fix.stamp_s, None if fix.status is FixStatus.NO_FIX else fix.position)
+
+    def at(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
+        """Position at the middle of a record's counting interval, ``None`` if unknown."""
+        middle_s, gap_s = record.stamp_s - interval_s / 2, position_gap_s(interval_s)
+        if self._has_receiver:
+            tolerance_s = max(EDGE_TOLERANCE_S, min(interval_s / 2, MAX_EDGE_TOLERANCE_S))
+            place = self.track.at(middle_s - clock_ahead_s, gap_s, tolerance_s)
+        else:  # positions in the log have the time of the logger's clock
+            place = self._own.at(middle_s, gap_s)
+        if place is not None:
+            return place
+        if record.position is not None and self._own.jumped.at(record.stamp_s, 0.0, 0.0) is None:
+            return record.position
+        location = self._site.location
+        if location is None or self._moves:
+            return None
+        altitude_m = NAN if location.altitude_m is None else location.altitude_m
+        return Position(location.latitude_deg, location.longitude_deg, altitude_m)
+
+    def altitude_m(self, record: LoggerRecord) -> float:
+        """Altitude of the probe about the time of a record [m], NaN if unknown."""
+        place = record.position or self.track.at(record.stamp_s, MAX_ALTITUDE_AGE_S, MAX_ALTITUDE_AGE_S)
+        if place is not None:
+            return place.altitude_m
+        location = self._site.location
+        return NAN if location is None or location.altitude_m is None or self._moves else location.altitude_m
+
+    def jumped_at(self, record: LoggerRecord, interval_s: float, clock_ahead_s: float) -> Position | None:
+        """Position of a record that the receiver reports after a jump, ``None`` without a jump; as :meth:`at`."""
+        track = self.track if self._has_receiver else self._own
+        if not isinstance(track, CheckedTrack):
+            return None
+        middle_s = record.stamp_s - interval_s / 2 - (clock_ahead_s if self._has_receiver else 0.0)
+        return track.jumped.at(middle_s, position_gap_s(interval_s), max(interval_s / 2, EDGE_TOLERANCE_S))
+
+    def sensor_offset_m(self, middle_s: float, clock_ahead_s: float) -> tuple[float, float] | None:
+        """East and north from the antenna to the sensor [m], ``None`` if the heading is unknown."""
+        if self._arms == NO_ARMS or not self._moves:  # a probe at a fixed location is its place
+            return 0.0, 0.0
+        separate = bool(len(self.track))
+        course = (self.track if separate else self._own).course
+        return self._arms.sensor_from_antenna(course.at(middle_s - (clock_ahead_s if separate else 0.0)))
+
+    @property
+    def _has_receiver(self) -> bool:
+        return self.track.reached_s > -math.inf
+
+    @property
+    def _moves(self) -> bool:
+        return bool(len(self.track) or len(self._own))

@@ -31,14 +31,11 @@ from soilmoist_ros.simulation.fields.truth_file import has_truth, load_surrogate
 Array = NDArray[np.float64]
 
 DATUM = LocalFrame(53.2680, -0.5245)
-FOOTPRINT_SD_M = 5.0
-"""Standard deviation of the footprint that smooths a border [m]."""
+FOOTPRINT_SD_M = 5.0  # standard deviation of the footprint that smooths a border [m]
 BORDER_OFFSETS_M = (-30.0, -15.0, -8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0, 15.0, 30.0)
 """Distances of the measured points of the published airfield from its border [m]; negative on the grass."""
-AIRFIELD_RATE_S = 600.0
-"""Counting time per point of the published airfield [s]."""
-AIRFIELD_SEED = 20
-"""Seed of the point rates of ``airfield-simulated``."""
+AIRFIELD_RATE_S = 600.0  # counting time per point of the published airfield [s]
+AIRFIELD_SEED = 20  # seed of the point rates of ``airfield-simulated``
 AIRFIELD_SOIL = CalibrationCurve(n0_cps=4.4, bulk_density_gcm3=1.4)
 """Soil of the low-contrast airfield: 4.0 counts/s at 5 % moisture and 3.0 counts/s at 20 %."""
 TURF = CalibrationCurve(n0_cps=4.75, bulk_density_gcm3=1.1)

@@ -28,8 +28,7 @@ Truth = Callable[[Array], Array]
 Quantity = Literal["rate_cps", "vwc"]
 Positive = Annotated[float, Field(gt=0)]
 
-FLOOR = 0.05
-"""Lower limit of random fields as a share of their mean; see :class:`.RandomFieldFormula`."""
+FLOOR = 0.05  # lower limit of random fields as a share of their mean; see :class:`.RandomFieldFormula`
 MAX_VWC = 0.9
 NEGLIGIBLE = 1e-6
 """Share of negative eigenvalues that may be cut off; it limits the relative error of the covariances."""
@@ -39,12 +38,10 @@ MAX_NODES = 16_000_000
 class RateFormula(Section):
     """Base class of all families."""
 
-    values: ClassVar[tuple[str, ...]] = ()
-    """Names of the parameters in units of the quantity."""
+    values: ClassVar[tuple[str, ...]] = ()  # names of the parameters in units of the quantity
 
     family: str
-    quantity: Quantity = "rate_cps"
-    """Corrected rate [counts/s] or soil moisture [m^3/m^3]."""
+    quantity: Quantity = "rate_cps"  # corrected rate [counts/s] or soil moisture [m^3/m^3]
 
     @model_validator(mode="after")
     def _fractions(self) -> RateFormula:
@@ -55,8 +52,6 @@ class RateFormula(Section):
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
         """A function of positions, shape (n, 2) [m], that returns values, shape (n,).
-
-        :param extent: box of the field
         :param rng: source of randomness; the seed of the formula if ``None``
         """
         raise NotImplementedError
@@ -85,8 +80,6 @@ def random_field(x_m: Array, y_m: Array, model: ModelName, range_m: float, rng: 
     :param x_m: columns, evenly spaced, shape (nx,) [m]
     :param y_m: rows, evenly spaced, shape (ny,) [m]
     :param model: correlation model, parametrised as :class:`Variogram`
-    :param range_m: range parameter [m], > 0
-    :param rng: source of randomness
     :returns: the field, shape (ny, nx)
     :raises ValueError: if the range is too long for the grid, because the torus would not fit into memory
     """
@@ -127,18 +120,12 @@ class UnevenField(RateFormula):
 
     values: ClassVar[tuple[str, ...]] = ("mean",)
 
-    mean: Positive
-    """Mean of the quantity."""
-    sd: Positive
-    """Standard deviation on rough ground, at most a quarter of the mean."""
-    flat_sd: Annotated[float, Field(ge=0)] = 0.0
-    """Standard deviation on flat ground, at most ``sd``."""
-    model: ModelName = "matern32"
-    """Variogram model of rough and flat ground."""
-    range_m: Positive = 10.0
-    """Range parameter on rough ground [m], as in :class:`.RandomFieldFormula`."""
-    flat_range_m: Positive | None = None
-    """Range parameter on flat ground [m]; by default that of rough ground."""
+    mean: Positive  # mean of the quantity
+    sd: Positive  # standard deviation on rough ground, at most a quarter of the mean
+    flat_sd: Annotated[float, Field(ge=0)] = 0.0  # standard deviation on flat ground, at most ``sd``
+    model: ModelName = "matern32"  # variogram model of rough and flat ground
+    range_m: Positive = 10.0  # range parameter on rough ground [m], as in :class:`.RandomFieldFormula`
+    flat_range_m: Positive | None = None  # range parameter on flat ground [m]; by default that of rough ground
     transition_m: Positive = 4.0
     """Width of the transition from rough to flat ground, which contains three quarters of the change [m]."""
     seed: Annotated[int, Field(ge=0)] = 1
@@ -203,10 +190,8 @@ class Strips(UnevenField):
     """Parallel strips, rough and flat in turn."""
 
     family: Literal["strips"] = "strips"
-    width_m: Positive = 12.0
-    """Width of a strip [m]."""
-    angle_deg: float | None = None
-    """Direction in which the strips run [deg]; drawn from the seed if left out."""
+    width_m: Positive = 12.0  # width of a strip [m]
+    angle_deg: float | None = None  # direction in which the strips run [deg]; drawn from the seed if left out
 
     def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
         """See the base class."""
@@ -231,16 +216,11 @@ class Texture(RateFormula):
     values: ClassVar[tuple[str, ...]] = ("low", "high")
 
     family: Literal["texture"] = "texture"
-    low: Positive
-    """Value of the purest sand (moisture), or of the heaviest clay (rate)."""
-    high: Positive
-    """Value at the other end, greater than ``low``."""
-    range_m: Positive = 40.0
-    """Range parameter of the zones [m]; a zone is about twice as wide."""
-    fine: Annotated[float, Field(ge=0, le=1)] = 0.1
-    """Share of the variance inside zones."""
-    fine_range_m: Positive = 8.0
-    """Range parameter of the variation inside zones [m]."""
+    low: Positive  # value of the purest sand (moisture), or of the heaviest clay (rate)
+    high: Positive  # value at the other end, greater than ``low``
+    range_m: Positive = 40.0  # range parameter of the zones [m]; a zone is about twice as wide
+    fine: Annotated[float, Field(ge=0, le=1)] = 0.1  # share of the variance inside zones
+    fine_range_m: Positive = 8.0  # range parameter of the variation inside zones [m]
     seed: Annotated[int, Field(ge=0)] = 1
     """Seed of the values. Fields of one seed, boundary and cell size share their zones."""
 
@@ -273,10 +253,8 @@ class RandomFieldFormula(RateFormula):
     values: ClassVar[tuple[str, ...]] = ("mean",)
     model: ClassVar[ModelName]
 
-    mean: Positive
-    """Mean of the quantity."""
-    sd: Positive
-    """Standard deviation of the quantity, at most a quarter of the mean."""
+    mean: Positive  # mean of the quantity
+    sd: Positive  # standard deviation of the quantity, at most a quarter of the mean
     range_m: Positive = 15.0
     """Range parameter of the correlation [m]. The variogram reaches 95 % of the variance at a multiple of this
     distance: 1.7 (Gaussian), 3 (exponential) or 2.7 (Matern 3/2)."""
@@ -322,18 +300,12 @@ class Patches(RateFormula):
     values: ClassVar[tuple[str, ...]] = ("background", "patch")
 
     family: Literal["patches"] = "patches"
-    background: Positive
-    """Value between the patches."""
-    patch: Positive
-    """Value inside a patch."""
-    count: Annotated[int, Field(ge=1, le=1000)] = 6
-    """Number of patches; they may overlap."""
-    radius_m: Positive = 8.0
-    """Mean radius [m]; each radius is drawn between 0.6 and 1.4 times the mean."""
-    edge_m: Positive = 4.0
-    """Width of the edge of a patch, which contains three quarters of the change [m]."""
-    seed: Annotated[int, Field(ge=0)] = 1
-    """Seed of positions and radii."""
+    background: Positive  # value between the patches
+    patch: Positive  # value inside a patch
+    count: Annotated[int, Field(ge=1, le=1000)] = 6  # number of patches; they may overlap
+    radius_m: Positive = 8.0  # mean radius [m]; each radius is drawn between 0.6 and 1.4 times the mean
+    edge_m: Positive = 4.0  # width of the edge of a patch, which contains three quarters of the change [m]
+    seed: Annotated[int, Field(ge=0)] = 1  # seed of positions and radii
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
@@ -355,16 +327,11 @@ class Ridge(RateFormula):
     values: ClassVar[tuple[str, ...]] = ("background", "crest")
 
     family: Literal["ridge"] = "ridge"
-    background: Positive
-    """Value far from the ridge."""
-    crest: Positive
-    """Value along the middle of the ridge."""
-    width_m: Positive = 10.0
-    """Standard deviation of the cross-section [m]."""
-    angle_deg: float = 90.0
-    """Direction in which the ridge runs [deg]."""
-    offset_m: float = 0.0
-    """Distance of the ridge from the field's middle, to the right of its direction [m]."""
+    background: Positive  # value far from the ridge
+    crest: Positive  # value along the middle of the ridge
+    width_m: Positive = 10.0  # standard deviation of the cross-section [m]
+    angle_deg: float = 90.0  # direction in which the ridge runs [deg]
+    offset_m: float = 0.0  # distance of the ridge from the field's middle, to the right of its direction [m]
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
@@ -384,12 +351,9 @@ class Gradient(RateFormula):
     values: ClassVar[tuple[str, ...]] = ("low", "high")
 
     family: Literal["gradient"] = "gradient"
-    low: Positive
-    """Value at the start of the slope and before it."""
-    high: Positive
-    """Value at the end of the slope and beyond it."""
-    angle_deg: float = 0.0
-    """Direction from 'low' to 'high' [deg]."""
+    low: Positive  # value at the start of the slope and before it
+    high: Positive  # value at the end of the slope and beyond it
+    angle_deg: float = 0.0  # direction from 'low' to 'high' [deg]
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
@@ -409,14 +373,10 @@ class Half(RateFormula):
     values: ClassVar[tuple[str, ...]] = ("low", "high")
 
     family: Literal["half"] = "half"
-    low: Positive
-    """Value on the near side of the border."""
-    high: Positive
-    """Value on the far side of the border."""
-    transition_m: Positive = 6.0
-    """Width of the transition, which contains three quarters of the change [m]."""
-    angle_deg: float = 0.0
-    """Direction from 'low' to 'high', across the border [deg]."""
+    low: Positive  # value on the near side of the border
+    high: Positive  # value on the far side of the border
+    transition_m: Positive = 6.0  # width of the transition, which contains three quarters of the change [m]
+    angle_deg: float = 0.0  # direction from 'low' to 'high', across the border [deg]
     offset_m: float = 0.0
     """Distance of the border from the middle of the field, in the direction of ``angle_deg`` [m]."""
 

@@ -17,26 +17,18 @@ from soilmoist_ros.mapping import ModelName, Variogram, correlation_model
 
 Array = NDArray[np.float64]
 
-MARGIN_M = 10.0
-"""Margin of the grid around the box of the field [m]; robots and footprints may cross the boundary."""
-MAX_NODES = 1_000_000
-"""Maximum number of nodes of a grid; the step is doubled until the grid fits."""
-MAX_POINTS = 1000
-"""Maximum number of points; with more, the dense kriging system of PyKrige takes too long."""
+MARGIN_M = 10.0  # margin of the grid around the box of the field [m]; robots and footprints may cross the boundary
+MAX_NODES = 1_000_000  # maximum number of nodes of a grid; the step is doubled until the grid fits
+MAX_POINTS = 1000  # maximum number of points; with more, the dense kriging system of PyKrige takes too long
 NUMBERS_AT_ONCE = 4_000_000
 
 
 class Extent(NamedTuple):
-    """The box of a field and the resolution of its truth.
+    """The box of a field and the resolution of its truth."""
 
-    :param low: south-west corner [m], shape (2,)
-    :param high: north-east corner [m], shape (2,)
-    :param step_m: distance between nodes [m], > 0
-    """
-
-    low: Array
-    high: Array
-    step_m: float
+    low: Array  # south-west corner [m], shape (2,)
+    high: Array  # north-east corner [m], shape (2,)
+    step_m: float  # distance between nodes [m], > 0
 
     @classmethod
     def of(cls, polygon: Array, cell_m: float) -> Extent:
@@ -113,10 +105,7 @@ def default_variogram(xy: Array, values: Array, model: ModelName = "exponential"
 
     Without a nugget, the interpolation reproduces the points. The practical range is half the diagonal of their
     box. The sill is their variance; without a nugget, the sill cancels from the estimate.
-
-    :param xy: positions, shape (n, 2) [m]
     :param values: values at the positions, shape (n,)
-    :param model: variogram model
     """
     diagonal = float(np.hypot(*np.ptp(xy, axis=0)))
     sill = max(float(np.var(values)), 1e-6)
@@ -158,7 +147,6 @@ def kriged_grid(xy: Array, rate_cps: Array, variogram: Variogram, extent: Extent
     :param xy: distinct positions, shape (n, 2) [m]
     :param rate_cps: rates at the positions [counts/s], shape (n,), > 0
     :param variogram: variogram model of the rate
-    :param extent: box of the field
     :raises ValueError: as :func:`krige`, or if the extrapolated rate is not positive somewhere
     """
     x, y = extent.axes()

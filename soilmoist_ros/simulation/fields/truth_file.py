@@ -46,8 +46,7 @@ MAX_PIXELS = 50_000_000
 class TruthVariogram(Section):
     """Variogram with which point rates are extrapolated."""
 
-    model: ModelName = "exponential"
-    """Model; the exponential one hardly overshoots where the rate jumps."""
+    model: ModelName = "exponential"  # model; the exponential one hardly overshoots where the rate jumps
     range_m: Positive | None = None
     """Range parameter [m]; by default, the practical range is half the diagonal of the points' box."""
     sill: Positive | None = None
@@ -69,18 +68,13 @@ class TruthSection(Section):
     """CSV with x_m, y_m and rate_cps or vwc, extrapolated by ordinary kriging; path relative to the field file."""
     grid: Path | None = None
     """CSV like ``points`` on a regular grid, interpolated linearly, or GeoTIFF (.tif) in any reference system."""
-    formula: Formula | None = None
-    """Family of fields and its parameters."""
+    formula: Formula | None = None  # family of fields and its parameters
     band: str | None = None
     """Name of the GeoTIFF's band; by default ``rate``, or the first one if none has this name."""
-    variogram: TruthVariogram | None = None
-    """Variogram for ``points``."""
-    hours: Positive = 2.0
-    """Usual mission time [h]."""
-    soil: Soil | None = None
-    """Soil properties; without them the field has a rate only."""
-    calibration: Calibration | None = None
-    """Calibration; without it the field has a rate only."""
+    variogram: TruthVariogram | None = None  # variogram for ``points``
+    hours: Positive = 2.0  # usual mission time [h]
+    soil: Soil | None = None  # soil properties; without them the field has a rate only
+    calibration: Calibration | None = None  # calibration; without it the field has a rate only
 
     @model_validator(mode="after")
     def _one_kind(self) -> TruthSection:
@@ -284,17 +278,9 @@ def _rate(values: Array, quantity: Quantity, section: TruthSection, path: Path) 
 
 def _curve_for_moisture(section: TruthSection, path: Path) -> MoistureCurve:
     if section.curve is None:
-        raise InputError(
-            [
-                Mistake(
-                    "the truth is a moisture (vwc), but there is no calibration curve to make rates of it",
-                    "add 'soil' and 'calibration' to 'truth', or give rates (rate_cps)",
-                    path,
-                    0,
-                    "truth",
-                )
-            ]
-        )
+        text = "the truth is a moisture (vwc), but there is no calibration curve to make rates of it"
+        remedy = "add 'soil' and 'calibration' to 'truth', or give rates (rate_cps)"
+        raise InputError([Mistake(text, remedy, path, 0, "truth")])
     return section.curve
 
 
@@ -303,16 +289,11 @@ def _is_geotiff(path: Path) -> bool:
 
 
 class Table(NamedTuple):
-    """Values at positions, from a CSV file.
+    """Values at positions, from a CSV file."""
 
-    :param xy: distinct positions [m], shape (n, 2)
-    :param values: values at these positions, shape (n,); NaN where the file has none
-    :param quantity: quantity of the values
-    """
-
-    xy: Array
-    values: Array
-    quantity: Quantity
+    xy: Array  # distinct positions [m], shape (n, 2)
+    values: Array  # values at these positions, shape (n,); NaN where the file has none
+    quantity: Quantity  # quantity of the values
 
 
 @dataclass(frozen=True, eq=False)
@@ -337,8 +318,6 @@ class Layer:
 
 def read_points(path: Path, least: int = 3) -> Table:
     """Read a CSV with the columns x_m, y_m and rate_cps or vwc; other columns and lines with ``#`` are ignored.
-
-    :param path: file
     :param least: minimum number of points
     :raises InputError: with every mistake: a missing column, a value that is not a number or out of range, a
         duplicate position, too few points
@@ -350,8 +329,6 @@ def read_grid(path: Path, cells: Array) -> Layer:
     """Read a CSV in the format of :func:`read_points` with the nodes of a regular grid, in any order.
 
     The spacing may differ between x and y. Outside the field, nodes may be missing or have no value.
-
-    :param path: file
     :param cells: cell centres inside the field, shape (g, 2) [m]
     :raises InputError: with every mistake in the file, or if the positions do not form a regular grid
     """
@@ -377,8 +354,6 @@ def read_geotiff(path: Path, band: str | None, frame: LocalFrame, extent: Extent
     :param path: file, in any coordinate reference system
     :param band: name of the band; if ``None``, the one named ``rate``, else the first. A name that
         contains ``vwc`` means soil moisture [m^3/m^3], any other name the corrected rate [counts/s]
-    :param frame: plane of the field
-    :param extent: box of the field
     :param cells: cell centres inside the field, shape (g, 2) [m]
     :raises InputError: if the file cannot be read, lacks its CRS or the band, or has a value that is not positive
     """
@@ -463,26 +438,21 @@ def _even_axis(path: Path, name: str, values: Array) -> Array:
     """
     nodes = np.unique(np.round(values, 6))
     if len(nodes) < 2:
-        raise InputError(
-            [
-                Mistake(
-                    "has only one value: a grid needs two or more rows and columns", "use 'points'", path, 0, name
-                )
-            ]
-        )
+        text = "has only one value: a grid needs two or more rows and columns"
+        raise InputError([Mistake(text, "use 'points'", path, 0, name)])
     steps = np.diff(nodes)
     step = float(steps.min())
     whole = np.rint(steps / step)
     step = float(steps.sum() / whole.sum())  # the mean is less rounded than any single step
-    bad = np.flatnonzero(np.abs(steps - whole * step) > 0.01 * step)
+    bad, count = np.flatnonzero(np.abs(steps - whole * step) > 0.01 * step), int(whole.sum()) + 1
+    uneven = ""
     if len(bad):
-        before, after = nodes[bad[0]], nodes[bad[0] + 1]
-        text = f"is not evenly spaced: steps of {step:g} m, but {before:g} is followed by {after:g}"
-        raise InputError([Mistake(text, "give a regular grid, or use 'points' instead of 'grid'", path, 0, name)])
-    count = int(whole.sum()) + 1
-    if count > 100 * len(nodes):
-        text = f"is not evenly spaced: {len(nodes)} values, the closest {step:g} m apart"
-        raise InputError([Mistake(text, "give a regular grid, or use 'points' instead of 'grid'", path, 0, name)])
+        uneven = f"steps of {step:g} m, but {nodes[bad[0]]:g} is followed by {nodes[bad[0] + 1]:g}"
+    elif count > 100 * len(nodes):
+        uneven = f"{len(nodes)} values, the closest {step:g} m apart"
+    if uneven:
+        remedy = "give a regular grid, or use 'points' instead of 'grid'"
+        raise InputError([Mistake(f"is not evenly spaced: {uneven}", remedy, path, 0, name)])
     return np.asarray(nodes[0] + step * np.arange(count))
 
 

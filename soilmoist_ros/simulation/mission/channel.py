@@ -37,13 +37,7 @@ Array = NDArray[np.float64]
 
 class Channel:
     """Maps one property for all robots of a mission.
-
-    :param field: true field of the property
-    :param grid: cells of the map
-    :param settings: settings of the mission
     :param curve: calibration for a moisture map, if any
-    :param wanted: settings of the property
-    :param number: number of the property, from 0
     :param earlier: earlier surveys that inform the map, in addition to those that the settings ask for
     :param covariates: covariates that inform it, likewise
     :param whole: whether every map is of all cells; otherwise only the last one is, the others are of those that
@@ -109,9 +103,6 @@ class Channel:
 
     def take_stop(self, now_s: float, visit: Visit, counted: Sequence[CountRecord], warmed_up: bool) -> None:
         """Add a complete visit to a map of stops.
-
-        :param now_s: time [s]
-        :param visit: the visit
         :param counted: records of the visit
         :param warmed_up: whether enough stops are measured for a map
         """

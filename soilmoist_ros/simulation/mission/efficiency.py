@@ -24,10 +24,8 @@ from soilmoist_ros.simulation.mission.mission_result import MissionResult
 
 Array = NDArray[np.float64]
 
-CELLS = 200
-"""Approximate number of cells that represent the field."""
-TRUTH_EXPOSURE_S = 1e6
-"""Exposure of the truth in the fit of its variogram, which makes its noise negligible [s]."""
+CELLS = 200  # approximate number of cells that represent the field
+TRUTH_EXPOSURE_S = 1e6  # exposure of the truth in the fit of its variogram, which makes its noise negligible [s]
 
 
 @dataclass(frozen=True)

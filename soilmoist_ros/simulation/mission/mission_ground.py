@@ -37,8 +37,7 @@ _log = logging.getLogger(__name__)
 
 LATTICE_NODES = 300
 """Approximate number of nodes of the default lattice, used when travel needs a graph and none is given."""
-_SAME_DATUM_M = 0.1
-"""Distance between datums from which a warning names it [m]."""
+_SAME_DATUM_M = 0.1  # distance between datums from which a warning names it [m]
 _LATTICE_TIME = datetime(2026, 1, 1, tzinfo=UTC)
 
 

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _COVERAGE_SD = 1.959964
-SHARES = (0.0, 0.25, 0.5, 0.75)
-"""Shares of the mission time at which forecasts are reported."""
+SHARES = (0.0, 0.25, 0.5, 0.75)  # shares of the mission time at which forecasts are reported
 
 
 class MapErrors(NamedTuple):
@@ -209,13 +208,10 @@ class MappedProperty:
 @dataclass(frozen=True, eq=False)
 class MissionResult:
     """Result of a mission.
-
-    :param settings: settings of the mission
     :param series: state over time, in order; the last row is the end of the mission
     :param visits: visits in the order in which they finished
     :param tracks: corner points of each robot's path [m], shape (p, 2)
     :param properties: mapped properties; the first belongs to the mission field
-    :param frame: plane of the field
     :param ended: reason for the end
     :param motion: what the planner of each robot has learned of its motion
     :param log: lines of the mission log
@@ -273,16 +269,11 @@ class MissionResult:
 
 @dataclass(frozen=True)
 class RobotMoment:
-    """A robot at one moment.
+    """A robot at one moment."""
 
-    :param status: its mission
-    :param xy: true place [m]
-    :param ahead: its stops ahead, the next one first
-    """
-
-    status: MissionStatus
-    xy: tuple[float, float]
-    ahead: tuple[Stop, ...]
+    status: MissionStatus  # its mission
+    xy: tuple[float, float]  # true place [m]
+    ahead: tuple[Stop, ...]  # its stops ahead, the next one first
 
 
 @dataclass(frozen=True)
@@ -303,5 +294,4 @@ class Moment:
     soil_map: Callable[[], SoilMap | None]
 
 
-Watch = Callable[[Moment], bool]
-"""Receives the moments of a mission; false ends the mission as an operator would."""
+Watch = Callable[[Moment], bool]  # receives the moments of a mission; false ends the mission as an operator would

@@ -30,30 +30,23 @@ from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
 
 Array = NDArray[np.float64]
 
-STOPS = 100
-"""Approximate number of stops of an earlier survey."""
+STOPS = 100  # approximate number of stops of an earlier survey
 STOP_RECORDS = 7
 """Records of 10 s at each of them: what a robot counts in two hours, which it does on the way, too."""
 RECORD_S = 10.0
 MEAN_SD = 0.08
 """Standard deviation of the mean rates of surveys, as a share of the present mean: wet and dry weather."""
 _MAX_PAIR_PLACES = 400
-FOLLOWS = "simulated"
-"""Name of the covariate that follows the truth."""
+FOLLOWS = "simulated"  # name of the covariate that follows the truth
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedSurvey:
-    """An earlier survey of a surrogate field.
+    """An earlier survey of a surrogate field."""
 
-    :param name: how reports name it
-    :param field: the field as it was
-    :param records: its records, in order of time
-    """
-
-    name: str
-    field: SurrogateField
-    records: Sequence[CountRecord]
+    name: str  # how reports name it
+    field: SurrogateField  # the field as it was
+    records: Sequence[CountRecord]  # its records, in order of time
 
     def survey(self, radius_m: float, footprint_radius_m: float) -> EarlierSurvey:
         """The survey as a map takes it; the parameters are those of :func:`survey_samples`."""
@@ -65,11 +58,7 @@ def earlier_series(
     field: SurrogateField, grid: FieldGrid, settings: MissionSettings, number: int = 0
 ) -> list[SimulatedSurvey]:
     """The earlier surveys that the settings ask for, the latest first.
-
-    :param field: present truth
-    :param grid: cells of the map
     :param settings: ``earlier_surveys``, ``persistence``, ``survey_days``, ``pattern_days`` and ``seed`` count
-    :param number: number of the property, from 0
     """
     count = settings.earlier_surveys
     if not count:
@@ -167,11 +156,7 @@ def simulated_covariates(
     field with the correlation R(h) of the truth's pattern, less its regression on the truth and standardised. So r
     is the correlation over the cells. Useless ones are random fields with the correlation R(h), independent of the
     truth: over the cells of one field they may be correlated with it by chance.
-
-    :param field: present truth
-    :param grid: cells of the map
     :param settings: ``covariate_correlation``, ``useless_covariates`` and ``seed`` count
-    :param number: number of the property, from 0
     """
     wanted = {} if settings.covariate_correlation is None else {FOLLOWS: settings.covariate_correlation}
     wanted |= {f"useless {index}": 0.0 for index in range(1, settings.useless_covariates + 1)}

@@ -76,8 +76,7 @@ Array = NDArray[np.float64]
 _log = logging.getLogger(__name__)
 
 _NO_SURVEYS: Mapping[str, Sequence[EarlierSurvey]] = MappingProxyType({})
-PLACES_PER_RECORD = 10
-"""Number of positions, evenly spaced in time, at which the rate of a record is sampled."""
+PLACES_PER_RECORD = 10  # number of positions, evenly spaced in time, at which the rate of a record is sampled
 
 
 def simulate_mission(
@@ -210,14 +209,13 @@ class _Simulation:
         """Create a robot at the start, numbered from 0; all robots share the maps."""
         settings, field = self.settings, self.field
         seed = settings.seed
-        dwell = dwell_rule(settings.dwell)
         recommended = settings.preset == "recommended"
         min_dwell_s = settings.min_dwell_s or settings.cadence_s
         warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
         mission = Mission(
             MissionRules(
                 budget_s=settings.hours * 3600,
-                dwell=dwell,
+                dwell=dwell_rule(settings.dwell),
                 warm_up_stops=warm_up_stops,
                 speed_mps=settings.speed_mps,
                 detour=1.0,
@@ -249,12 +247,10 @@ class _Simulation:
             copy(self.travel),  # each robot learns its own motion
             make_strategy(settings.strategy, settings.preset),
             first_strategy,
-            dwell,
+            mission.rules,
             strategy_stream(seed, number),
-            mission.rules.min_dwell_s,
-            nominal_rate_cps=nominal_rate_cps(field.curve),
-            counting=Counting(settings.cadence_s, settings.map_from == "records"),
-            min_last_dwell_s=mission.rules.min_last_dwell_s,
+            nominal_rate_cps(field.curve),
+            Counting(settings.cadence_s, settings.map_from == "records"),
             forecasts=self.forecasts_wanted,
             grid=self.grid,
         )

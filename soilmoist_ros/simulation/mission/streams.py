@@ -15,11 +15,7 @@ _EARLIER, _COVARIATE = 0, 1  # keys of three numbers; the others have fewer
 
 
 def field_stream(seed: int, number: int) -> np.random.Generator:
-    """Random stream for the field of a property.
-
-    :param seed: seed of the mission
-    :param number: number of the property, from 0
-    """
+    """Random stream for the field of a property."""
     return np.random.default_rng((seed, number + 1))
 
 
@@ -27,11 +23,6 @@ def sensor_stream(seed: int, number: int = 0, robot: int = 0, robots: int = 1) -
     """Random stream for the counts of one property's sensor on one robot.
 
     The keys of the first two properties are those of earlier releases, which keeps their missions reproducible.
-
-    :param seed: seed of the mission
-    :param number: number of the property, from 0
-    :param robot: number of the robot, from 0
-    :param robots: number of robots of the mission
     """
     keys = ((STREAMS_PER_ROBOT * robot + _SENSOR,), (STREAMS_PER_ROBOT * robots + robot,))
     return _stream(seed, *(keys[number] if number < len(keys) else (number, robot)))
@@ -39,9 +30,6 @@ def sensor_stream(seed: int, number: int = 0, robot: int = 0, robots: int = 1) -
 
 def series_stream(seed: int, number: int, back: int) -> np.random.Generator:
     """Random stream for an earlier survey: its part of the pattern, its mean, its stops and its counts.
-
-    :param seed: seed of the mission
-    :param number: number of the property, from 0
     :param back: number of the survey, from 1, the latest first
     """
     return _stream(seed, _EARLIER, number, back)
@@ -59,9 +47,6 @@ def gnss_stream(seed: int, robot: int = 0) -> np.random.Generator:
 
 def position_errors(seed: int, robot: int, sd_m: float) -> Iterator[tuple[float, float]]:
     """Position errors of one robot, east and north [m], without end.
-
-    :param seed: seed of the mission
-    :param robot: number of the robot, from 0
     :param sd_m: standard deviation of each [m]
     """
     rng = gnss_stream(seed, robot)
@@ -71,11 +56,7 @@ def position_errors(seed: int, robot: int, sd_m: float) -> Iterator[tuple[float,
 
 def device_stream(seed: int, device: int, robot: int = 0, robots: int = 1) -> np.random.Generator:
     """Random stream for a device of one robot in the simulated system.
-
-    :param seed: seed of the mission
     :param device: number of the device, from 0
-    :param robot: number of the robot, from 0
-    :param robots: number of robots
     """
     return _stream(seed, (STREAMS_PER_ROBOT + 1 + device) * robots + robot)
 

@@ -15,17 +15,14 @@ Number = Annotated[int, Field(ge=1)]
 Seconds = Annotated[float, Field(ge=0)]
 Duration = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
-RAIN_S = 300.0
-"""Time that rain takes to change the rate [s]."""
+RAIN_S = 300.0  # time that rain takes to change the rate [s]
 
 
 class Span(Section):
     """A period of a fault."""
 
-    at_s: Seconds
-    """Begin, in simulated time since the start [s]."""
-    for_s: Duration
-    """Duration [s]."""
+    at_s: Seconds  # begin, in simulated time since the start [s]
+    for_s: Duration  # duration [s]
 
     def covers(self, now_s: float) -> bool:
         """Whether a time since the start lies in the period."""
@@ -40,10 +37,8 @@ class Span(Section):
 class Occasion(Section):
     """Numbers of the goals or messages that a fault affects."""
 
-    nth: Number
-    """The first affected number, counted from 1."""
-    every: Number | None = None
-    """Interval between further affected numbers; without it only the first is affected."""
+    nth: Number  # the first affected number, counted from 1
+    every: Number | None = None  # interval between further affected numbers; without it only the first is affected
 
     def hits(self, number: int) -> bool:
         """Whether the fault affects this number."""
@@ -58,8 +53,7 @@ class GoalFault(Occasion):
     kind: Literal["no_motion", "fails", "hangs", "rejects"]
     """``no_motion``: success is reported at once without motion; ``fails``: the goal is aborted on the way;
     ``hangs``: the robot does not move, and the goal never ends; ``rejects``: it is not accepted."""
-    share_of_way: Share = 0.5
-    """For ``fails``: share of the route that the robot drives before the abort."""
+    share_of_way: Share = 0.5  # for ``fails``: share of the route that the robot drives before the abort
     error_code: int = Field(default=105, ge=0, le=65535)
     """For ``fails`` of a goal pose: error code of Nav2 in the result (105: no progress)."""
 
@@ -74,16 +68,14 @@ class NavigationFaults(Section):
     stops and the goal ends as aborted."""
     cancel_ignored_s: Seconds = 0.0
     """Time for which requests to cancel a goal are rejected without effect, from the first one [s]."""
-    coast_s: Seconds = 0.0
-    """Time for which the robot drives on after the end of a cancelled goal [s]."""
+    coast_s: Seconds = 0.0  # time for which the robot drives on after the end of a cancelled goal [s]
     superseded: Literal["aborted", "success"] = "aborted"
     """Result of a goal that a new one replaces; ``success``: success is reported wherever the robot is."""
     unknown_target: Literal["rejected", "aborted"] = "rejected"
     """Result of a goal for an unknown node; ``aborted``: the goal is accepted first."""
     feedback: Literal["action", "topic"] = "action"
     """Source of feedback: the action, or only the plain topic ``topological_navigation/feedback``."""
-    goals: tuple[GoalFault, ...] = ()
-    """Faults of goals, by number of the goal."""
+    goals: tuple[GoalFault, ...] = ()  # faults of goals, by number of the goal
     failing_edges: tuple[tuple[str, str], ...] = ()
     """Blocked edges [from, to]: the robot stops at the first node, and the goal is aborted."""
     absent: tuple[Span, ...] = ()
@@ -116,71 +108,55 @@ class Damage(Occasion):
 class LinkFaults(Section):
     """Faults of one connection."""
 
-    outages: tuple[Outage, ...] = ()
-    """Periods without delivery."""
-    damages: tuple[Damage, ...] = ()
-    """Damages of single messages."""
+    outages: tuple[Outage, ...] = ()  # periods without delivery
+    damages: tuple[Damage, ...] = ()  # damages of single messages
 
 
 class Shift(Span):
     """A period in which the receiver reports a wrong place without a word."""
 
-    east_m: float = 0.0
-    """Distance from the true place to the east [m]."""
-    north_m: float = 0.0
-    """Distance from the true place to the north [m]."""
+    east_m: float = 0.0  # distance from the true place to the east [m]
+    north_m: float = 0.0  # distance from the true place to the north [m]
 
 
 class GnssFaults(LinkFaults):
     """Faults of the GNSS receiver and its connection."""
 
-    no_fix: tuple[Span, ...] = ()
-    """Periods without a position fix."""
-    shifts: tuple[Shift, ...] = ()
-    """Periods with wrong places."""
+    no_fix: tuple[Span, ...] = ()  # periods without a position fix
+    shifts: tuple[Shift, ...] = ()  # periods with wrong places
 
 
 class TubeFault(Span):
     """A period during which a tube does not count as it should."""
 
-    tube: Number
-    """Number of the tube, counted from 1."""
+    tube: Number  # number of the tube, counted from 1
     kind: Literal["factor", "noise", "stuck"]
     """``factor``: it counts ``value`` times its share; ``noise``: it counts ``value`` noise counts per second in
     addition; ``stuck``: it repeats the count ``value``."""
-    value: Duration | Literal[0]
-    """Factor [-], noise [counts/s] or number of counts."""
+    value: Duration | Literal[0]  # factor [-], noise [counts/s] or number of counts
 
 
 class CountFault(Occasion):
     """A count that a tube sends instead of its own."""
 
-    tube: Number = 1
-    """Number of the tube, counted from 1."""
-    counts: Annotated[int, Field(ge=0)]
-    """What it sends."""
+    tube: Number = 1  # number of the tube, counted from 1
+    counts: Annotated[int, Field(ge=0)]  # what it sends
 
 
 class WeatherFault(Span):
     """A period during which a weather sensor is wrong."""
 
-    quantity: Literal["pressure_hpa", "temperature_degc", "relative_humidity"]
-    """Which sensor."""
-    value: float | None = None
-    """What it reads, in the unit of the quantity; without it, it repeats its last value."""
+    quantity: Literal["pressure_hpa", "temperature_degc", "relative_humidity"]  # which sensor
+    value: float | None = None  # what it reads, in the unit of the quantity; without it, it repeats its last value
 
 
 class SensorFaults(Section):
     """Faults of the neutron sensor itself; none by default."""
 
-    tubes: tuple[TubeFault, ...] = ()
-    """Periods of bad tubes."""
-    counts: tuple[CountFault, ...] = ()
-    """Single wrong counts, by number of the record."""
-    weather: tuple[WeatherFault, ...] = ()
-    """Periods of bad weather sensors."""
-    clock_drift: float = 0.0
-    """Drift of the logger's clock [s/s]: 0.001 is 3.6 s in an hour."""
+    tubes: tuple[TubeFault, ...] = ()  # periods of bad tubes
+    counts: tuple[CountFault, ...] = ()  # single wrong counts, by number of the record
+    weather: tuple[WeatherFault, ...] = ()  # periods of bad weather sensors
+    clock_drift: float = 0.0  # drift of the logger's clock [s/s]: 0.001 is 3.6 s in an hour
 
 
 class RateChange(Span):
@@ -198,16 +174,11 @@ class RateChange(Span):
 class Scenario(Section):
     """Faults in a mission; none by default."""
 
-    title: str = "nothing goes wrong"
-    """Title for the log."""
-    navigation: NavigationFaults = NavigationFaults()
-    """Behaviour of the navigation."""
-    sensor: SensorFaults = SensorFaults()
-    """Faults of the neutron sensor."""
-    logger: LinkFaults = LinkFaults()
-    """Faults of the connection to the neutron logger."""
-    gnss: GnssFaults = GnssFaults()
-    """Faults of the GNSS receiver and its connection."""
+    title: str = "nothing goes wrong"  # title for the log
+    navigation: NavigationFaults = NavigationFaults()  # behaviour of the navigation
+    sensor: SensorFaults = SensorFaults()  # faults of the neutron sensor
+    logger: LinkFaults = LinkFaults()  # faults of the connection to the neutron logger
+    gnss: GnssFaults = GnssFaults()  # faults of the GNSS receiver and its connection
     rain: RateChange | None = None
     """Rain or drying, which changes the true rate; the truth that is written is that before."""
 
@@ -227,15 +198,11 @@ class Drift:
     >>> drying = Drift(0.1, 0.0, 7200.0)
     >>> drying.factor(0.0), drying.factor(3600.0), drying.factor(9000.0)
     (1.0, 1.05, 1.1)
-
-    :param share: change, as a share of the rate before: 0.1 for drying by 10 %, negative for wetting [-]
-    :param begin_s: when it begins [s]
-    :param end_s: when it is complete [s], > ``begin_s``
     """
 
-    share: float = 0.0
-    begin_s: float = 0.0
-    end_s: float = 1.0
+    share: float = 0.0  # change, as a share of the rate before: 0.1 for drying by 10 %, negative for wetting [-]
+    begin_s: float = 0.0  # when it begins [s]
+    end_s: float = 1.0  # when it is complete [s], > ``begin_s``
 
     def factor(self, time_s: float) -> float:
         """Rate at a time [s], relative to the rate before the change; exactly 1 without a change."""
@@ -243,5 +210,4 @@ class Drift:
         return 1.0 + self.share * done
 
 
-STEADY = Drift()
-"""No change."""
+STEADY = Drift()  # no change

@@ -25,8 +25,7 @@ SPLIT_DELAY_S = 0.5
 GARBAGE_BYTES = 40
 _LINE_END = "\r\n"
 LOG = logging.getLogger(__name__)
-LARGEST_BACKLOG = 1 << 20
-"""Maximum bytes that may wait for a client; a client with more is disconnected."""
+LARGEST_BACKLOG = 1 << 20  # maximum bytes that may wait for a client; a client with more is disconnected
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +54,7 @@ class Reachable:
 
 class FaultyLink:
     """One connection with faults. Times count from the start of the simulation.
-
-    :param name: name of the connection
     :param faults: outages and damages to simulate
-    :param rng: source of all randomness
     """
 
     def __init__(self, name: str, faults: LinkFaults, rng: np.random.Generator) -> None:
@@ -79,8 +75,6 @@ class FaultyLink:
 
     def send(self, now_s: float, lines: Sequence[str], spoilt: int = -1) -> bool:
         """Send a message; returns whether it arrives whole and at once.
-
-        :param now_s: time [s]
         :param lines: lines of the message, without line ends
         :param spoilt: index of the line that a damage affects
         """

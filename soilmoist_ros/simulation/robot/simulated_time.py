@@ -14,16 +14,13 @@ from types import MappingProxyType
 from soilmoist_ros.exploration import GoalLimits, Phase
 from soilmoist_ros.foundation import Health, InputError, Level
 
-SHORT_S = 0.5
-"""Longest wait for what did not come in time before [s of the wall clock]."""
-CRAWL_S = 0.1
-"""Least real time until the first epoch after the end of a goal, if the mission does not react [s]."""
+SHORT_S = 0.5  # longest wait for what did not come in time before [s of the wall clock]
+CRAWL_S = 0.1  # least real time until the first epoch after the end of a goal, if the mission does not react [s]
 MAX_BEHIND_S = 5.0
 """Simulated time that the positions of a planner may be behind; half the age at which a guard acts [s]."""
 MAX_STEP_S = 3.0
 """Longest step of simulated time with planners; this and :data:`MAX_BEHIND_S` stay below that age [s]."""
-NOTED_S = 5.0
-"""Waits from this length on are worth a message [s of the wall clock]."""
+NOTED_S = 5.0  # waits from this length on are worth a message [s of the wall clock]
 CLOCK_PART = "clock"
 """Name of the clock in diagnostics."""
 WAITS_FOR = "waits_for"
@@ -76,18 +73,14 @@ def read_start_time(text: str) -> float:
 class Awaited(StrEnum):
     """What simulated time waits for."""
 
-    PLAN = "the next plan"
-    """The planner chooses a stop, with a map of all its records."""
-    RECORD = "the last record"
-    """The planner counts, and has not received the last record of the logger yet."""
+    PLAN = "the next plan"  # the planner chooses a stop, with a map of all its records
+    RECORD = "the last record"  # the planner counts, and has not received the last record of the logger yet
     ARRIVAL = "the reaction to the end of a goal"
     """A goal has ended, and the mission has not reacted. It needs positions, so time crawls."""
-    DEPARTURE = "the next goal"
-    """The mission travels, and the navigation has no goal yet."""
+    DEPARTURE = "the next goal"  # the mission travels, and the navigation has no goal yet
     POSITION = "positions"
     """The planner has not received the positions of the last seconds, and would take them for stale."""
-    SAVE = "the end of the planner"
-    """The mission has ended, and the map is being saved."""
+    SAVE = "the end of the planner"  # the mission has ended, and the map is being saved
 
 
 LIMITS_S: Mapping[Awaited, float] = MappingProxyType(
@@ -144,8 +137,6 @@ def awaited(progress: RobotProgress) -> Awaited | None:
     """What simulated time waits for at a robot, ``None`` for nothing.
 
     A mission that is paused or has not started, and a robot on its way do not stop the time.
-
-    :param progress: how far robot and planner are
     """
     match progress.phase:
         case Phase.PLANNING:

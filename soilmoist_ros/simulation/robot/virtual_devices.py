@@ -32,22 +32,16 @@ Array = NDArray[np.float64]
 RINGS, PLACES_PER_RING = 12, 8
 NO_FAULTS = SensorFaults()
 _NOWHERE = (math.nan, math.nan)
-ALTITUDE_M = 30.0
-"""Altitude of every surrogate field above mean sea level [m]."""
+ALTITUDE_M = 30.0  # altitude of every surrogate field above mean sea level [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Weather:
-    """Weather as a logger records it.
+    """Weather as a logger records it."""
 
-    :param pressure_hpa: air pressure [hPa]
-    :param temperature_degc: air temperature [degC]
-    :param relative_humidity: relative humidity [0..1]
-    """
-
-    pressure_hpa: float
-    temperature_degc: float
-    relative_humidity: float
+    pressure_hpa: float  # air pressure [hPa]
+    temperature_degc: float  # air temperature [degC]
+    relative_humidity: float  # relative humidity [0..1]
 
     def factors(self, corrections: Corrections) -> tuple[float, float]:
         """Correction factors for pressure and humidity [-]."""
@@ -86,10 +80,6 @@ class VirtualSensor:
 
     The true rate is divided by the correction factors of the weather. The record contains the factors that a
     driver computes from the logged weather; the correction therefore restores the true rate.
-
-    :param field: field to measure
-    :param rng: source of all randomness
-    :param cadence_s: duration of a record [s], > 0
     :param footprint_m: radius from within which 86 % of the counts come [m]; 0 for a point sensor
     :param weather: whether the weather changes
     :param drift: how the true rate changes with time
@@ -172,8 +162,6 @@ def _footprint_points(radius_m: float) -> Array:
 
 class FaultySensor:
     """Spoils the records of a good sensor.
-
-    :param faults: what goes wrong
     :param rng: source of randomness; separate, so that the good counts stay the same
     """
 
@@ -233,11 +221,8 @@ class VirtualLogger:
     The sensor draws the counts of all tubes together from a separate random stream. The total counts therefore
     equal the counts of a simulation without a logger. A multinomial draw divides the total among the tubes, which
     keeps the counts of each tube Poisson.
-
-    :param sensor: the sensor
     :param start_s: time at which the simulation begins [s since 1970 UTC]
     :param rng: source of randomness for the tubes
-    :param faults: faults of the sensor
     """
 
     def __init__(
@@ -258,8 +243,6 @@ class VirtualLogger:
 
     def record(self, elapsed_s: float, path_xy: Array) -> LoggerRecord:
         """Count over the interval that ends now.
-
-        :param elapsed_s: time since the start [s]
         :param path_xy: positions at evenly spaced times within the interval, shape (m, 2) [m]
         """
         counts = self._sensor.record(elapsed_s, path_xy, _NOWHERE).raw_counts
@@ -284,11 +267,8 @@ class VirtualLogger:
 
 class VirtualGnss:
     """A receiver on the robot.
-
-    :param frame: plane of the field
     :param start_s: time at which the simulation begins [s since 1970 UTC]
     :param position_sd_m: noise of each horizontal coordinate [m], >= 0
-    :param rng: source of all randomness
     """
 
     def __init__(self, frame: LocalFrame, start_s: float, position_sd_m: float, rng: np.random.Generator) -> None:
@@ -299,9 +279,6 @@ class VirtualGnss:
 
     def sentences(self, elapsed_s: float, xy: tuple[float, float], has_fix: bool = True) -> list[str]:
         """Sentences of one epoch.
-
-        :param elapsed_s: time since the start [s]
-        :param xy: true position [m]
         :param has_fix: whether the receiver has a position fix
         """
         noise = self._rng.normal(0.0, self._sd_m, 2)  # always drawn: a lost fix must not change later noise

@@ -28,10 +28,8 @@ from soilmoist_ros.simulation.robot.scenario import GoalFault, NavigationFaults
 
 Array = NDArray[np.float64]
 
-NOWHERE = "none"
-"""Value of ``current_node`` between nodes."""
-REACTION_S = 1.0
-"""Time until the end of a goal that needs no motion [s]."""
+NOWHERE = "none"  # value of ``current_node`` between nodes
+REACTION_S = 1.0  # time until the end of a goal that needs no motion [s]
 NO_VALID_PATH = 208
 """Error code of Nav2 for a pose to which no path leads."""
 
@@ -107,9 +105,7 @@ class VirtualNavigation:
     navigation server exists now.
 
     :param travel: travel graph, and how the robot moves on it
-    :param robot: the robot
     :param faults: faults to simulate
-    :param rng: source of all randomness
     """
 
     def __init__(
@@ -141,8 +137,6 @@ class VirtualNavigation:
 
     def accept(self, now_s: float, target: str) -> int | None:
         """Accept a goal; an active goal is replaced.
-
-        :param now_s: time [s]
         :param target: name of the node to go to
         :returns: number of the goal, ``None`` if it is rejected
         """
@@ -163,10 +157,6 @@ class VirtualNavigation:
 
     def accept_pose(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> int | None:
         """Accept a goal off the graph; an active goal is replaced.
-
-        :param now_s: time [s]
-        :param xy: where to go [m]
-        :param travel: travel model for the route
         :returns: number of the goal, ``None`` if it is rejected
         """
         fault = self._next_fault() if self.present else None
@@ -209,10 +199,6 @@ class VirtualNavigation:
 
     def drive(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> float | None:
         """Drive to a position off the graph, without a goal; an active goal is replaced.
-
-        :param now_s: time [s]
-        :param xy: target position [m]
-        :param travel: travel model for the route
         :returns: time of arrival [s], ``None`` if it cannot be reached
         """
         try:
@@ -345,8 +331,6 @@ class VirtualRobot:
 
     def go(self, now_s: float, way: Array) -> float:
         """Start a route from the current position; the previous route ends there.
-
-        :param now_s: time [s]
         :param way: corners of the route, shape (p, 2), from the position of the robot [m]
         :returns: time of arrival including the stop overhead [s]
         """

@@ -1,16 +1,26 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the explorer makes of maps, correction factors and budgets before a strategy chooses."""
+"""From maps, factors, field and graph to a choice: what the strategy is shown, and what a mission needs."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
-from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.mission.actions import RequestPlan
-from soilmoist_ros.exploration.mission.types import PlanKind
+from soilmoist_ros.exploration.control.explorer import (
+    Explorer,
+    ExplorerSettings,
+    first_forecast,
+    make_explorer,
+    nominal_rate_cps,
+)
+from soilmoist_ros.exploration.control.field_access import AccessRules, FieldAccess, cell_stops
+from soilmoist_ros.exploration.mission.events import RequestPlan
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
 from soilmoist_ros.exploration.planning.properties import Property
@@ -18,10 +28,15 @@ from soilmoist_ros.exploration.planning.prospect import MAX_STOPS
 from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import _Simulation
 
@@ -38,7 +53,7 @@ def explorer(factor=1.0, dwell="optimal", strategy="ivr", stops=None):
     mapped.field_map.update()
     return Explorer(
         [mapped], stops or cell_stops(GRID), FreeTravel(RobotMotion()), make_strategy(strategy),
-        make_strategy("random"), parse_dwell(dwell), np.random.default_rng(1),
+        make_strategy("random"), MissionRules(budget_s=7200, dwell=parse_dwell(dwell)), np.random.default_rng(1),
     )  # fmt: skip
 
 
@@ -79,7 +94,7 @@ def test_before_the_first_map_the_nominal_rate_is_expected():
     mapped = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))
     new = Explorer(
         [mapped], cell_stops(GRID), FreeTravel(RobotMotion()), make_strategy("lattice"), make_strategy("random"),
-        parse_dwell("ami:0.1"), np.random.default_rng(1), nominal_rate_cps=2.5,
+        MissionRules(budget_s=7200, dwell=parse_dwell("ami:0.1")), np.random.default_rng(1), nominal_rate_cps=2.5,
     )  # fmt: skip
     assert new.situation(REQUEST, PLACE).expected_dwell_s == pytest.approx(100 / 2.5, rel=0.02)
 
@@ -105,3 +120,111 @@ def test_before_the_first_map_the_dwell_follows_the_nominal_rate():
     assert look.expected_dwell_s == 400 / planner.nominal_rate_cps
     assert (look.map_variance == 1).all()
     assert (look.variance == 1).all()
+
+
+# From field and graph to what a mission needs -------------------------------------------------------------------
+
+SQUARE = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
+
+
+def field(cell_m=2.0):
+    return Field("square", LocalFrame(53.0, 0.0), SQUARE, (), cell_m)
+
+
+def graph(*places):
+    stops = [Stop(name, x, y) for name, x, y in places]
+    names = [stop.name for stop in stops]
+    return TravelGraph.from_edges(stops, [*pairwise(names), *pairwise(names[::-1])])
+
+
+def test_only_nodes_in_the_field_are_measured_at_but_others_are_home_and_way():
+    access = FieldAccess(
+        field(),
+        RobotMotion(),
+        graph(("shed", -9.0, 0.0), ("edge", -1.0, 5.0), ("in", 5.0, 5.0)),
+        AccessRules(beyond_m=2.0),
+        home="shed",
+    )
+    assert [stop.name for stop in access.stops] == ["edge", "in"]
+    assert access.stop("shed") == Stop("shed", -9.0, 0.0)
+    assert np.isfinite(access.travel.travel_s((-9.0, 0.0), access.stops)).all()
+
+
+def test_a_map_of_another_place():
+    with pytest.raises(InputError, match=r"no node .* x 900 \.\. 905 m, .* 880 m away -> .* the field's datum"):
+        FieldAccess(field(), RobotMotion(), graph(("a", 900.0, 5.0), ("b", 905.0, 5.0)))
+
+
+def test_free_travel_have_a_stop_for_each_cell():
+    access = FieldAccess(field(), RobotMotion(), None)
+    assert len(access.stops) == 100
+    with pytest.raises(InputError, match="did you mean 'r0c"):
+        access.stop("r0c")
+
+
+def test_a_field_too_fine():
+    with pytest.raises(InputError, match="change the cell size"):
+        FieldAccess(field(1e-4), RobotMotion(), None)
+
+
+@pytest.mark.slow
+@given(st.floats(60, 400), st.sampled_from(["random", "ivr"]))
+def test_no_stop_is_offered_that_the_mission_finds_too_late_for(left_s, strategy):
+    access = FieldAccess(field(), RobotMotion(), None)
+    rules = MissionRules(budget_s=3600.0, dwell=parse_dwell("ami:0.03"), home=access.stop("r0c0"))
+    settings = ExplorerSettings(strategy=strategy, preset="paper", seed=1, motion=RobotMotion())
+    request = RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s)
+    plan = make_explorer(access, settings, rules).plan(request, (10.0, 10.0))
+    if plan.choice is not None:
+        stop = plan.choice.stop
+        needed_s = plan.travel_s + rules.min_dwell_s + rules.way_home_s((stop.x_m, stop.y_m))
+        assert needed_s <= left_s
+    else:
+        assert left_s < 60 + 12 + 60 + rules.way_home_s((10.0, 10.0))
+
+
+def test_the_reserve_is_kept_on_top_of_the_real_way_home():
+    """Around a ditch the way is several times the straight distance."""
+    ditch = (np.array([(9, -1), (11, -1), (11, 18), (9, 18)], float),)
+    divided = Field("divided", LocalFrame(53.0, 0.0), SQUARE, ditch, 1.0)
+    access = FieldAccess(divided, RobotMotion(0.6, 12.0), None, home="r0c6")
+    rules = MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"), home=access.home, return_margin_s=60.0)
+    settings = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion())
+    explorer = make_explorer(access, settings, rules)
+    home = (access.home.x_m, access.home.y_m)
+    beyond = access.stop("r0c13")
+    real_s = float(access.travel.travel_s(home, [beyond])[0])
+    assert real_s > rules.travel_s(home, (beyond.x_m, beyond.y_m)) + 20
+    for spare_s, offered in ((-1.0, False), (1.0, True)):
+        left_s = 2 * real_s + rules.min_dwell_s + 60.0 + spare_s
+        situation = explorer.situation(RequestPlan(1, PlanKind.EXPLORE, (), left_s, left_s), home)
+        row = situation.candidates.index(beyond)
+        assert np.isfinite(situation.travel_s[row]) == offered
+    others = tuple(stop.name for stop in access.stops if stop != beyond)
+    plan = explorer.plan(RequestPlan(1, PlanKind.EXPLORE, others, 3600.0, 3600.0), home)
+    assert (plan.choice.stop, plan.home_s) == (beyond, pytest.approx(real_s))
+
+
+def test_before_the_start_the_forecast_is_that_of_a_field_that_varies_as_expected():
+    curve = CalibrationCurve(n0_cps=7.0, bulk_density_gcm3=1.4)
+    rate = ExplorerSettings(strategy="greedy", preset="paper", seed=1, motion=RobotMotion())
+    moist = replace(rate, curve=curve, calibration=curve)
+    grid = field().grid()
+    hour, two = (first_forecast(grid, rate, budget_s) for budget_s in (3600.0, 7200.0))
+    assert hour.is_guess
+    assert hour.times_s[-1] == 3600.0
+    assert hour.sd_end > two.sd_end > 0
+    assert nominal_rate_cps(curve) == curve.rate_cps(0.15)
+    assert first_forecast(grid, moist, 3600.0).moisture
+
+
+def test_a_robot_that_turns_out_slow_is_offered_nearer_stops_only():
+    access = FieldAccess(field(), RobotMotion(), None)
+    rules = MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"), home=access.stop("r0c0"))
+    settings = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion())
+    explorer = make_explorer(access, settings, rules)
+    request = RequestPlan(1, PlanKind.EXPLORE, (), 150.0, 150.0)
+    offered = np.isfinite(explorer.situation(request, (0.0, 0.0)).travel_s).sum()
+    explorer.use_rules(replace(rules, speed_mps=0.3))
+    fewer = np.isfinite(explorer.situation(request, (0.0, 0.0)).travel_s).sum()
+    assert 0 < fewer < offered

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.mission_clock import MissionClock
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings
 from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
+from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
@@ -22,7 +22,7 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Variogram
 from soilmoist_ros.sensing.position.place_judge import PlaceLimits
@@ -55,7 +55,7 @@ class Around:
         self.feedback_age_s = float("nan")
         square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
         dwell, motion = parse_dwell(dwell), RobotMotion()
-        settings = ExplorerSettings(strategy=strategy, preset="paper", seed=0, dwell=dwell, motion=motion)
+        settings = ExplorerSettings(strategy=strategy, preset="paper", seed=0, motion=motion)
         given = MissionRules(
             **{
                 "budget_s": 900.0,

@@ -13,13 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_mission_control import Around
 
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess
-from soilmoist_ros.exploration.control.operator_request import (
-    OperatorRequest,
-    ReplyCode,
-    RequestError,
-    Requests,
-)
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings
+from soilmoist_ros.exploration.control.field_access import FieldAccess
+from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode, RequestError, Requests
 from soilmoist_ros.exploration.mission.events import AlarmOver, Command, Moved, Tick
 from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.mission import Mission
@@ -39,8 +35,8 @@ SQUARE = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
 POND = np.array([[8, 8], [12, 8], [12, 12], [8, 12]], float)
 FIELD = Field("square", FRAME, SQUARE, (POND,), 2.0)
 MOTION = RobotMotion()
-SETTINGS = ExplorerSettings(strategy="greedy", preset="paper", seed=0, dwell=parse_dwell("fmi:30"), motion=MOTION)
-RULES = MissionRules(budget_s=3600.0, dwell=SETTINGS.dwell)
+SETTINGS = ExplorerSettings(strategy="greedy", preset="paper", seed=0, motion=MOTION)
+RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:30"))
 FREE = FieldAccess(FIELD, MOTION, None)
 NODES = (Stop("gate", 2.0, 2.0), Stop("well", 18.0, 2.0), Stop("oak", 18.0, 18.0))
 
@@ -280,7 +276,7 @@ def test_changes_take_effect_at_the_next_plan():
     around.map()
     around.planned()
     assert "integrated" in around.status.reason or "variance" in around.status.reason
-    assert around.control._planning._explorer[1].home.name == "r0c0"
+    assert around.control._planning._explorer[1].rules.home.name == "r0c0"
     assert ask(around, "return_home").accepted
     around.control.ended(around_end(around))
     assert around.status.phase is Phase.RETURNING

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings, FieldAccess, make_explorer
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings, make_explorer
+from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.control.planning_queue import OWN, PlanJob, PlanningQueue, PropertyMap, answer
 from soilmoist_ros.exploration.control.team import PendingMeasurement
-from soilmoist_ros.exploration.mission.actions import RequestPlan
-from soilmoist_ros.exploration.mission.events import PlanFailed, Planned
+from soilmoist_ros.exploration.mission.events import PlanFailed, Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
 SAMPLES = as_samples([(2.0, 2.0), (10.0, 5.0), (18.0, 18.0)], [50, 60, 40], [10.0, 10.0, 10.0])
@@ -36,7 +36,7 @@ def request(plan_id=1, kind=PlanKind.EXPLORE, blacklisted=(), left_s=3600.0):
 def explorer():
     square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
     dwell, motion = parse_dwell("fmi:60"), RobotMotion()
-    settings = ExplorerSettings(strategy="greedy", preset="paper", seed=0, dwell=dwell, motion=motion)
+    settings = ExplorerSettings(strategy="greedy", preset="paper", seed=0, motion=motion)
     access = FieldAccess(Field("square", LocalFrame(53.0, 0.0), square, (), 2.0), motion, None)
     return make_explorer(access, settings, MissionRules(budget_s=3600.0, dwell=dwell))
 

@@ -12,37 +12,30 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.control.mission_clock import MissionClock
+from soilmoist_ros.exploration.control.explorer import Explorer, ExplorerSettings
+from soilmoist_ros.exploration.control.field_access import AccessRules, cell_stops
 from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.mission_setup import AccessRules, ExplorerSettings
+from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
-from soilmoist_ros.exploration.control.team import (
-    PendingMeasurement,
-    Team,
-    foreseen,
-    pending_measurement,
-    taken,
-)
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.control.team import PendingMeasurement, Team, foreseen, pending_measurement, taken
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.exploration.travel.way import Way
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping import PoissonKriging
+from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -66,7 +59,8 @@ def field_map(known=True):
 def explorer(strategy, known=True, dwell="fmi:120", seed=0):
     return Explorer(
         [Property(field_map(known))], STOPS, FreeTravel(RobotMotion()), make_strategy(strategy),
-        warm_up(strategy, "paper")[1], parse_dwell(dwell), np.random.default_rng(seed),
+        warm_up(strategy, "paper")[1], MissionRules(budget_s=7200, dwell=parse_dwell(dwell)),
+        np.random.default_rng(seed),
     )  # fmt: skip
 
 
@@ -192,7 +186,7 @@ class Robot:
         square = np.array([[0, 0], [60, 0], [60, 60], [0, 60]], float)
         dwell = parse_dwell("fmi:60")
         settings = ExplorerSettings(
-            strategy="random", preset="paper", seed=1, dwell=dwell, motion=RobotMotion(1.0),
+            strategy="random", preset="paper", seed=1, motion=RobotMotion(1.0),
             access=AccessRules(robot_radius_m=0.5),
         )  # fmt: skip
         rules = MissionRules(budget_s=7200.0, dwell=dwell, warm_up_stops=0, speed_mps=1.0)

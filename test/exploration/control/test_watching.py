@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.mission_clock import MissionClock
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings
 from soilmoist_ros.exploration.control.mission_control import MissionControl
-from soilmoist_ros.exploration.control.mission_setup import ExplorerSettings
+from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
 from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
-from soilmoist_ros.exploration.mission.actions import ANYBODYS
+from soilmoist_ros.exploration.mission.events import ANYBODYS
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Response, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
@@ -25,7 +25,7 @@ from soilmoist_ros.exploration.travel.travel import RobotMotion
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.mapping.field import Field
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, NoPlace, Position
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -60,9 +60,7 @@ class Farm:
         self.shown, self.finished, self.counted = None, None, []
         square = np.array([[0, 0], [100, 0], [100, 100], [0, 100]], float)
         dwell = parse_dwell("fmi:60")
-        settings = ExplorerSettings(
-            strategy="random", preset="paper", seed=1, dwell=dwell, motion=RobotMotion(1.0)
-        )
+        settings = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion(1.0))
         self.control = MissionControl(
             Field("square", LocalFrame(53.0, 0.0), square, no_go, 5.0),
             settings,

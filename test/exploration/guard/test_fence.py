@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The fence: what it allows, and what it says about the rest."""
+"""The fence and its raster: what it allows, and what it says about the rest."""
+
+import math
 
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.guard.fence import Fence
+from soilmoist_ros.exploration.guard.fence import FREE, KEPT_OUT, RIM_M, Fence, keepout_mask
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.foundation.plane_move import PlaneMove
 from soilmoist_ros.mapping.field import Field
 
 SQUARE = np.array([[0, 0], [60, 0], [60, 40], [0, 40]], float)
@@ -89,3 +92,47 @@ def test_parts_that_no_go_areas_and_the_robots_width_divide_are_named_with_their
     found = Fence(field, 0.75).divided()
     assert "into 2 parts that cannot be reached from each other by a robot that keeps 0.75 m distance" in found
     assert "0.16 ha about (22, 20), 481 m2 about (53, 20)" in found, "42.5 m x 38.5 m and 12.5 m x 38.5 m"
+
+
+# The fence as a raster ------------------------------------------------------------------------------------------
+
+MASKED = Field(
+    "meadow", LocalFrame(53.0, 0.0), np.array([[0, 0], [30, 0], [30, 12], [10, 20], [0, 12]], float),
+    (np.array([[5, 4], [9, 4], [9, 9], [5, 9]], float),),
+)  # fmt: skip
+
+
+def value(mask, x, y):
+    column, row = (
+        math.floor((at - low) / mask.resolution_m) for at, low in zip((x, y), mask.origin_m, strict=True)
+    )
+    return mask.values[row, column]
+
+
+@pytest.mark.parametrize("move", [PlaneMove(), PlaneMove(2.1, (-13.3, 470.0))])
+def test_allowed_places_are_free_and_those_far_outside_are_not(move):
+    fence, resolution_m = Fence(MASKED, 0.75), 0.25
+    mask = keepout_mask(fence, resolution_m, move)
+    rng = np.random.default_rng(1)
+    places = rng.uniform((-3, -3), (33, 23), (3000, 2))
+    found = np.array([value(mask, *move.place(tuple(place))) for place in places])
+    assert (found[fence.contains(places)] == FREE).all()
+    far_m = np.array([fence.outside_m(place) for place in places])
+    assert (found[far_m > 1.001 * math.sqrt(2) * resolution_m] == KEPT_OUT).all()
+    assert set(np.unique(mask.values)) == {FREE, KEPT_OUT}
+
+
+def test_rows_run_along_y_and_a_rim_is_kept_out():
+    mask = keepout_mask(Fence(MASKED), 0.5)
+    assert mask.origin_m == (-RIM_M, -RIM_M)
+    assert mask.values.shape == (60, 80)
+    assert (mask.values[0] == KEPT_OUT).all()
+    assert (mask.values[:, -1] == KEPT_OUT).all()
+    assert value(mask, 29, 1) == FREE
+    assert value(mask, 1, 19) == KEPT_OUT
+    assert value(mask, 7, 6.5) == KEPT_OUT
+
+
+def test_cells_too_fine():
+    with pytest.raises(InputError, match="larger keepout_resolution_m"):
+        keepout_mask(Fence(MASKED), 0.01)

@@ -1,15 +1,28 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A robot in two frames (robot_frames.py): each source of the navigation's datum, headings, health and faults."""
+"""A robot in two frames: the datum of the navigation, headings, the tree of transforms, and the comparison."""
 
 import json
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.robot_frames import ASKED_M, FrameSettings, RobotFrames
-from soilmoist_ros.exploration.guard.transforms import Transform, yaw_rotation
+from soilmoist_ros.exploration.guard.robot_frames import (
+    ASKED_M,
+    Agreement,
+    FrameCheck,
+    FrameSettings,
+    RobotFrames,
+    Transform,
+    TransformTree,
+    datum_text,
+    direction,
+    parse_datum,
+    yaw_rotation,
+)
 from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
@@ -17,7 +30,7 @@ from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.foundation.plane_move import PlaneMove, move_between
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
-from soilmoist_ros.sensing.position.lever_arms import NO_ARMS, LeverArms
+from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms
 from soilmoist_ros.sensing.records import Position
 
 DATUM = LocalFrame(52.0, 13.0)
@@ -262,3 +275,220 @@ def test_what_is_no_place_is_none():
 def test_an_impossible_datum_is_refused():
     with pytest.raises(InputError, match="navigation_datum"):
         frames("somewhere")
+
+
+# Poses along a tree of transforms -------------------------------------------------------------------------------
+
+NAN = math.nan
+metres = st.floats(-1000, 1000)
+turns = st.floats(-math.pi, math.pi)
+
+
+def link(parent, child, x=0.0, y=0.0, yaw=0.0, **more):
+    return Transform(parent, child, (x, y, 0.3), yaw_rotation(yaw), **more)
+
+
+def tree(*links, now_s=100.0):
+    grown = TransformTree()
+    grown.add(links, now_s)
+    return grown
+
+
+def matrix(x, y, yaw):
+    return np.array([(math.cos(yaw), -math.sin(yaw), x), (math.sin(yaw), math.cos(yaw), y), (0, 0, 1)])
+
+
+@given(*(st.tuples(metres, metres, turns) for _ in range(3)))
+def test_poses_follow_the_links_of_both_branches(first, second, third):
+    """earth -> map -> odom -> base_link, and the same seen from map."""
+    grown = tree(link("earth", "map", *first), link("map", "odom", *second), link("odom", "base_link", *third))
+    wanted = matrix(*second) @ matrix(*third)
+    pose = grown.pose("base_link", "map", 101.0)
+    assert (pose.x_m, pose.y_m) == pytest.approx(tuple(wanted[:2, 2]), abs=1e-6)
+    assert math.cos(pose.yaw_rad - second[2] - third[2]) == pytest.approx(1.0)
+    back = grown.pose("map", "base_link", 101.0)
+    assert (back.x_m, back.y_m) == pytest.approx(tuple(np.linalg.inv(wanted)[:2, 2]), abs=1e-6)
+
+
+def test_siblings_meet_in_their_common_parent():
+    grown = tree(link("root", "a", 10.0, 0.0, math.pi / 2), link("root", "b", 10.0, 5.0))
+    pose = grown.pose("b", "a", 100.0)
+    assert (pose.x_m, pose.y_m, pose.yaw_rad) == pytest.approx((5.0, 0.0, -math.pi / 2))
+
+
+def test_a_rotation_of_any_length_counts():
+    scaled = Transform("map", "base_link", (1.0, 2.0, 0.0), (0.0, 0.0, 3.0, 3.0))
+    assert tree(scaled).pose("base_link", "map", 0.0).yaw_rad == pytest.approx(math.pi / 2)
+
+
+def test_the_age_is_that_of_the_oldest_link_that_is_not_static():
+    grown = tree(link("odom", "base_link", stamp_s=102.0))  # stamped ahead of its arrival
+    grown.add([link("map", "odom", stamp_s=101.0)], 103.0)
+    grown.add([link("base_link", "gnss", stamp_s=40.0, static=True)], 50.0)
+    assert grown.pose("gnss", "map", 104.0).age_s == pytest.approx(4.0)
+    grown.add([link("odom", "base_link", stamp_s=103.5)], 103.6)
+    assert grown.pose("gnss", "map", 104.0).age_s == pytest.approx(3.0)
+    assert tree(link("map", "base_link", static=True)).pose("base_link", "map", 1e9).age_s == 0.0
+
+
+def test_the_newest_counts_and_an_older_one_is_ignored_unless_the_clock_was_set_back():
+    grown = tree(link("map", "base_link", 1.0, stamp_s=50.0))
+    grown.add([link("map", "base_link", 2.0, stamp_s=49.0)], 101.0)
+    assert grown.pose("base_link", "map", 101.0).x_m == 1.0
+    grown.add([link("map", "base_link", 3.0, stamp_s=10.0)], 102.0)
+    assert grown.pose("base_link", "map", 102.0).x_m == 3.0
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        Transform("map", "base_link", (NAN, 0.0, 0.0)),
+        Transform("map", "base_link", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)),
+        Transform("base_link", "base_link", (0.0, 0.0, 0.0)),
+    ],
+)
+def test_an_impossible_transform_is_ignored(bad):
+    assert len(tree(bad)) == 0
+
+
+def test_what_is_not_connected_is_named():
+    grown = tree(link("odom", "base_link"), link("world", "map"))
+    assert grown.pose("base_link", "map", 0.0) is None
+    assert grown.gap("base_link", "map") == "TF does not connect base_link with map"
+    assert grown.gap("base_footprint", "map") == "TF has no frame base_footprint"
+    assert grown.gap("base_link", "utm") == "TF has no frame utm"
+
+
+def test_a_circle_of_frames_ends():
+    grown = tree(link("a", "b"), link("b", "c"), link("c", "a"))
+    assert grown.pose("b", "map", 0.0) is None
+
+
+# Agreement of TF and fixes: what is recovered, what it says, and what it does not mind --------------------------
+
+PLANE = LocalFrame(52.4660, 12.9580)
+STANDING = [(10.0, 20.0)] * 20
+
+
+def loop(length_m=60.0, step_m=1.0):
+    """A loop: places every second."""
+    along = np.arange(0.0, length_m, step_m)
+    return [(float(x), 5.0 * math.sin(x / 10)) for x in along]
+
+
+def checked(places, move, known=None, noise_m=0.0, limit_m=2.0, seed=0):
+    """A check after a robot was at these places with a navigation whose frame is moved."""
+    rng = np.random.default_rng(seed)
+    check = FrameCheck(PLANE, limit_m, known)
+    for second, place in enumerate(places):
+        x, y = np.array(place) + rng.normal(0, noise_m, 2)
+        check.add(float(second), (x, y), move.place(place))
+    return check, check.verdict(len(places) - 1.0)
+
+
+def test_a_shift_of_30_m_is_named_with_direction_and_remedy():
+    _, verdict = checked(STANDING, PlaneMove(0.0, (0.0, 30.0)))
+    assert verdict.agreement is Agreement.DISAGREE
+    assert (verdict.east_m, verdict.north_m, verdict.distance_m) == pytest.approx((0.0, 30.0, 30.0))
+    assert "TF places the robot 30.0 m north of its fix (0.0 m east, 30.0 m north; limit 2.0 m)" in verdict.message
+    assert "give the navigation the field's datum 52.4660000,12.9580000" in verdict.message
+    explained = verdict.message.split("navigation_datum: ")[1].split(", which")[0]
+    assert checked(STANDING, PlaneMove(0.0, (0.0, 30.0)), parse_datum(explained, PLANE))[1].distance_m < 0.05
+
+
+@pytest.mark.slow
+@settings(max_examples=20)
+@given(metres, metres, turns, st.integers(0, 2**32 - 1))
+def test_any_other_datum_is_recovered_from_a_drive_with_noise(east, north, yaw, seed):
+    move = PlaneMove(yaw, (east, north))
+    check, _ = checked(loop(), move, noise_m=0.1, seed=seed)
+    found = check.fitted()
+    assert found is not None
+    for place in ((0.0, 0.0), (60.0, 0.0)):
+        assert math.dist(found.place(place), move.place(place)) < 0.6
+    again = parse_datum(datum_text(PLANE, found), PLANE)
+    assert checked(loop(), move, again, noise_m=0.1, seed=seed)[1].agreement is Agreement.AGREE
+
+
+@given(st.floats(-1000, 1000), st.floats(-1000, 1000), turns)
+def test_a_known_move_agrees(east, north, yaw):
+    move = PlaneMove(yaw, (east, north))
+    assert checked(loop(), move, move)[1].agreement is Agreement.AGREE
+
+
+def test_a_turned_map_disagrees_once_the_robot_is_away_from_its_origin():
+    _, verdict = checked([(100.0, 0.0)] * 10, PlaneMove(math.radians(10.0)))
+    assert verdict.agreement is Agreement.DISAGREE
+    check, verdict = checked(loop(), PlaneMove(math.radians(10.0)))
+    assert verdict.message.endswith("52.4660000,12.9580000,-10.0000, which explains the shift")
+    assert check.fitted().yaw_rad == pytest.approx(math.radians(10.0))
+
+
+def test_bad_fixes_among_good_ones_have_no_effect():
+    places = [*STANDING[:12], (5000.0, 5000.0), (math.nan, 0.0), (-80.0, 3.0)]
+    check = FrameCheck(PLANE, 2.0)
+    for second, place in enumerate(places):
+        check.add(float(second), place, STANDING[0])
+    assert check.verdict(15.0).agreement is Agreement.AGREE
+    check, _ = checked(loop(), PlaneMove(0.5, (7.0, 8.0)))
+    check.add(61.0, (2000.0, -300.0), PlaneMove(0.5, (7.0, 8.0)).place((62.0, 0.0)))
+    assert math.dist(check.fitted().place((0.0, 0.0)), (7.0, 8.0)) < 0.01
+
+
+def test_a_robot_that_moves_may_be_ahead_of_its_fix():
+    check = FrameCheck(PLANE, 1.0)
+    for second in range(20):  # 2 m/s, the fix a second late
+        check.add(float(second), (2.0 * second - 2.0, 0.0), (2.0 * second, 0.0))
+    assert check.verdict(19.0).agreement is Agreement.AGREE
+    assert check.verdict(19.0).limit_m == pytest.approx(3.0)
+    for second in range(20, 40):  # stands still, and the shift stays
+        check.add(float(second), (36.0, 0.0), (38.0, 0.0))
+    assert check.verdict(39.0).agreement is Agreement.DISAGREE
+
+
+def test_a_distance_that_varies_is_no_datum():
+    rng = np.random.default_rng(1)
+    check = FrameCheck(PLANE, 2.0)
+    for second in range(20):
+        x, y = rng.uniform(-50, 150, 2)
+        check.add(float(second), (0.0, 0.0), (float(x), float(y)))
+    message = check.verdict(19.0).message
+    assert "check the localisation" in message
+    assert "navigation_datum" not in message
+
+
+def test_little_is_known_from_few_or_old_pairs():
+    check, verdict = checked(STANDING[:4], PlaneMove())
+    assert verdict.agreement is Agreement.UNKNOWN
+    assert "4 pairs of TF and fix of 5" in verdict.message
+    check, verdict = checked(STANDING, PlaneMove())
+    assert verdict.agreement is Agreement.AGREE
+    assert check.verdict(100.0).agreement is Agreement.UNKNOWN
+    assert check.fitted() is None  # it has not moved
+
+
+def test_a_clock_that_steps_back_starts_anew():
+    check, _ = checked(STANDING, PlaneMove(0.0, (30.0, 0.0)))
+    for second in range(-100, -90):
+        check.add(float(second), (0.0, 0.0), (0.0, 0.0))
+    assert check.verdict(-91.0).agreement is Agreement.AGREE
+
+
+@pytest.mark.parametrize(
+    ("offset", "word"),
+    [((1, 0), "east"), ((1, 1), "north-east"), ((-3, 0), "west"), ((0, -2), "south"), ((2, -2), "south-east")],
+)
+def test_directions(offset, word):
+    assert direction(*offset) == word
+
+
+@pytest.mark.parametrize("text", ["", "52.0", "north", "52,13,0,0", "95,13", "52,13,nan", "-52.466,-167.042"])
+def test_what_is_no_datum_is_refused(text):
+    with pytest.raises(InputError, match="LAT,LON"):
+        parse_datum(text, PLANE)
+
+
+def test_a_datum_is_read_back():
+    move = parse_datum("52.467,12.959,30", PLANE)
+    assert datum_text(PLANE, move) == "52.4670000,12.9590000,30.0000"
+    assert parse_datum("52.4660,12.9580", PLANE).is_identity

@@ -4,14 +4,16 @@
 
 import math
 
-from soilmoist_ros.exploration.mission.actions import Answer, GoTo, RequestPlan
 from soilmoist_ros.exploration.mission.events import (
+    Answer,
     Command,
     GoalFailed,
     GoalReached,
+    GoTo,
     Moved,
     Planned,
     RecordArrived,
+    RequestPlan,
 )
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Verb

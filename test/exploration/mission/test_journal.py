@@ -13,7 +13,7 @@ from soilmoist_ros.exploration.mission.journal import (
     interrupted_records,
 )
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.stored import visit_from_dict
+from soilmoist_ros.exploration.mission.state import visit_from_dict
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell

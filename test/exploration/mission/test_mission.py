@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The mission, path by path: events in, actions out (mission.py and its moves.py)."""
+"""The mission, path by path: events in, actions out."""
 
 import json
 import math
@@ -10,31 +10,28 @@ import numpy as np
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver, make_rules
 
-from soilmoist_ros.exploration.mission.actions import (
+from soilmoist_ros.exploration.mission.events import (
     Answer,
     CancelGoal,
+    Command,
     Finish,
+    GoalFailed,
+    GoalReached,
     GoTo,
+    Moved,
+    PlanFailed,
+    Planned,
     Publish,
+    RecordArrived,
     RequestPlan,
     Save,
     StartCounting,
     StopCounting,
+    Tick,
     VisitDone,
 )
-from soilmoist_ros.exploration.mission.events import (
-    Command,
-    GoalFailed,
-    GoalReached,
-    Moved,
-    PlanFailed,
-    Planned,
-    RecordArrived,
-    Tick,
-)
 from soilmoist_ros.exploration.mission.mission import Mission, step
-from soilmoist_ros.exploration.mission.state import MissionState
-from soilmoist_ros.exploration.mission.stored import event_from_dict, event_to_dict
+from soilmoist_ros.exploration.mission.state import MissionState, event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, OnSilence, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.planning.dwell import MarginalValue, Optimal, parse_dwell
@@ -658,3 +655,281 @@ def test_an_operator_changes_when_the_map_is_good_enough():
     driver = Driver(until_sd=0.05, blacklist_s=1.0).counting()
     driver.send(Command, Verb.CHANGE, changes=Changes(until_sd=0.0))
     assert forecast(driver, *[FORECAST] * 3).phase is Phase.TRAVELLING
+
+
+# Commands in mid-mission ----------------------------------------------------------------------------------------
+
+WELL = Stop("well", 5.0, 5.0)
+
+
+def ask(driver, verb, **values):
+    return driver.send(Command, Verb(verb), who="eve", **values)
+
+
+def finish_stop(driver):
+    while driver.phase is Phase.COUNTING:
+        driver.record()
+    return driver
+
+
+def test_a_stop_that_was_asked_for_comes_next_with_its_own_dwell():
+    driver = Driver().counting()
+    assert ask(driver, "measure", stop=WELL, dwell_s=20.0).answer.accepted
+    assert driver.mission.status.queue == ("well",)
+    finish_stop(driver)
+    assert (driver.phase, driver.last(GoTo).stop) == (Phase.TRAVELLING, WELL)
+    assert "requested by eve" in driver.reason
+    finish_stop(driver.reach())
+    visit = driver.last(VisitDone).visit
+    assert (visit.name, visit.reason, visit.exposure_s) == ("well", "requested by eve", 20.0)
+    assert driver.phase is Phase.PLANNING
+
+
+def test_a_stop_asked_for_while_planning_is_taken_at_once():
+    driver = Driver().start()
+    ask(driver, "measure", stop=WELL)
+    assert driver.last(GoTo).stop == WELL
+    goals = driver.count_of(GoTo)
+    driver.plan(EAST)
+    assert driver.count_of(GoTo) == goals, "the plan that comes late is not wanted any more"
+
+
+def test_the_queue_is_put_in_order_and_shortened():
+    driver = Driver().counting()
+    for name in "abc":
+        ask(driver, "measure", stop=Stop(name, 1.0, 1.0))
+    assert ask(driver, "order", stops=("c", "a")).answer.accepted
+    assert driver.mission.status.queue == ("c", "a")
+    for stops in (("a", "x"), ("a", "a")):
+        assert not ask(driver, "order", stops=stops).answer.accepted
+    assert driver.mission.status.queue == ("c", "a")
+
+
+def test_a_stop_that_does_not_fit_into_the_time_is_dropped():
+    driver = Driver(budget_s=400.0).counting()
+    ask(driver, "measure", stop=Stop("far", 5000.0, 0.0))
+    finish_stop(driver)
+    assert driver.phase is Phase.PLANNING
+    assert "no time for far" in driver.reason
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        ({"stop": None}, "no place"),
+        ({"stop": Stop("x", math.nan, 0.0)}, "no place"),
+        ({"stop": WELL, "dwell_s": -1.0}, "dwell"),
+        ({"stop": WELL, "dwell_s": math.inf}, "dwell"),
+    ],
+)
+def test_bad_places_are_refused(values, why):
+    driver = ask(Driver().counting(), "measure", **values)
+    assert not driver.answer.accepted
+    assert why in driver.answer.message
+    assert driver.mission.status.queue == ()
+
+
+def test_an_area_is_ruled_out():
+    driver = Driver().travelling(NORTH)
+    area = ((-5.0, 25.0), (5.0, 25.0), (5.0, 35.0), (-5.0, 35.0))
+    assert ask(driver, "rule_out", polygon=area).answer.accepted
+    assert driver.phase is Phase.CANCELLING, "the target lies in it"
+    driver.fail_goal()
+    assert driver.last(RequestPlan).ruled_out == (area,)
+    driver.plan(NORTH)
+    assert "ruled out" in driver.reason
+    crossing = (area[0], area[2], area[1], area[3])
+    for bad in (area[:2], crossing, (area[0],) * 3, (*area[:3], (math.nan, 0.0))):
+        assert not ask(driver, "rule_out", polygon=bad).answer.accepted
+    assert not ask(driver, "measure", stop=NORTH).answer.accepted
+
+
+def test_settings_change_while_it_runs():
+    driver = Driver().counting()
+    driver.record()
+    changes = Changes(budget_s=9000.0, dwell="fmi:20", home=HOME, strategy="greedy")
+    assert ask(driver, "change", changes=changes).answer.accepted
+    status = driver.mission.status
+    assert (status.time_left_s, status.strategy) == (9000.0 - status.time_used_s, "greedy")
+    driver.record()
+    assert driver.phase is Phase.PLANNING, "the new dwell counts at this stop already"
+    driver.plan(None)
+    assert driver.last(GoTo).stop == HOME
+    restored = type(driver.mission).restore(driver.mission.rules, driver.mission.snapshot())
+    assert restored.status == driver.mission.status
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [None, Changes(), Changes(budget_s=1.0), Changes(budget_s=math.nan), Changes(dwell="often")],
+)
+def test_settings_that_cannot_be_used_change_nothing(changes):
+    driver = Driver().counting().record()
+    before = driver.mission.current_rules
+    assert not ask(driver, "change", changes=changes).answer.accepted
+    assert driver.answer.message
+    assert driver.mission.current_rules == before
+
+
+def test_sent_home():
+    driver = ask(Driver().counting().record(), "return_home")
+    assert not driver.answer.accepted, "there is no home"
+    ask(driver, "change", changes=Changes(home=HOME))
+    ask(driver, "return_home")
+    assert driver.answer.accepted
+    assert driver.phase is Phase.RETURNING
+    assert driver.last(VisitDone).visit.ended is VisitEnd.RETURNED
+    driver.reach()
+    assert driver.mission.status.ended is MissionEnd.RETURNED
+    assert "sent home by eve" in driver.reason
+
+
+def test_who_asks_is_said():
+    driver = ask(Driver().counting(), "pause")
+    assert driver.reason == "paused by eve"
+    assert ask(driver, "abort").answer.message.startswith("aborted by eve")
+
+
+# Deadlines ------------------------------------------------------------------------------------------------------
+
+
+def test_a_goal_that_takes_too_long_is_cancelled_before_the_next():
+    driver = Driver().travelling()
+    assert driver.mission.next_deadline_s == driver.now_s + 3 * 40.0 + 60.0
+    driver.send(Tick, after=179.0)
+    assert driver.phase is Phase.TRAVELLING
+    assert driver.send(Tick, after=1.0).kinds() == [CancelGoal, Publish]
+    assert driver.phase is Phase.CANCELLING
+    assert driver.fail_goal("cancelled").kinds() == [GoTo, Publish]
+    assert driver.last(GoTo).goal_id == 2
+
+
+def test_after_a_cancel_without_a_result_nothing_is_sent_before_the_end_is_known():
+    driver = Driver(standstill_s=4.0).travelling().command("skip")
+    for _ in range(4):
+        assert CancelGoal in driver.send(Moved, 3.0, 0.0, after=30.0).kinds()
+        assert driver.phase is Phase.CANCELLING
+    assert "has not reported the end of the goal to east: asked 5 times to stop; cancel it there" in driver.reason
+    assert driver.mission.status.needs_operator
+    driver.send(Moved, 3.0, 0.0, after=1.0)
+    assert driver.send(GoalFailed, 1, "cancelled").kinds() == [RequestPlan, Publish]
+
+
+def test_a_mission_that_stays_does_not_wait_for_the_end_of_its_goal():
+    driver = Driver().travelling().command("pause")
+    assert driver.send(Tick, after=29.0).kinds() == []
+    assert driver.send(Tick, after=1.0).phase is Phase.PAUSED
+    assert "was not reported in 30 s" in driver.reason
+    assert driver.send(GoalReached, 1, EAST.x_m, EAST.y_m).kinds() == []
+
+
+def test_planning_that_fails_or_hangs_is_repeated_then_handed_to_the_operator():
+    driver = Driver(failures_to_pause=3).start()
+    driver.send(PlanFailed, 1, "no variogram")
+    assert driver.last(RequestPlan).plan_id == 2
+    assert driver.send(Tick, after=120.0).last(RequestPlan).plan_id == 3
+    assert "no plan within 120 s" in driver.reason
+    driver.send(PlanFailed, 3, "out of memory")
+    assert driver.phase is Phase.PAUSED
+    assert "out of memory" in driver.reason
+    assert driver.command("resume").last(RequestPlan).plan_id == 4
+
+
+def test_the_end_of_the_time_closes_the_sample_and_sends_the_robot_home():
+    driver = Driver(
+        home=HOME, budget_s=200.0, min_last_dwell_s=0.0, min_dwell_s=0.0, dwell=parse_dwell("fmi:600")
+    ).counting()
+    driver.record().record()
+    assert driver.mission.next_deadline_s == 1000.0 + 200.0 - (10.0 + 30.0 + 60.0)
+    driver.send(Tick, after=60.0)
+    assert driver.kinds() == [StopCounting, VisitDone, GoTo, Publish]
+    assert driver.last(VisitDone).visit.raw_counts == 60
+    assert driver.reason == "going home: the time left is needed for the way home"
+    driver.reach(after=40.0)
+    assert driver.phase is Phase.FINISHED
+    assert driver.mission.status.time_used_s <= 200.0
+
+
+def test_a_record_that_arrives_as_the_time_ends_still_counts():
+    driver = Driver(budget_s=100.0, min_last_dwell_s=0.0, min_dwell_s=0.0, dwell=parse_dwell("fmi:600")).counting()
+    driver.record(after=80.0)
+    assert driver.last(VisitDone).visit.raw_counts == 30
+    assert driver.phase is Phase.FINISHED
+    assert driver.reason == "the mission time is used up"
+
+
+def test_the_end_of_the_time_on_the_way_cancels():
+    driver = Driver(budget_s=110.0).travelling().send(Tick, after=110.0)
+    assert driver.kinds() == [CancelGoal, Publish]
+    assert driver.phase is Phase.CANCELLING
+    assert driver.fail_goal().kinds() == [Save, Finish, Publish]
+
+
+def test_a_robot_that_strays_from_home_leaves_earlier():
+    driver = Driver(home=HOME, budget_s=500.0).travelling()
+    assert driver.send(Moved, 300.0, 0.0, after=100.0).phase is Phase.TRAVELLING
+    assert driver.send(Moved, 331.0, 0.0).phase is Phase.CANCELLING
+
+
+def test_a_dead_sensor_ends_with_the_longest_dwell_and_rules_the_stop_out():
+    driver = Driver(dwell=parse_dwell("ami:3%", longest_s=50.0)).counting()
+    for _ in range(4):
+        driver.send(Tick, after=10.0)
+    assert driver.phase is Phase.COUNTING
+    driver.send(Tick, after=10.0)
+    assert driver.count_of(VisitDone) == 0
+    assert driver.last(RequestPlan).blacklisted == ("east",)
+    assert "nothing was counted at east" in driver.reason
+
+
+def test_silence_is_reported_and_waited_out_until_the_longest_dwell():
+    driver = Driver(dwell=parse_dwell("ami:3%", longest_s=300.0)).counting().record()
+    assert driver.send(Tick, after=59.0).kinds() == []
+    assert driver.send(Tick, after=1.0).kinds() == [Publish]
+    assert "no record from this stop for 60 s" in driver.reason
+    assert driver.mission.status.silent
+    assert driver.send(Tick, after=1.0).kinds() == [], "it is said once"
+    assert driver.record().reason == "counting at east (ami:0.03)"
+    assert not driver.mission.status.silent
+    driver.send(Tick, after=60.0)
+    assert driver.mission.next_deadline_s == 1020.0 + 300.0
+    driver.now_s = 1320.0
+    driver.send(Tick)
+    assert driver.last(VisitDone).visit.outcome == "the longest dwell of 300 s is over"
+
+
+def test_a_pause_does_not_shorten_or_lengthen_the_longest_dwell():
+    driver = Driver(dwell=parse_dwell("ami:3%", longest_s=50.0)).counting().record().record()
+    driver.command("pause").send(Tick, after=1000.0).command("resume")
+    assert driver.mission.next_deadline_s == driver.now_s + 30.0
+
+
+def test_several_things_that_are_due_after_a_gap_are_all_done():
+    driver = Driver(budget_s=400.0).counting().record().send(Tick, after=5000.0)
+    assert driver.phase is Phase.FINISHED
+    assert driver.last(VisitDone).visit.raw_counts == 30
+
+
+def test_silence_can_pause_or_abort():
+    driver = Driver(on_silence=OnSilence.PAUSE).counting().send(Tick, after=60.0)
+    assert driver.phase is Phase.PAUSED
+    assert driver.command("resume").phase is Phase.COUNTING
+    assert driver.mission.next_deadline_s == driver.now_s + 60.0
+    driver = Driver(on_silence=OnSilence.ABORT).counting().send(Tick, after=60.0)
+    assert driver.phase is Phase.IDLE
+    assert driver.last(Finish).aborted
+
+
+def test_a_pause_uses_the_budget_but_never_drives_home_by_itself():
+    driver = Driver(home=HOME, budget_s=400.0).counting().record().command("pause").send(Tick, after=400.0)
+    assert driver.phase is Phase.PAUSED
+    assert driver.kinds() == [VisitDone, Publish]
+    assert driver.reason == "the mission time was used up in a pause: resume to go home, or abort"
+    assert driver.mission.next_deadline_s is None
+    assert driver.command("resume").phase is Phase.RETURNING
+
+
+def test_without_a_way_home_the_mission_ends_in_the_pause():
+    driver = Driver(budget_s=400.0).counting().record().command("pause").send(Tick, after=400.0)
+    assert driver.phase is Phase.FINISHED
+    assert driver.last(VisitDone).visit.raw_counts == 30

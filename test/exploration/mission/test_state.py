@@ -4,11 +4,11 @@ import dataclasses
 
 import pytest
 
-from soilmoist_ros.exploration.mission.state import Counting, MissionState, replace
+from soilmoist_ros.exploration.mission.state import MissionState, OpenVisit, replace
 
 
 def test_fields_are_replaced_as_by_dataclasses():
-    state = MissionState(now_s=3.0, raw_counts=7, counting=Counting(1.0, 2.0, 0.0, 0.0, 0.0))
+    state = MissionState(now_s=3.0, raw_counts=7, counting=OpenVisit(1.0, 2.0, 0.0, 0.0, 0.0))
     changes = {"now_s": 4.0, "reason": "for a test"}
     assert replace(state, **changes) == dataclasses.replace(state, **changes)
     assert replace(state.counting, raw_counts=5) == dataclasses.replace(state.counting, raw_counts=5)

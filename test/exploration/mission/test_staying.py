@@ -8,8 +8,18 @@ import math
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver
 
-from soilmoist_ros.exploration.mission.actions import Finish, GoTo, RequestPlan, StopCounting, VisitDone
-from soilmoist_ros.exploration.mission.events import Command, EmergencyStop, Moved, PlanFailed, Tick
+from soilmoist_ros.exploration.mission.events import (
+    Command,
+    EmergencyStop,
+    Finish,
+    GoTo,
+    Moved,
+    PlanFailed,
+    RequestPlan,
+    StopCounting,
+    Tick,
+    VisitDone,
+)
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import Changes, MissionEnd, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd

@@ -5,14 +5,19 @@
 import pytest
 from mission_driver import EAST, HOME, Driver
 
-from soilmoist_ros.exploration.mission.actions import ANYBODYS, CancelGoal, Finish, GoTo, RequestPlan, VisitDone
 from soilmoist_ros.exploration.mission.events import (
+    ANYBODYS,
     AlarmOver,
+    CancelGoal,
     EmergencyStop,
+    Finish,
     GoalFailed,
     GoalReached,
+    GoTo,
     Moved,
+    RequestPlan,
     Tick,
+    VisitDone,
 )
 from soilmoist_ros.exploration.mission.types import Alarm, MissionEnd, Phase, Response
 from soilmoist_ros.exploration.mission.visit import VisitEnd

@@ -2,20 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rules of a client of topological navigation, event by event."""
 
+import math
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.navigation.goal_client import (
+    ActionStatus,
     CancelSent,
     GoalClient,
     GoalLimits,
     Listed,
     SendGoal,
+    failure,
+    progress,
 )
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
-from soilmoist_ros.exploration.navigation.way_points import WayPoint
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, WayPoint
 
 A, B = WayPoint(Stop("a", 0.0, 0.0)), WayPoint(Stop("b", 20.0, 0.0))
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
@@ -355,3 +359,99 @@ def test_whatever_happens_every_goal_ends_once_and_one_runs_at_a_time(events):
         now_s += 1.0
         server.take(client.tick(0, now_s))
     assert sorted(server.ended) == list(range(1, server.asked + 1))
+
+
+# Whose goals the servers of an action list ----------------------------------------------------------------------
+
+FIRST, SECOND = b"one", b"two"
+
+
+def test_own_goals_those_of_an_earlier_life_and_those_of_others():
+    before, status = ActionStatus("/planner"), ActionStatus("/planner")
+    own, again, old, other = status.new_identity(), status.new_identity(), before.new_identity(), bytes(range(16))
+    assert len({own, again, old}) == 3
+    assert [len(each) for each in (own, again, old)] == [16, 16, 16]
+    assert not ActionStatus("/planner_2").new_identity().startswith(own[:8])
+    status.serve(frozenset([FIRST]))
+    status.take({own: 2, again: 4, old: 1, other: 3})
+    assert (status.before, status.others, status.state(again)) == ((old,), (other,), 4)
+    status.take({own: 2, old: 6, other: 5})
+    assert (status.before, status.others, status.state(again)) == ((), (), 0), "what has ended drives nobody"
+
+
+@pytest.mark.parametrize("next_servers", [[], [SECOND]])
+def test_what_a_server_that_has_died_listed_does_not_count(next_servers):
+    status = ActionStatus("/planner")
+    assert not status.serve(frozenset([FIRST]))
+    status.take({bytes(16): 2})
+    assert status.known
+    anew = status.serve(frozenset(next_servers))
+    assert (status.others, status.known, anew) == ((), False, bool(next_servers))
+
+
+def test_each_of_two_servers_has_a_list():
+    status = ActionStatus("/planner")
+    status.serve(frozenset([FIRST, SECOND]))
+    status.take({b"a" * 16: 2})
+    status.take({b"b" * 16: 2})
+    assert len(status.others) == 2
+    assert status.serve(frozenset([SECOND])), "its list is fetched again"
+    assert status.others == ()
+
+
+# Error codes and feedback of Nav2 in words ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("code", "text", "words"),
+    [
+        (0, "", ""),
+        (0, "the tree failed", "the tree failed"),
+        (208, "", "planning the path failed: no path leads to the stop (Nav2 error 208)"),
+        (308, "", "planning the path failed: no path leads to the stop (Nav2 error 308)"),
+        (105, "stuck", "following the path failed: the robot made no progress (Nav2 error 105: stuck)"),
+        (714, "", "backing up failed: an obstacle is in the way (Nav2 error 714)"),
+        (9001, "", "its behaviour tree cannot be loaded (Nav2 error 9001)"),
+        (100, "", "following the path failed: unknown cause (Nav2 error 100)"),
+        (4711, "odd", "unknown cause (Nav2 error 4711: odd)"),
+        (52, "", "unknown cause (Nav2 error 52)"),
+        (1, "", "a server of Nav2 rejected the goal (Nav2 error 1)"),
+        (108, "", "following the path failed: it took too long (Nav2 error 108)"),
+        (309, "", "planning the path failed: no pose is given (Nav2 error 309)"),
+        (405, "", "finding a route failed: no route leads to the stop (Nav2 error 405)"),
+        (741, "", "waiting failed: it took too long (Nav2 error 741)"),
+        (9102, "", "a transform is missing (Nav2 error 9102)"),
+        (9999, "", "unknown cause (Nav2 error 9999)"),
+    ],
+)
+def test_failures(code, text, words):
+    assert failure(code, text) == words
+
+
+# Names of the constants of nav2_msgs: Jazzy, then what Kilted and Lyrical add.
+CODES = [
+    *range(101, 108), *range(201, 209), *range(301, 310), *range(401, 408), *range(501, 506), 601,
+    *range(701, 704), *range(711, 715), *range(721, 725), 731, 732, *range(901, 907),
+    602, 603, 741, 907, 9001, 9002, 9003, 9101, 9102, 9103,
+    1, 2, 108,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_every_code_of_every_release_has_words(code):
+    words = failure(code)
+    assert words.endswith(f" (Nav2 error {code})")
+    assert "unknown" not in words.replace("the dock is unknown", "")
+
+
+@pytest.mark.parametrize(
+    ("remaining_m", "recoveries", "words"),
+    [
+        (12.34, 0, "12.3 m to go"),
+        (12.34, 1, "12.3 m to go, 1 recovery"),
+        (math.nan, 3, "3 recoveries"),
+        (math.inf, 0, ""),
+    ],
+)
+def test_progress(remaining_m, recoveries, words):
+    assert progress(remaining_m, recoveries) == words

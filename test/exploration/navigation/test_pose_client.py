@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.mission.actions import ANYBODYS, FORGOTTEN
+from soilmoist_ros.exploration.mission.events import ANYBODYS, FORGOTTEN
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.pose_client import CancelAll, PoseClient, SendPose
-from soilmoist_ros.exploration.navigation.way_points import way_points
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, way_points
 
 GOAL = Stop("goal", 10.0, 0.0)
 TO_GOAL = way_points([(0.0, 0.0), (10.0, 0.0)], GOAL)

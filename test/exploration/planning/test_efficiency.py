@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.planning.efficiency import CLOSE, least_variance
 from soilmoist_ros.mapping import PoissonKriging, Variogram
-from soilmoist_ros.mapping.variogram.amplitude import Amplitude
+from soilmoist_ros.mapping.variogram.model import Amplitude
 
 X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(2.0, 40.0, 4.0), np.arange(2.0, 30.0, 4.0)))
 CELLS = np.column_stack([X, Y])

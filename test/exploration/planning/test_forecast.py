@@ -1,12 +1,31 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A forecast in words and as text that comes back."""
+"""Forecasts: in words and as text that comes back, and for fields without differences."""
 
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from soilmoist_ros.exploration.planning import forecast as forecaster
 from soilmoist_ros.exploration.planning.forecast import Forecast, forecast_from_text, forecast_to_text
+from soilmoist_ros.exploration.planning.forecaster import (
+    CERTAIN,
+    SHOWN,
+    Forecaster,
+    differences,
+    map_forecast,
+    prior_forecast,
+)
+from soilmoist_ros.exploration.planning.properties import Property
+from soilmoist_ros.mapping import Variogram
+from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.knowledge import EarlierSurvey, Knowledge
+from soilmoist_ros.mapping.samples import as_samples
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 
 FORECAST = Forecast(0.0243, (1050.0, 2100.0), (0.022, 0.0199), (1.1, 1.2), 0.023, 4.0)
 DONE = Forecast(0.0243, (), (), (), 0.023, 4.0)
@@ -38,3 +57,180 @@ def test_it_comes_back_from_text(forecast):
 def test_other_texts_are_refused(text):
     with pytest.raises(ValueError, match="not a forecast"):
         forecast_from_text(text)
+
+
+# Forecasts of the map's standard deviation agree with kriging, and fall with the time left ----------------------
+
+GRID = FieldGrid.from_polygon(np.array([[0, 0], [40, 0], [40, 20], [0, 20]], float), 4.0)
+CELLS = GRID.cells
+PLACES = np.array([(x, y) for x in (3.0, 11.0, 19.0, 27.0, 35.0) for y in (4.0, 16.0)])
+CURVE = CalibrationCurve(n0_cps=7.0, bulk_density_gcm3=1.4)
+
+
+def samples_of(rate, seed=0, exposure_s=100.0, places=PLACES):
+    """Counts of a rate, a number or one for each place."""
+    exposures = np.full(len(places), exposure_s)
+    counts = np.random.default_rng(seed).poisson(np.broadcast_to(rate, len(places)) * exposures)
+    return as_samples(places, counts, exposures)
+
+
+def mapped(rate=4.0, variogram=None, curve=None, **more):
+    samples, field_map = samples_of(rate, **more), FieldMap(GRID, FieldMapSettings(for_planning=True))
+    fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=40.0)
+    variogram = variogram or Variogram("matern32", 0.02, 9.0, 0.3)
+    field_map.set_samples(samples, replace(fit, variogram=variogram, mean_rate=4.0))
+    field_map.update()
+    return Property(field_map, curve=curve)
+
+
+def test_the_standard_deviation_now_is_that_of_the_map():
+    of = mapped()
+    variance = of.field_map.variance.mean() / of.field_map.rate.mean() ** 2
+    assert map_forecast(of, CELLS, 3600.0).sd == pytest.approx(math.sqrt(variance), rel=1e-9)
+
+
+def test_that_of_a_moisture_map_is_in_its_unit():
+    found = map_forecast(mapped(curve=CURVE), CELLS, 3600.0)
+    field_map = mapped().field_map
+    assert found.moisture
+    assert found.sd == pytest.approx(
+        math.sqrt(np.mean(CURVE.weight(field_map.rate) * field_map.variance)), rel=1e-9
+    )
+
+
+def test_counts_spread_evenly_lower_it_as_kriging_says(monkeypatch):
+    monkeypatch.setattr(forecaster, "EFFICIENCY", 1.0)
+    monkeypatch.setattr(forecaster, "LEARNING", 0.0)
+    of, left_s = mapped(), 1800.0
+    kriging = of.field_map.kriging
+    rate, variance = kriging.predict(CELLS)
+    covariance = kriging.covariance(CELLS)
+    noise = np.diag(len(CELLS) * rate / left_s)
+    left = covariance - covariance @ np.linalg.solve(covariance + noise, covariance)
+    nugget = variance - np.diag(covariance)
+    expected = math.sqrt(np.mean(np.diag(left) + nugget)) / rate.mean()
+    assert map_forecast(of, CELLS, left_s).sd_end == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize("curve", [None, CURVE])
+def test_it_falls_with_the_time_and_the_share_of_it_that_counts(curve):
+    found = map_forecast(mapped(curve=curve), CELLS, 3600.0)
+    assert found.sd > found.sds[0]
+    assert list(found.sds) == sorted(found.sds, reverse=True)
+    assert found.at(0.0) == found.sd
+    assert found.at(3600.0) == found.sd_end
+    assert 0 < found.gain < 1
+    assert map_forecast(mapped(curve=curve), CELLS, 3600.0, share=0.5).sd_end > found.sd_end
+
+
+def test_the_band_widens_with_the_time_ahead():
+    factors = map_forecast(mapped(), CELLS, 3600.0).factors
+    assert list(factors) == sorted(factors)
+    assert factors[0] > 1
+    later = map_forecast(mapped(exposure_s=500.0), CELLS, 3600.0).factors
+    assert later[-1] < factors[-1], "what is known for longer is known better"
+
+
+def test_at_the_end_nothing_is_ahead():
+    of = mapped()
+    found = Forecaster(CELLS, GRID.extent_m, 4.0).achieved(of)
+    assert (found.times_s, found.sds, found.sd_end) == ((), (), found.sd)
+    assert found.sd == map_forecast(of, CELLS, 60.0).sd
+    empty = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))
+    assert Forecaster(CELLS, GRID.extent_m, 4.0).achieved(empty) is None
+
+
+def test_before_the_first_map_the_prior_is_a_guess():
+    found = prior_forecast(CELLS, GRID.extent_m, 4.0, 7200.0)
+    assert found.is_guess
+    assert found.sd > 0.15
+    assert found.sd_end < 0.05
+    assert prior_forecast(CELLS, GRID.extent_m, 0.05, 7200.0).sd_end > 2 * found.sd_end, "fewer counts say less"
+    assert prior_forecast(CELLS, GRID.extent_m, 4.0, 7200.0, 0.1).moisture
+
+
+def test_before_the_first_map_earlier_surveys_tell_more_than_the_guess():
+    rate = 4.0 + 0.6 * np.sin(CELLS[:, 0] / 6.0)
+    surveys = [EarlierSurvey(f"{day}", 86400.0 * day, samples_of(rate, day, 200.0, CELLS)) for day in range(4)]
+    some = [FieldMap(GRID, knowledge=Knowledge(tuple(surveys[:count]))) for count in (1, 4)]
+    guess, one, four = (
+        Forecaster(CELLS, GRID.extent_m, 4.0).forecast(Property(field_map), 0.0, 600.0)
+        for field_map in (FieldMap(GRID), *some)
+    )
+    assert guess.is_guess
+    assert four.is_guess
+    assert four.sd_end < 0.85 * one.sd_end
+    assert one.mean_rate_cps == pytest.approx(surveys[0].samples.mean_rate_cps)
+
+
+def test_forecasts_are_not_made_more_often_than_useful():
+    of, maker = mapped(), Forecaster(CELLS, GRID.extent_m, 4.0)
+    assert maker.forecast(of, 100.0, 3500.0) is not None
+    assert maker.forecast(of, 130.0, 3470.0) is None
+    assert maker.forecast(of, 160.0, 3440.0) is not None
+    assert maker.forecast(of, 3600.0, 0.0) is None, "nothing is left to forecast"
+    guess = Forecaster(CELLS, GRID.extent_m, 4.0).forecast(
+        Property(FieldMap(GRID, FieldMapSettings(for_planning=True))), 0.0, 3600.0
+    )
+    assert guess is not None
+    assert guess.is_guess
+
+
+def test_a_uniform_field_is_told_after_a_fifth_of_the_time_and_never_again_once_it_varies():
+    uniform = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))
+    uniform.field_map.set_samples(samples_of(4.0, 3, 200.0))
+    uniform.field_map.update()
+    maker = Forecaster(CELLS, GRID.extent_m, 4.0)
+    assert maker.forecast(uniform, 1000.0, 6200.0).hidden is None
+    told = maker.forecast(uniform, 1800.0, 5400.0)
+    assert told.hidden is not None
+    assert "no differences" in told.text
+    varying = mapped(np.where(PLACES[:, 0] < 20, 3.0, 5.0), exposure_s=200.0)
+    assert maker.forecast(varying, 3000.0, 4200.0).hidden is None
+    assert maker.forecast(uniform, 4000.0, 3200.0).hidden is None
+
+
+# Uniform fields are told from those that vary, if the counts suffice --------------------------------------------
+
+LATTICE = np.array([(x, y) for x in np.arange(2.0, 60, 8) for y in np.arange(2.0, 50, 8)])
+
+
+def of(rate, seed=0, exposure_s=40.0, places=LATTICE):
+    exposures = np.full(len(places), exposure_s)
+    counts = np.random.default_rng(seed).poisson(np.broadcast_to(rate, len(places)) * exposures)
+    return differences(as_samples(places, counts, exposures), "matern32", 78.0)
+
+
+def test_most_uniform_fields_are_told():
+    told = [limit for seed in range(20) if (limit := of(4.0, seed).hidden) is not None]
+    assert len(told) >= 18
+    assert 0.01 < np.median(told) <= 0.08
+
+
+@pytest.mark.parametrize("rate", [np.where(LATTICE[:, 0] < 30, 3.5, 4.5), 4 + 0.7 * np.sin(LATTICE[:, 1] / 8)])
+def test_fields_that_vary_are_not(rate):
+    found = [of(rate, seed) for seed in range(5)]
+    assert all(one.hidden is None for one in found)
+    assert min(one.evidence for one in found) > CERTAIN
+    assert all(one.limit > np.std(rate) / 4 for one in found), "the limit is above the truth"
+
+
+def test_more_counts_hide_less():
+    limits = [
+        np.median([of(4.0, seed, exposure_s).limit for seed in range(9)]) for exposure_s in (20.0, 80.0, 320.0)
+    ]
+    assert limits[0] > limits[1] > limits[2]
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.0])
+def test_few_counts_tell_nothing(rate):
+    found = of(rate)
+    assert found.hidden is None
+    assert found.evidence < SHOWN
+    assert of(4.0, places=LATTICE[:2]).limit == math.inf
+
+
+def test_many_samples_are_pooled():
+    many = np.random.default_rng(1).uniform((0, 0), (60, 50), (600, 2))
+    assert of(4.0, 1, 10.0, many).hidden <= 0.08
+    assert of(np.where(many[:, 0] < 30, 3.6, 4.4), 1, 10.0, many).evidence > CERTAIN

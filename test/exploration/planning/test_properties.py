@@ -10,21 +10,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.control.explorer import Explorer, cell_stops
-from soilmoist_ros.exploration.mission.actions import RequestPlan
-from soilmoist_ros.exploration.mission.types import PlanKind
+from soilmoist_ros.exploration.control.explorer import Explorer
+from soilmoist_ros.exploration.control.field_access import cell_stops
+from soilmoist_ros.exploration.mission.events import RequestPlan
+from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, MarginalValue, parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
 from soilmoist_ros.exploration.planning.properties import Property, variation
-from soilmoist_ros.exploration.strategies.ground import Ground
+from soilmoist_ros.exploration.planning.property_names import property_name, property_weights
+from soilmoist_ros.exploration.strategies.cost_benefit_tour import Ground, design
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
-from soilmoist_ros.exploration.strategies.tour_design import design
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping import Variogram
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.samples.samples import as_samples
+from soilmoist_ros.mapping.samples import as_samples
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 
 GRID = FieldGrid.from_polygon(np.array([[0, 0], [40, 0], [40, 20], [0, 20]], float), 2.5)
@@ -51,7 +52,8 @@ def field_map(places=LATTICE, rate=4.0, seed=0, sill=1.0, range_m=8.0, nugget=0.
 def explorer(strategy, properties=(), first=None, dwell="optimal", seed=0):
     return Explorer(
         [Property(first or field_map()), *properties], STOPS, FreeTravel(RobotMotion()), make_strategy(strategy),
-        warm_up(strategy, "paper")[1], parse_dwell(dwell), np.random.default_rng(seed),
+        warm_up(strategy, "paper")[1], MissionRules(budget_s=7200, dwell=parse_dwell(dwell)),
+        np.random.default_rng(seed),
     )  # fmt: skip
 
 
@@ -228,3 +230,42 @@ def test_without_a_price_a_second_property_alone_is_reason_to_count():
     assert rule.expected_s(4.0) == rule.longest_s
     assert MarginalValue(0.0, 1.0, 0.0, others=((0.0, 1.0, 1.0),)).expected_s(4.0) == 0.0
     assert not math.isnan(rule.progress(10, 20.0))
+
+
+# Names of further properties ------------------------------------------------------------------------------------
+
+
+def test_names_with_and_without_weights():
+    texts = ["compaction:0.5", "/salt", "r1/clay/", "/depth_2:0", "compaction:2"]
+    assert property_weights(texts) == {"compaction": 2.0, "/salt": 1.0, "r1/clay": 1.0, "/depth_2": 0.0}
+    assert property_weights([]) == {}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "/", "a b", "2nd", "a//b", "a/2", "a-b", "a:", "a:much", "a:-1", "a:nan", "a:inf"]
+)
+def test_what_is_no_namespace_with_a_weight_is_refused(text):
+    with pytest.raises(InputError, match="is not a namespace with a weight"):
+        property_weights([text])
+
+
+@pytest.mark.parametrize(
+    ("field", "name"),
+    [
+        ("rough", "rough"),
+        ("synthetic-low", "synthetic_low"),
+        ("fields/my clay.yaml", "my_clay"),
+        ("fields/layer.2.yml", "layer_2"),
+        ("2nd.yaml", "property_2nd"),
+    ],
+)
+def test_the_name_of_a_field_makes_a_namespace(field, name):
+    assert property_name(field) == name
+
+
+@pytest.mark.slow
+@given(st.text())
+def test_any_name_makes_one(field):
+    name = property_name(field)
+    assert property_weights([name]) == {name: 1.0}
+    assert "/" not in name

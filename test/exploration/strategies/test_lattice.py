@@ -11,8 +11,7 @@ from soilmoist_ros.exploration.planning.dwell import Optimal, parse_dwell
 from soilmoist_ros.exploration.planning.prospect import Counting
 from soilmoist_ros.exploration.strategies.lattice import Lattice, least_tour_s
 from soilmoist_ros.exploration.strategies.route import open_route
-from soilmoist_ros.exploration.strategies.rules import whole_records
-from soilmoist_ros.exploration.strategies.strategy import RECORDS_OF_10_S, Situation
+from soilmoist_ros.exploration.strategies.strategy import RECORDS_OF_10_S, Situation, whole_records
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 

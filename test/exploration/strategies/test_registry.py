@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import chisquare
 
 from soilmoist_ros.exploration.planning.dwell import Optimal
+from soilmoist_ros.exploration.strategies.published import AdaptiveSampling
 from soilmoist_ros.exploration.strategies.registry import (
     STRATEGIES,
     StrategyKind,
@@ -15,9 +16,7 @@ from soilmoist_ros.exploration.strategies.registry import (
     warm_up,
 )
 from soilmoist_ros.exploration.strategies.route import timed_route
-from soilmoist_ros.exploration.strategies.rules import PRESETS, Preset, weighted_order
-from soilmoist_ros.exploration.strategies.strategy import Choice, Situation
-from soilmoist_ros.exploration.strategies.tours import AdaptiveSampling
+from soilmoist_ros.exploration.strategies.strategy import PRESETS, Choice, Preset, Situation, weighted_order
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError

@@ -39,14 +39,14 @@ def parse(content):
 
 
 def test_a_map_made_of_a_graph_holds_the_graph():
-    made = make_topological_map(graph(), "farm", NOON, metric_map="yard", pointset="all")
-    assert (made.name, made.metric_map, made.pointset) == ("farm", "yard", "all")
+    made = make_topological_map(graph(), "farm", NOON)
+    assert made.name == made.document["metric_map"] == made.document["pointset"] == "farm"
     assert made.graph.names == graph().names
     np.testing.assert_allclose(made.graph.xy, graph().xy, atol=5e-5)
     np.testing.assert_array_equal(made.graph.edges, graph().edges)
     assert made.document["meta"]["last_updated"] == "2024-05-17_12-00-03"
     node = made.document["nodes"][0]
-    assert node["meta"] == {"map": "yard", "node": "gate", "pointset": "all"}
+    assert node["meta"] == {"map": "farm", "node": "gate", "pointset": "farm"}
     edge = node["node"]["edges"][0]
     assert (edge["edge_id"], edge["node"], edge["fail_policy"]) == ("gate_row 1", "row 1", "fail")
     assert node["node"]["properties"]["xy_goal_tolerance"] == 0.3

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import FreeTravel, GraphTravel, RobotMotion, along, polyline_length_m
+from soilmoist_ros.exploration.travel.travel import (
+    FreeTravel,
+    GraphTravel,
+    RobotMotion,
+    along,
+    polyline_length_m,
+    polyline_turn_rad,
+)
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
 
 SQUARE = np.array([[0, 0], [10, 0], [10, 10], [0, 10]], float)
@@ -23,7 +30,9 @@ def stops(*places):
 
 def test_published_motion():
     assert RobotMotion().travel_s(6.0) == pytest.approx(22.0)
-    assert RobotMotion(1, 2, 3).polyline_s(np.array([[0, 0], [1, 0], [1, 1]])) == pytest.approx(4 + 3 * np.pi / 2)
+    way = np.array([[0, 0], [1, 0], [1, 1]])
+    time_s = RobotMotion(1, 2, 3).travel_s(polyline_length_m(way), polyline_turn_rad(way))
+    assert time_s == pytest.approx(4 + 3 * np.pi / 2)
     with pytest.raises(ValueError, match="speed_mps"):
         RobotMotion(speed_mps=0)
     with pytest.raises(ValueError, match="turn_s_per_rad"):
@@ -41,13 +50,13 @@ def test_the_way_bends_around_a_no_go_area():
     way = travel.route((1, 5), Stop("s", 9, 6))
     np.testing.assert_allclose(way, [[1, 5], [4, 8], [6, 8], [9, 6]])
     expected = np.sqrt(18) + 2 + np.sqrt(13)
-    assert travel.length_m((1, 5), Stop("s", 9, 6)) == pytest.approx(expected)
+    assert travel.lengths_m(np.array((1, 5)), [Stop("s", 9, 6)])[0] == pytest.approx(expected)
     np.testing.assert_allclose(travel.travel_s((1, 5), stops((9, 6), (1, 9))), [expected, 4])
 
 
 def test_a_way_may_run_along_a_no_go_area():
     travel = FreeTravel(STILL, [SQUARE], [BLOCK])
-    assert travel.length_m((4, 0), Stop("s", 4, 10)) == pytest.approx(10)
+    assert travel.lengths_m(np.array((4, 0)), [Stop("s", 4, 10)])[0] == pytest.approx(10)
 
 
 def test_a_way_stays_inside_a_field_that_is_not_convex():
@@ -62,15 +71,15 @@ def test_places_inside_a_no_go_area_outside_or_in_another_part_cannot_be_reached
     np.testing.assert_array_equal(np.isfinite(travel.travel_s((1, 1), places)), [False, False, False, True])
     with pytest.raises(ValueError, match="s0 cannot be reached"):
         travel.route((1, 1), places[0])
-    assert travel.length_m((1, 1), places[1]) == np.inf
-    assert FreeTravel(STILL, [SQUARE]).length_m((1, 1), places[1]) == np.inf
+    assert travel.lengths_m(np.array((1, 1)), [places[1]])[0] == np.inf
+    assert FreeTravel(STILL, [SQUARE]).lengths_m(np.array((1, 1)), [places[1]])[0] == np.inf
 
 
 def test_a_robot_outside_enters_at_the_nearest_place():
     travel = FreeTravel(STILL, [SQUARE], [BLOCK])
     np.testing.assert_allclose(travel.route((-2, 3), Stop("s", 3, 7)), [[-2, 3], [0, 3], [3, 7]])
-    assert travel.length_m((-2, 3), Stop("s", 3, 7)) == pytest.approx(7)
-    assert travel.length_m((4.5, 5), Stop("s", 3, 5)) == pytest.approx(1.5)
+    assert travel.lengths_m(np.array((-2, 3)), [Stop("s", 3, 7)])[0] == pytest.approx(7)
+    assert travel.lengths_m(np.array((4.5, 5)), [Stop("s", 3, 5)])[0] == pytest.approx(1.5)
 
 
 def test_times_between_are_symmetric_and_obey_the_triangle_inequality():
@@ -96,8 +105,8 @@ def test_time_and_length_are_those_of_the_route(turn):
             times = travel.travel_s(place, nodes[:2] + nodes[3:])
             for stop, time in zip(nodes[:2] + nodes[3:], times, strict=True):
                 way = travel.route(place, stop)
-                assert time == pytest.approx(motion.polyline_s(way))
-                assert travel.length_m(place, stop) == pytest.approx(polyline_length_m(way))
+                assert time == pytest.approx(motion.travel_s(polyline_length_m(way), polyline_turn_rad(way)))
+                assert travel.lengths_m(np.array(place), [stop])[0] == pytest.approx(polyline_length_m(way))
 
 
 def test_graph_travel_enters_at_the_nearest_node_and_follows_the_ways():

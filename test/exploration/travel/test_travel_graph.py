@@ -1,16 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""The travel graph: its routes and mistakes, and graphs built from the outline of a field."""
+
 from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.exploration.travel import travel_graph
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
+from soilmoist_ros.exploration.travel.travel_graph import TravelGraph, crop_rows, open_lattice
 from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping.field import Field
 
 NODES = [Stop("a", 0, 0), Stop("b", 3, 0), Stop("c", 3, 4), Stop("d", 0, 4)]
 RING = [("a", "b"), ("b", "c"), ("c", "d"), ("d", "a")]
@@ -51,8 +56,9 @@ def test_edges_are_directed():
     assert graph.path("a", "a") == ("a",)
 
 
-def test_the_shortest_of_parallel_ways_counts_and_lengths_may_be_given():
-    graph = TravelGraph.from_edges(NODES[:2], [("a", "b"), ("a", "b"), ("b", "a")], [9, 7, 0])
+def test_the_shortest_of_parallel_ways_counts():
+    edges = np.array([(0, 1), (0, 1), (1, 0)], np.intp)
+    graph = TravelGraph(("a", "b"), np.array([(0.0, 0.0), (3.0, 0.0)]), edges, np.array([9.0, 7.0, 0.0]))
     assert graph.distance_m("a", "b") == 7
     assert graph.distance_m("b", "a") == 0
 
@@ -95,18 +101,12 @@ def test_nodes_that_cannot_be_reached_or_not_be_left_are_named():
         "no way leads back to the rest of the graph from trap",
     ]
     graph = TravelGraph.from_edges(nodes, edges, connected=False)
-    assert graph.reachable("a") == {"a", "b", "c", "d", "trap"}
+    assert np.isfinite(graph.distances_from("a")).tolist() == [True] * 4 + [False, True]
     assert graph.path("a", "source") == ()
     assert graph.distance_m("a", "source") == np.inf
     part = graph.part(graph.components() == 0)
     assert part.names == ("a", "b", "c", "d")
     assert part.distance_m("b", "a") == graph.distance_m("b", "a")
-
-
-@pytest.mark.parametrize("lengths", [[1, 2, 3], [1, 2, 3, -1], [1, 2, 3, np.nan]])
-def test_bad_lengths_are_refused(lengths):
-    with pytest.raises(InputError, match="length"):
-        TravelGraph.from_edges(NODES, RING, lengths)
 
 
 def test_an_empty_graph_and_an_unknown_name_are_refused():
@@ -122,3 +122,147 @@ def test_a_node_is_reached_nearer_to_it_than_to_any_other():
     assert [stop.reach_m for stop in graph.stops] == pytest.approx([1.0, 0.3, 0.3, 9.0], abs=0.01)
     assert graph.crowded().endswith("0.6 m: b, c")
     assert TravelGraph.from_edges([Stop("alone", 0.0, 0.0)], []).stops[0].reach_m == np.inf
+
+
+# Graphs built from a field --------------------------------------------------------------------------------------
+
+
+def field_of(polygon, *no_go):
+    frame = LocalFrame(53.0, -0.5)
+    return Field("test", frame, np.array(polygon, float), tuple(np.array(ring, float) for ring in no_go))
+
+
+def box(left, bottom, right, top):
+    return [[left, bottom], [right, bottom], [right, top], [left, top]]
+
+
+def lines_of(graph):
+    return shapely.linestrings(graph.xy[graph.edges])
+
+
+def is_symmetric(graph):
+    ways = {tuple(pair) for pair in graph.edges.tolist()}
+    return ways == {(b, a) for a, b in ways}
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=30)
+@given(
+    st.floats(4, 30),
+    st.sampled_from([4, 8]),
+    st.sampled_from([0, 0.5, 3]),
+    st.tuples(st.integers(5, 60), st.integers(5, 60)),
+)
+def test_a_lattice_is_symmetric_connected_and_stays_off_no_go_areas(spacing, neighbours, margin, corner):
+    no_go = box(*corner, corner[0] + 25, corner[1] + 13)
+    field = field_of([[0, 0], [100, 0], [120, 70], [40, 100], [0, 60]], no_go)
+    graph = open_lattice(field, spacing, neighbours=neighbours, margin_m=margin).graph
+    assert is_symmetric(graph)
+    assert not graph.components().any()
+    area = shapely.Polygon(field.polygon).difference(shapely.Polygon(no_go)).buffer(-margin).buffer(0.01)
+    if len(graph.edges):
+        assert shapely.covers(area, lines_of(graph)).all()
+        assert graph.length_m.max() <= spacing * (1.5 if neighbours == 8 else 1) + 2e-4, "places are rounded"
+
+
+def test_a_full_lattice_has_all_its_ways():
+    for neighbours, ways in ((4, 2 * 2 * 3 * 4), (8, 2 * (2 * 3 * 4 + 2 * 9))):
+        built = open_lattice(field_of(box(0, 0, 30, 30)), 10, neighbours=neighbours)
+        assert len(built.graph.names) == 16
+        assert len(built.graph.edges) == ways
+        assert built.dropped == ()
+    assert built.graph.names[:2] == ("r1c1", "r1c2")
+
+
+def test_what_a_wall_cuts_off_is_reported():
+    built = open_lattice(field_of(box(0, 0, 60, 20), box(41, -1, 44, 21)), 10)
+    assert built.graph.xy[:, 0].max() == 40
+    assert {stop.x_m for stop in built.dropped} == {50, 60}
+    assert "left out, since no way leads there: r1c6" in built.summary
+
+
+def test_bad_spacings_are_refused():
+    field = field_of(box(0, 0, 30, 30))
+    with pytest.raises(InputError, match="spacing_m must be > 0"):
+        open_lattice(field, 0)
+    with pytest.raises(InputError, match="at most"):
+        open_lattice(field, 0.01)
+    with pytest.raises(InputError, match="smaller than 40 m"):
+        open_lattice(field_of(box(0, 0, 30, 30), box(10, 10, 20, 20)), 40)
+
+
+def test_a_graph_that_leads_nowhere_is_refused():
+    with pytest.raises(InputError, match=r"only one node.* -> use a spacing smaller than 40 m"):
+        open_lattice(field_of(box(0, 0, 30, 30)), 40)
+    with pytest.raises(InputError, match=r"-> a margin of 15 m leaves nothing of the field: use a smaller one"):
+        open_lattice(field_of(box(0, 0, 30, 30)), 5, margin_m=15)
+    with pytest.raises(InputError, match="2 nodes, but no way between them"):
+        open_lattice(field_of(box(0, 0, 30, 10), box(14, -1, 16, 11)), 30)
+
+
+def rows_without_headlands(graph):
+    keep = np.array([not name.endswith(("-start", "-end")) for name in graph.names])
+    return graph.part(keep)
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=30)
+@given(st.floats(0, 360), st.floats(3, 12), st.floats(4, 20), st.floats(3, 8))
+def test_rows_are_left_only_at_their_ends(heading, row_spacing, node_spacing, headland):
+    field = field_of([[0, 0], [100, 0], [120, 70], [40, 100], [0, 60]])
+    graph = crop_rows(field, row_spacing, node_spacing, heading, headland).graph
+    assert is_symmetric(graph)
+    assert not graph.components().any()
+    assert shapely.covers(shapely.Polygon(field.polygon).buffer(0.01), lines_of(graph)).all()
+    rows = rows_without_headlands(graph)
+    part = rows.components()
+    row_of = np.array([name.split("-")[0] for name in rows.names])
+    for number in range(part.max() + 1):
+        assert len(set(row_of[part == number])) == 1
+    assert len(set(row_of)) == part.max() + 1
+    within = row_of[rows.edges[:, 0]] == row_of[rows.edges[:, 1]]
+    assert within.all()
+    assert rows.length_m.max(initial=0) <= node_spacing + 1e-6
+    direction = np.array([np.sin(np.radians(heading)), np.cos(np.radians(heading))])
+    legs = rows.xy[rows.edges[:, 1]] - rows.xy[rows.edges[:, 0]]
+    np.testing.assert_allclose(abs(legs @ direction), rows.length_m, atol=1e-6)
+
+
+def test_rows_of_a_rectangle():
+    built = crop_rows(field_of(box(0, 0, 20, 100)), 5, 30, 0, 10)
+    assert built.dropped == ()
+    assert [name for name in built.graph.names if name.startswith("row2")] == [
+        "row2-start", "row2-1", "row2-2", "row2-3", "row2-4", "row2-end",
+    ]  # fmt: skip
+    row = built.graph.xy[[built.graph.index(f"row2-{k}") for k in ("start", "1", "4", "end")]]
+    np.testing.assert_allclose(row, [[7.5, 5], [7.5, 10], [7.5, 90], [7.5, 95]])
+    assert built.graph.distance_m("row2-2", "row3-2") == pytest.approx(2 * 31.67 + 5, abs=0.01)
+
+
+def test_a_row_cut_by_a_no_go_area_is_left_backwards():
+    built = crop_rows(field_of(box(0, 0, 20, 100), box(6, 40, 9, 60)), 5, 10, 0, 10)
+    graph = built.graph
+    assert graph.path("row2-3", "row2-7")[0:4] == ("row2-3", "row2-2", "row2-1", "row2-start")
+    assert graph.path("row2-3", "row2-7")[-2:] == ("row2-8", "row2-7")
+    two = crop_rows(field_of(box(0, 0, 20, 100), box(6, 20, 9, 25), box(6, 70, 9, 75)), 5, 10, 0, 10)
+    assert {stop.name for stop in two.dropped} == {f"row2-{k}" for k in range(3, 8)}
+
+
+def test_a_row_met_twice_has_two_parts():
+    hook = [[0, 0], [40, 0], [40, 100], [0, 100], [0, 70], [20, 70], [20, 30], [0, 30]]
+    graph = crop_rows(field_of(hook), 10, 10, 0, 5).graph
+    assert {"row1-start", "row1b-start", "row3-start"} <= set(graph.names)
+    assert "row3b-start" not in graph.names
+    parts = rows_without_headlands(graph).components()
+    assert parts.max() + 1 == 6
+
+
+def test_a_field_without_room_for_rows_is_refused():
+    with pytest.raises(InputError, match="no node"):
+        crop_rows(field_of(box(0, 0, 20, 9)), 5, 10, 0, 10)
+    with pytest.raises(InputError, match="headland_m must be > 0"):
+        crop_rows(field_of(box(0, 0, 20, 9)), 5, 10, 0, 0)
+
+
+def test_the_graph_of_a_builder_is_a_travel_graph():
+    assert isinstance(open_lattice(field_of(box(0, 0, 30, 30)), 10).graph, TravelGraph)

@@ -16,8 +16,8 @@ from soilmoist_ros.mapping.kriging import rows as kriging_rows
 from soilmoist_ros.mapping.kriging.raster import MIN_FEATURES, RasterKriging
 from soilmoist_ros.mapping.kriging.rows import BLOCK, MIN_TAIL
 from soilmoist_ros.mapping.kriging.tile_covariances import TileCovariances
-from soilmoist_ros.mapping.samples.spread import path_spread
-from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.mapping.samples import path_spread
+from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 
 SMALL = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 40)], 4.0)
 FINE = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 40)], 1.0)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from soilmoist_ros.mapping import Variogram
 from soilmoist_ros.mapping.kriging.covariances import PointCovariances
 from soilmoist_ros.mapping.kriging.tile_covariances import CELLS, MARGIN, POINTS, TileCovariances, tile_shape
-from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 
 MOST = 10**9
 ERROR = 1e-12

@@ -14,7 +14,7 @@ from soilmoist_ros.mapping import PoissonKriging, Variogram
 from soilmoist_ros.mapping.kriging import raster as raster_module
 from soilmoist_ros.mapping.kriging.tile_covariances import MARGIN
 from soilmoist_ros.mapping.kriging.tile_forms import find_skeleton, find_tiles
-from soilmoist_ros.mapping.variogram.amplitude import Amplitude
+from soilmoist_ros.mapping.variogram.model import Amplitude
 
 SMOOTH = ("exponential", "gaussian", "matern32", "matern52")
 OF_SILL = 1e-8

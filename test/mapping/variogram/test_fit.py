@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from soilmoist_ros.mapping import Variogram, fit_variogram
-from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 
 METHODS = ["reml", "soft_l1"]
 

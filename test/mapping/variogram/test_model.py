@@ -1,11 +1,40 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Variogram models: correlations, anisotropy and amplitudes, also in maps."""
+
+import dataclasses
+import functools
+import math
+from importlib.metadata import EntryPoint
+from unittest import mock
+
 import mpmath
 import numpy as np
+import pydantic
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import BSpline
+from scipy.spatial.distance import cdist
 
-from soilmoist_ros.mapping import Variogram
-from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.exploration.planning.efficiency import least_variance
+from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
+from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
+from soilmoist_ros.mapping.variogram import model as correlation
+from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.model import (
+    BUILT_IN,
+    VARIOGRAM_MODELS,
+    Amplitude,
+    CorrelationModel,
+    ModelName,
+    isotropic_plane,
+    knots,
+    lattice,
+    spline_matrix,
+)
+from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
+from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood, maximise_reml
 
 EXACT = {
     "gaussian": lambda u: mpmath.exp(-(u**2)),
@@ -81,3 +110,375 @@ def test_the_models_do_not_change_their_argument():
 def test_variogram_refuses(arguments, message):
     with pytest.raises(ValueError, match=message):
         Variogram(*arguments)
+
+
+def cauchy(q):
+    return 1 / (1 + q)
+
+
+def cauchy_with_slope(q):
+    return cauchy(q), 2 * q / (1 + q) ** 2
+
+
+CAUCHY = CorrelationModel(cauchy, cauchy_with_slope, 4.36, "Cauchy")
+NOT_ONE = dataclasses.replace(CAUCHY, correlation=lambda q: 0 * q)
+
+
+@pytest.fixture
+def plug_in():
+    def install(name):
+        point = EntryPoint("cauchy", f"{__name__}:{name}", "soilmoist_ros.variogram_models")
+        patch = mock.patch("importlib.metadata.entry_points", return_value=[point])
+        patch.start()
+        VARIOGRAM_MODELS.refresh()
+
+    yield install
+    mock.patch.stopall()
+    VARIOGRAM_MODELS.refresh()
+
+
+def test_a_model_of_another_package_is_fitted_and_known_by_name(plug_in):
+    plug_in("CAUCHY")
+    assert VARIOGRAM_MODELS.names() == [*BUILT_IN, "cauchy"]
+    assert Variogram("cauchy", 0.0, 10.0, 1.0)(10.0) == pytest.approx(0.5)
+    rng = np.random.default_rng(2)
+    samples = Samples(rng.uniform(0, 60, (20, 2)), rng.poisson(400, 20), np.full(20, 100.0))
+    fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s, "cauchy")
+    assert fit.variogram.model == "cauchy"
+    assert pydantic.TypeAdapter(ModelName).validate_python("cauchy") == "cauchy"
+
+
+@pytest.mark.parametrize(
+    ("name", "why"), [("cauchy", "must be a CorrelationModel"), ("NOT_ONE", "must be 1 at distance 0")]
+)
+def test_what_is_no_model_is_named(plug_in, name, why):
+    plug_in(name)
+    with pytest.raises(ValueError, match=why):
+        Variogram("cauchy", 0.0, 10.0, 1.0)
+
+
+def test_names_in_configuration_files_are_checked():
+    with pytest.raises(pydantic.ValidationError, match=r"did you mean 'matern32'"):
+        pydantic.TypeAdapter(ModelName).validate_python("matern3")
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_built_in_models_pass_the_check_of_plug_ins(name):
+    model = BUILT_IN[name]
+    assert correlation._checked(model) is model
+    assert model.label
+
+
+BOX = ((-10.0, 5.0), (50.0, 45.0))
+RNG = np.random.default_rng(3)
+TABLE = RNG.normal(0, 0.7, (6, 8))
+BUMPY = Amplitude(*BOX, tuple(map(tuple, TABLE)))
+PLACES = RNG.uniform((-30, -20), (70, 70), (200, 2))
+
+
+def test_the_logarithm_is_linear_in_the_coefficients():
+    expected = np.exp(spline_matrix(*BOX, TABLE.shape, PLACES) @ TABLE.ravel())
+    np.testing.assert_allclose(BUMPY(PLACES), expected, rtol=1e-12)
+
+
+def test_splines_are_a_partition_of_unity_and_reproduce_slopes():
+    inside = RNG.uniform(*BOX, (50, 2))
+    matrix = spline_matrix(*BOX, TABLE.shape, inside)
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0)
+    np.testing.assert_allclose(matrix @ knots(*BOX, TABLE.shape), inside)
+
+
+def test_splines_equal_those_of_scipy():
+    x = np.linspace(-10, 50, 31)
+    steps = np.arange(-3, 9) * 12.0 - 10.0  # eight splines over five intervals
+    expected = BSpline.design_matrix(np.minimum(x, 50 - 1e-9), steps, 3).toarray()
+    matrix = spline_matrix(*BOX, TABLE.shape, np.column_stack([x, np.full(31, 20.0)]))
+    np.testing.assert_allclose(matrix.reshape(31, 6, 8).sum(axis=1), expected, atol=1e-8)
+
+
+def test_outside_the_box_it_is_that_of_the_nearest_place_inside():
+    np.testing.assert_array_equal(BUMPY(PLACES), BUMPY(np.clip(PLACES, *BOX)))
+
+
+def test_a_place_does_not_depend_on_the_others_bit_for_bit():
+    alone = np.concatenate([BUMPY(place[None]) for place in PLACES])
+    np.testing.assert_array_equal(alone, BUMPY(PLACES))
+
+
+def test_it_is_smooth():
+    along = np.column_stack([np.linspace(-9, 49, 60_001), np.full(60_001, 30.0)])
+    slope = np.diff(np.log(BUMPY(along)), 2)
+    assert np.abs(slope).max() < 1e-6
+
+
+def test_spread_bounds_the_amplitudes_at_the_lattice():
+    low, high = BUMPY.spread
+    values = BUMPY(lattice(*BOX, TABLE.shape))
+    assert (low, high) == (values.min(), values.max())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((0, 0), (0, 5), TABLE), "must have an extent"),
+        ((*BOX, TABLE[:3]), "at least 4 x 4"),
+        ((*BOX, [*TABLE[:4], TABLE[0, :5]]), "at least 4 x 4"),
+        ((*BOX, TABLE * np.nan), "finite"),
+    ],
+)
+def test_bad_amplitudes_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Amplitude(*arguments)
+
+
+ratios = st.floats(1.0, 20.0)
+angles = st.floats(-360.0, 360.0)
+ways = np.random.default_rng(7).normal(0, 4, (30, 2))
+WAYS = np.column_stack([ways[:, 0] ** 2, ways[:, 0] * ways[:, 1], ways[:, 1] ** 2])
+
+
+def survey(n=30, seed=0, side=200.0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(0, side, (n, 2)), rng.poisson(900, n), rng.uniform(60, 600, n)
+
+
+def stretched(xy, ratio, angle_deg):
+    """Squeezed along a direction and stretched across, step by step: turned, scaled, turned back."""
+    angle = math.radians(angle_deg)
+    back = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    return xy @ back * [ratio**-0.5, ratio**0.5] @ back.T
+
+
+def moments(spread, ratio, angle_deg):
+    """Second moments of stretched areas."""
+    plane = stretched(np.eye(2), ratio, angle_deg)
+    matrices = plane.T @ spread[:, [0, 1, 1, 2]].reshape(-1, 2, 2) @ plane
+    return matrices.reshape(-1, 4)[:, [0, 1, 3]]
+
+
+@functools.cache
+def counted(ratio, angle_deg, n=120, seed=0, side=100.0, range_m=15.0):
+    """Counts at random places of a random field with this direction."""
+    truth = Variogram("matern32", 0.0, range_m, 0.3)
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, side, (n, 2))
+    there = stretched(xy, ratio, angle_deg)
+    covariance = truth.covariance(cdist(there, there)) + 1e-9 * np.eye(n)
+    rate = np.maximum(4 + np.linalg.cholesky(covariance) @ rng.standard_normal(n), 0.3)
+    return Samples(xy, rng.poisson(200 * rate), np.full(n, 200.0))
+
+
+# -- the model -------------------------------------------------------------------------------------------
+
+
+@given(ratios, angles)
+def test_the_range_is_the_geometric_mean_of_those_along_and_across(ratio, angle_deg):
+    variogram = Variogram("matern32", 0.0, 20.0, 1.0, ratio, angle_deg)
+    assert 0 <= variogram.angle_deg < 180
+    angle = math.radians(angle_deg)
+    along, across = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    for direction, range_m in ((along, 20 * ratio**0.5), (across, 20 / ratio**0.5)):
+        assert np.linalg.norm(variogram.scaled(range_m * direction)) == pytest.approx(1, rel=1e-9)
+    assert np.linalg.det(isotropic_plane(ratio, angle_deg)) == pytest.approx(1, rel=1e-9)
+
+
+@pytest.mark.parametrize(("angle_deg", "kept"), [(-30, 150), (180, 0), (-1e-20, 0), (725, 5)])
+def test_angles_are_kept_modulo_half_a_turn(angle_deg, kept):
+    assert Variogram("gaussian", 0, 1, 1, 2, angle_deg).angle_deg == kept
+
+
+# -- kriging ---------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.sampled_from(sorted(MODELS)), ratios, angles, st.booleans())
+def test_it_is_isotropic_kriging_of_stretched_places(model, ratio, angle_deg, keep_nugget):
+    xy, counts, exposure_s = survey()
+    targets = np.random.default_rng(1).uniform(-40, 240, (30, 2))
+    there = [stretched(places, ratio, angle_deg) for places in (xy, targets)]
+    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3, ratio, angle_deg), keep_nugget)
+    plain = PoissonKriging(Variogram(model, 0.02, 40, 0.3), keep_nugget)
+    kriging.fit(xy, counts, exposure_s)
+    plain.fit(there[0], counts, exposure_s)
+    for found, expected in zip(kriging.predict(targets), plain.predict(there[1]), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9)
+    found, expected = kriging.covariance(targets), plain.covariance(there[1])
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9)
+
+
+def test_ways_are_stretched_too():
+    """Lines remain lines, so here the quadrature is the same."""
+    xy, counts, exposure_s = survey(side=80.0)
+    variogram = Variogram("matern32", 0.02, 20, 0.3, 4, 30)
+    targets = np.random.default_rng(1).uniform(0, 80, (30, 2))
+    found = PoissonKriging(variogram).fit(xy, counts, exposure_s, WAYS / 12).predict(targets)
+    plain = PoissonKriging(Variogram("matern32", 0.02, 20, 0.3))
+    plain.fit(stretched(xy, 4, 30), counts, exposure_s, moments(WAYS / 12, 4, 30))
+    for one, other in zip(found, plain.predict(stretched(targets, 4, 30)), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6)
+
+
+@pytest.mark.parametrize("spread", [None, WAYS], ids=["points", "ways"])
+@pytest.mark.parametrize("keep_nugget", [True, False])
+@pytest.mark.parametrize("angle_deg", [0, 90, 25])
+@pytest.mark.parametrize("model", MODELS)
+def test_the_raster_is_the_points(model, angle_deg, keep_nugget, spread):
+    xy, counts, exposure_s = survey()
+    x_m, y_m = np.arange(0, 200, 5.0), np.arange(-30, 150, 6.0)
+    xy[:3] = [[x_m[4], y_m[5]], [x_m[0], y_m[5]], [x_m[4], y_m[9]]]  # samples on cell centres
+    kriging = PoissonKriging(Variogram(model, 0.02, 60, 0.3, 3, angle_deg), keep_nugget)
+    kriging.fit(xy, counts, exposure_s, spread)
+    expected = kriging.predict(np.stack(np.meshgrid(x_m, y_m), axis=-1).reshape(-1, 2))
+    for found, points in zip(kriging.predict_grid(x_m, y_m), expected, strict=True):
+        np.testing.assert_allclose(found.ravel(), points, rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize(("model", "factor"), [("gaussian", 7 / 4), ("exponential", 3.0), ("spherical", 1.0)])
+def test_long_exposure_is_ordinary_kriging_of_pykrige(model, factor):
+    """PyKrige's range is the longest."""
+    from pykrige.ok import OrdinaryKriging
+
+    xy = survey(40, seed=8)[0]
+    rate = 3 + np.sin(xy[:, 0] / 40)
+    exposure_s = np.full(40, 2.0**50)
+    peer = OrdinaryKriging(
+        *xy.T,
+        rate,
+        variogram_model=model,
+        variogram_parameters={"psill": 0.28, "range": 40 * math.sqrt(3) * factor, "nugget": 0.02},
+        anisotropy_scaling=3.0,
+        anisotropy_angle=35.0,
+        exact_values=True,
+        pseudo_inv=False,
+    )
+    x_m, y_m = np.linspace(-20, 220, 25), np.linspace(-30, 230, 31)
+    expected = peer.execute("grid", x_m, y_m)
+    kriging = PoissonKriging(Variogram(model, 0.02, 40, 0.3, 3.0, 35.0))
+    found = kriging.fit(xy, np.rint(rate * exposure_s), exposure_s).predict_grid(x_m, y_m)
+    np.testing.assert_allclose(found[0], expected[0], rtol=1e-9)
+    np.testing.assert_allclose(found[1], expected[1], rtol=1e-8)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0, 180), angles)
+def test_the_map_turns_with_the_field(angle_deg, turn_deg):
+    xy, counts, exposure_s = survey()
+    targets = np.random.default_rng(2).uniform(0, 200, (30, 2))
+    c, s = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
+    turn = np.array([[c, s], [-s, c]])
+    one = PoissonKriging(Variogram("matern32", 0.02, 40, 0.3, 4, angle_deg)).fit(xy, counts, exposure_s)
+    turned = Variogram("matern32", 0.02, 40, 0.3, 4, angle_deg + turn_deg)
+    other = PoissonKriging(turned).fit(xy @ turn, counts, exposure_s)
+    for found, expected in zip(other.predict(targets @ turn), one.predict(targets), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-7)
+
+
+def test_tiles_reach_as_far_as_the_longest_range():
+    samples = counted(8, 20, 1200, side=250.0, range_m=8.0)
+    variogram = Variogram("matern32", 0.03, 8.0, 0.3, 8, 20)
+    targets = np.stack(np.meshgrid(np.linspace(90, 150, 9), np.linspace(90, 150, 9)), -1).reshape(-1, 2)
+    exact, tiled = (
+        kriging.fit(samples.xy, samples.counts, samples.exposure_s).predict(targets)
+        for kriging in (PoissonKriging(variogram), TiledKriging(variogram, nearest=300))
+    )
+    assert np.abs(tiled[0] - exact[0]).max() < 0.05 * math.sqrt(exact[1].min())
+    np.testing.assert_allclose(tiled[1], exact[1], rtol=0.002)
+
+
+def test_the_least_variance_is_that_of_stretched_places():
+    cells = np.random.default_rng(0).uniform(0, 60, (40, 2))
+    weight, rate = np.full(40, 1 / 40), np.full(40, 3.0)
+    found = least_variance(Variogram("matern32", 0, 15, 0.3, 4, 30), cells, weight, rate, 7200.0)
+    expected = least_variance(Variogram("matern32", 0, 15, 0.3), stretched(cells, 4, 30), weight, rate, 7200.0)
+    assert found.integrated_variance == pytest.approx(expected.integrated_variance, rel=1e-9)
+    np.testing.assert_allclose(found.dwell_s, expected.dwell_s, rtol=1e-6)
+
+
+# -- fitting ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("spread", [np.zeros(3), WAYS / 12], ids=["points", "ways"])
+def test_the_likelihood_is_that_of_stretched_places(spread):
+    xy, counts, exposure_s = survey(side=80.0)
+    at = np.log([0.3, 21.0, 0.02])
+    likelihood = RestrictedLikelihood(
+        Samples(xy, counts, exposure_s, spread), "matern32", plane=isotropic_plane(4, 30)
+    )
+    there = Samples(stretched(xy, 4, 30), counts, exposure_s, moments(np.broadcast_to(spread, (30, 3)), 4, 30))
+    value, gradient = likelihood.expand(at)[:2]
+    expected, slopes = RestrictedLikelihood(there, "matern32").expand(at)[:2]
+    assert value == pytest.approx(expected, rel=1e-9)
+    np.testing.assert_allclose(gradient, slopes, rtol=1e-6, atol=1e-8)
+
+
+def fit(samples, **options):
+    return estimate_variogram(samples.xy, samples.counts, samples.exposure_s, extent_m=100.0, **options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("angle_deg", [0, 60, 90, 150])
+def test_a_clear_direction_is_found(angle_deg):
+    samples = counted(6, angle_deg)
+    plain, found = fit(samples, anisotropy=False), fit(samples)
+    assert plain.variogram.anisotropy == 1
+    assert found.variogram.anisotropy >= 2
+    assert abs((found.variogram.angle_deg - angle_deg + 90) % 180 - 90) <= 22.5
+    assert found.objective > plain.objective + 1.5
+    assert found.variogram.range_m == pytest.approx(15, rel=0.5)
+
+
+@pytest.mark.slow
+def test_no_clear_direction_is_found_where_there_is_none():
+    """One in ten may be, by chance."""
+    clear = 0
+    for seed in range(30):
+        samples = counted(1, 0, 80, seed)
+        plain, found = fit(samples, anisotropy=False), fit(samples)
+        if found.variogram.anisotropy == 1:
+            assert found.variogram == plain.variogram
+            assert found.objective == plain.objective
+        clear += found.variogram.anisotropy > 1.5
+    assert clear <= 3
+
+
+@pytest.mark.parametrize("turn_deg", [22.5, 90, 135])
+def test_the_direction_turns_with_the_places(turn_deg):
+    """By a multiple of the step between candidates, so that these are the same."""
+    samples = counted(2, 30, 60)
+    turn = np.radians(turn_deg)
+    turned = samples.xy @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    found = fit(samples).variogram
+    there = fit(Samples(turned, samples.counts, samples.exposure_s)).variogram
+    assert 1.2 < found.anisotropy == pytest.approx(there.anisotropy, rel=1e-6)
+    assert (there.angle_deg - found.angle_deg - turn_deg + 90) % 180 - 90 == pytest.approx(0, abs=1e-4)
+
+
+def test_few_samples_have_no_direction():
+    samples = counted(6, 60)
+    few = Samples(samples.xy[:14], samples.counts[:14], samples.exposure_s[:14])
+    assert fit(few).variogram == fit(few, anisotropy=False).variogram
+
+
+def test_soft_l1_has_no_direction():
+    assert fit(counted(6, 60), method="soft_l1").variogram.anisotropy == 1
+
+
+def test_the_fit_is_deterministic():
+    samples = counted(6, 60)
+    assert maximise_reml(samples, "matern32", 100.0) == maximise_reml(samples, "matern32", 100.0)
+
+
+@pytest.mark.slow
+def test_a_direction_makes_a_better_map_of_a_field_that_has_one():
+    errors = []
+    for seed in range(4):
+        samples = counted(6, 60, 400, seed)  # the first 120 are used, the others are asked for
+        first = Samples(samples.xy[:120], samples.counts[:120], samples.exposure_s[:120])
+        row = []
+        for anisotropy in (False, True):
+            kriging = PoissonKriging(fit(first, anisotropy=anisotropy).variogram)
+            rate = kriging.fit(first.xy, first.counts, first.exposure_s).predict(samples.xy[120:])[0]
+            row.append(np.mean((rate - samples.rate_cps[120:]) ** 2) - 4 / 200)  # less the counting noise
+        errors.append(row)
+    plain, directed = np.mean(errors, axis=0)
+    assert directed < 0.8 * plain

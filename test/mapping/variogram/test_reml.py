@@ -1,20 +1,26 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Restricted likelihood: derivatives, priors, blocks, the optimiser, packed matrices and its uncertainty."""
+
+from itertools import product
+
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime, minimize
+from scipy.optimize import approx_fprime, minimize, rosen, rosen_der, rosen_hess
 from scipy.spatial.distance import cdist
 from scipy.stats import multivariate_normal
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
+from soilmoist_ros.mapping.samples import spatial_blocks
 from soilmoist_ros.mapping.variogram import reml
-from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.reml import (
+    Packed,
     Prior,
     RestrictedLikelihood,
     maximise_reml,
+    minimise,
     mode_of,
-    spatial_blocks,
 )
 
 
@@ -63,7 +69,7 @@ def test_composite_of_one_block_is_the_full_likelihood():
     samples = some_samples()
     at = np.log([0.3, 40, 0.02])
     full = RestrictedLikelihood(samples, "matern32").expand(at)[:2]
-    one = RestrictedLikelihood(samples, "matern32", spatial_blocks(samples.xy)).expand(at)[:2]
+    one = RestrictedLikelihood(samples, "matern32", spatial_blocks(samples.xy, 1000, 500)).expand(at)[:2]
     assert one[0] == full[0]
     np.testing.assert_array_equal(one[1], full[1])
     shuffled = [np.random.default_rng(0).permutation(40)]
@@ -72,12 +78,12 @@ def test_composite_of_one_block_is_the_full_likelihood():
 
 def test_blocks_are_a_compact_partition():
     xy = np.random.default_rng(0).uniform(0, 100, (3000, 2)) * [3, 1]
-    blocks = spatial_blocks(xy)
+    blocks = spatial_blocks(xy, 1000, 500)
     np.testing.assert_array_equal(np.sort(np.concatenate(blocks)), np.arange(3000))
     assert max(map(len, blocks)) <= 500
     assert min(map(len, blocks)) >= 250
     assert max(np.ptp(xy[block], axis=0).max() for block in blocks) < 120
-    assert len(spatial_blocks(xy[:1000])) == 1
+    assert len(spatial_blocks(xy[:1000], 1000, 500)) == 1
 
 
 def test_the_mode_has_no_slope():
@@ -228,3 +234,236 @@ def test_no_climb_from_elsewhere_finds_a_higher_peak(seed):
     at = (mode - prior.log_median) / prior.log_sd
     assert cost(at)[0] == pytest.approx(0.5 * at @ at - found.log_likelihood, abs=1e-6)
     assert cost(at)[0] < min(each.fun for each in plain) + (0.2 if model == "spherical" else 1e-4)
+
+
+def quadratic(lowest, curvature, pretended):
+    def expand(x):
+        away = x - lowest
+        return 0.5 * away @ curvature @ away, curvature @ away, pretended
+
+    return expand
+
+
+CURVATURE = np.array([[3.0, 1.0, 0.0], [1.0, 2.0, 0.5], [0.0, 0.5, 1.0]])
+
+
+def test_one_step_of_newton_ends_a_quadratic():
+    calls = []
+    expand = quadratic(np.array([1.0, -2.0, 0.5]), CURVATURE, CURVATURE)
+    found = minimise(lambda x: calls.append(x) or expand(x), np.zeros(3), 5.0, 1e-2)
+    np.testing.assert_allclose(found.at, [1.0, -2.0, 0.5], atol=1e-2)
+    assert len(calls) == 2
+    assert found.converged
+
+
+def test_what_the_matrix_lacks_is_learned():
+    """As little of the Hessian as its diagonal is enough to converge in a dozen evaluations."""
+    calls = []
+    expand = quadratic(np.array([1.0, -2.0, 0.5]), CURVATURE, np.eye(3))
+    found = minimise(lambda x: calls.append(x) or expand(x), np.zeros(3), 5.0, 1e-8)
+    np.testing.assert_allclose(found.at, [1.0, -2.0, 0.5], atol=1e-7)
+    assert len(calls) <= 12
+
+
+def test_bounds_hold_and_the_others_go_on():
+    found = minimise(quadratic(np.array([9.0, -2.0, 0.5]), CURVATURE, CURVATURE), np.zeros(3), 5.0, 1e-8)
+    at_bound = [5.0, *np.linalg.solve(CURVATURE[1:, 1:], CURVATURE[1:, 1:] @ [-2.0, 0.5] + 4.0 * CURVATURE[1:, 0])]
+    np.testing.assert_allclose(found.at, at_bound, atol=1e-7)
+    assert found.converged
+
+
+def test_a_bent_valley_is_followed():
+    found = minimise(lambda x: (rosen(x), rosen_der(x), rosen_hess(x)), np.array([-1.2, 1.0, 1.5]), 5.0, 1e-6)
+    np.testing.assert_allclose(found.at, 1.0, atol=1e-5)
+
+
+def test_rounding_does_not_end_the_search_early():
+    """With a large constant added, the value is flat to rounding where the gradient is not."""
+    expand = quadratic(np.array([1.0, -2.0, 0.5]), CURVATURE, 0.5 * CURVATURE)
+
+    def rounded(x):
+        value, gradient, pretended = expand(x)
+        return 1e5 + value, gradient, pretended
+
+    found = minimise(rounded, np.zeros(3), 5.0, 1e-8)
+    assert found.converged
+    np.testing.assert_allclose(found.at, [1.0, -2.0, 0.5], atol=1e-8)
+
+
+def test_a_start_outside_is_moved_inside():
+    found = minimise(quadratic(np.zeros(3), CURVATURE, CURVATURE), np.full(3, 40.0), 5.0, 1e-8)
+    np.testing.assert_allclose(found.at, 0.0, atol=1e-7)
+
+
+@pytest.mark.parametrize("value", [1e300, np.nan])
+def test_where_the_function_fails_is_left_out(value):
+    """As where a covariance matrix cannot be factored."""
+    expand = quadratic(np.array([1.0, -2.0, 0.5]), CURVATURE, 0.3 * CURVATURE)
+
+    def broken(x):
+        return (value, np.zeros(3), np.eye(3)) if x[0] > 1.5 else expand(x)
+
+    np.testing.assert_allclose(minimise(broken, np.zeros(3), 5.0, 1e-6).at, [1.0, -2.0, 0.5], atol=1e-5)
+
+
+def symmetric(n, seed):
+    matrix = np.random.default_rng(seed).normal(size=(n, n))
+    return matrix + matrix.T
+
+
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_packed_matrices_do_what_whole_ones_do(n):
+    a, b, packed = symmetric(n, 1), symmetric(n, 2), Packed(n)
+    vector = np.random.default_rng(3).normal(size=n)
+    np.testing.assert_array_equal(packed.pack(a)[packed.diagonal], np.diag(a))
+    np.testing.assert_array_equal(np.tril(packed.unpack(packed.pack(a))), np.tril(a))
+    assert packed.inner(packed.pack(a), packed.pack(b)) == pytest.approx(np.sum(a * b))
+    np.testing.assert_allclose(packed.times(packed.pack(a), vector), a @ vector)
+
+
+def test_only_the_lower_triangle_counts_in_the_order_of_fortran():
+    a, packed = symmetric(5, 1), Packed(5)
+    np.testing.assert_array_equal(packed.pack(np.asfortranarray(np.tril(a))), packed.pack(a))
+
+
+SIDE_M = 60.0
+CELLS = np.array(list(product(np.arange(3.0, SIDE_M, 6.0), repeat=2)))
+
+
+def along_a_way(n, rng):
+    """Places and exposures of a robot that stops at random and counts on the way."""
+    stops = rng.uniform(0, SIDE_M, (-(-n // 4) + 1, 2))
+    share = np.arange(n) % 4 / 4
+    first = np.arange(n) // 4
+    xy = stops[first] + share[:, None] * (stops[first + 1] - stops[first])
+    return xy, np.where(share == 0, 100.0, 15.0)
+
+
+def gaussian_field(model, range_m):
+    def rates(xy, rng):
+        covariance = Variogram(model, 0.0, range_m, 1.0).covariance(cdist(xy, xy)) + 1e-9 * np.eye(len(xy))
+        return np.linalg.cholesky(covariance) @ rng.standard_normal(len(xy))
+
+    return rates
+
+
+def patches(xy, rng):
+    return np.sign(gaussian_field("matern52", SIDE_M / 8)(xy, rng))
+
+
+def across(xy, rng):
+    """Distances from a line through the field in a random direction, in units of its side."""
+    angle = rng.uniform(0, 2 * np.pi)
+    return (xy / SIDE_M - 0.5) @ [np.cos(angle), np.sin(angle)] - rng.uniform(-0.2, 0.2)
+
+
+FAMILIES = {
+    "gaussian, short": gaussian_field("gaussian", SIDE_M / 8),
+    "gaussian, long": gaussian_field("gaussian", SIDE_M / 2),
+    "matern32": gaussian_field("matern32", SIDE_M / 4),
+    "exponential, short": gaussian_field("exponential", SIDE_M / 8),
+    "exponential, long": gaussian_field("exponential", SIDE_M / 2),
+    "patches": patches,
+    "ridge": lambda xy, rng: 3 * np.exp(-((across(xy, rng) * 10) ** 2)) - 1,
+    "half wet": lambda xy, rng: 1.5 * np.tanh(across(xy, rng) * 20),
+}
+
+
+def share_covered(family, n, fields=40):
+    """Share of the cells whose true rate lies in the 95 % interval, over a number of fields."""
+    covered = []
+    for seed in range(fields):
+        rng = np.random.default_rng([seed, n])
+        xy, exposure_s = along_a_way(n, rng)
+        rate = np.maximum(3.5 + 0.45 * FAMILIES[family](np.concatenate([xy, CELLS]), rng), 0.3)
+        samples = Samples(xy, rng.poisson(rate[:n] * exposure_s), exposure_s)
+        variogram = maximise_reml(samples, "matern32", SIDE_M).variogram
+        estimate, variance = PoissonKriging(variogram).fit(samples.xy, samples.counts, exposure_s).predict(CELLS)
+        covered.append(np.mean(np.abs(rate[n:] - estimate) <= 1.96 * np.sqrt(variance)))
+    return np.mean(covered)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [20, 60])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_intervals_cover_on_every_kind_of_field(family, n):
+    assert 0.915 < share_covered(family, n) < 0.99
+
+
+@pytest.mark.slow
+def test_intervals_of_ten_samples_cover_over_all_kinds_of_fields():
+    covered = [share_covered(family, 10, fields=20) for family in FAMILIES]
+    assert 0.93 < np.mean(covered) < 0.97
+    assert min(covered) > 0.85
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 30])
+@pytest.mark.parametrize("model", ["exponential", "matern32", "gaussian"])
+def test_no_variance_is_below_that_of_the_mode(model, n):
+    """A larger covariance leaves no smaller error, whatever the samples."""
+    rng = np.random.default_rng(n)
+    xy, exposure_s = along_a_way(n, rng)
+    samples = Samples(xy, rng.poisson(3 * exposure_s), exposure_s)
+    fitted = maximise_reml(samples, model, SIDE_M)
+    of_mean, of_mode = (
+        PoissonKriging(variogram).fit(xy, samples.counts, exposure_s).predict(CELLS)[1]
+        for variogram in (fitted.variogram, fitted.mode)
+    )
+    assert (of_mean > of_mode).all()
+
+
+def test_variances_are_means_of_log_normal_variables():
+    rng = np.random.default_rng(0)
+    xy, exposure_s = along_a_way(25, rng)
+    fitted = maximise_reml(Samples(xy, rng.poisson(3 * exposure_s), exposure_s), "matern32", SIDE_M)
+    structured, _, nugget = np.exp(np.array(fitted.log_sd) ** 2 / 2)
+    assert fitted.variogram.structured_sill == pytest.approx(structured * fitted.mode.structured_sill, rel=1e-12)
+    assert fitted.variogram.nugget == pytest.approx(nugget * fitted.mode.nugget, rel=1e-12)
+    assert fitted.variogram.range_m == fitted.mode.range_m
+
+
+@pytest.mark.slow
+def test_a_sharp_posterior_is_its_mode():
+    truth = Variogram("exponential", 0.3, 5.0, 0.9)
+    rng = np.random.default_rng(1)
+    xy = rng.uniform(0, 160, (500, 2))
+    rate = np.maximum(6 + np.linalg.cholesky(truth.covariance(cdist(xy, xy))) @ rng.standard_normal(500), 0.1)
+    fitted = maximise_reml(Samples(xy, rng.poisson(rate * 3600), np.full(500, 3600.0)), "exponential", 200.0)
+    assert fitted.variogram.sill == pytest.approx(fitted.mode.sill, rel=0.05)
+
+
+def log_posterior(samples):
+    likelihood, prior = RestrictedLikelihood(samples, "matern32"), Prior.of(samples, "matern32", SIDE_M)
+    return lambda at: likelihood.value(at) - 0.5 * np.sum(((at - prior.log_median) / prior.log_sd) ** 2), prior
+
+
+@pytest.mark.slow
+def test_variance_is_that_averaged_over_the_posterior():
+    """Against the law of total variance, with the posterior on a grid of the three parameters."""
+    ratios = []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        xy, exposure_s = along_a_way(12, rng)
+        rate = 3.5 + 0.45 * FAMILIES["matern32"](xy, rng)
+        samples = Samples(xy, rng.poisson(rate * exposure_s), exposure_s)
+        posterior, prior = log_posterior(samples)
+        log_weights, rates, variances = [], [], []
+        for u in product(np.linspace(-3, 3, 7), repeat=3):
+            at = prior.log_median + prior.log_sd * np.array(u)
+            log_weights.append(posterior(at))
+            structured, range_m, nugget = np.exp(at)
+            kriging = PoissonKriging(Variogram("matern32", nugget, range_m, structured + nugget))
+            estimate, variance = kriging.fit(xy, samples.counts, exposure_s).predict(CELLS[::3])
+            rates.append(estimate)
+            variances.append(variance)
+        weights = np.exp(np.array(log_weights) - max(log_weights))
+        weights /= weights.sum()
+        mean = weights @ np.array(rates)
+        averaged = weights @ (np.array(variances) + (np.array(rates) - mean) ** 2)
+        fitted = maximise_reml(samples, "matern32", SIDE_M)
+        for variogram in (fitted.mode, fitted.variogram):
+            variance = PoissonKriging(variogram).fit(xy, samples.counts, exposure_s).predict(CELLS[::3])[1]
+            ratios.append(variance.mean() / averaged.mean())
+    of_mode, of_mean = np.reshape(ratios, (-1, 2)).mean(axis=0)
+    assert 0.95 < of_mean < 1.25  # Laplace's approximation errs on the safe side
+    assert of_mode < 0.9

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import PoissonKriging, Samples, Variogram
-from soilmoist_ros.mapping.kriging.targets import Points, RasterCells
-from soilmoist_ros.mapping.samples.spread import MIN_SPREAD_M2, footprint_spread, path_spread, without_noise
-from soilmoist_ros.mapping.variogram.correlation import BUILT_IN as MODELS
+from soilmoist_ros.mapping.kriging.system import Points, RasterCells
+from soilmoist_ros.mapping.samples import MIN_SPREAD_M2, footprint_spread, path_spread, without_noise
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 from soilmoist_ros.mapping.variogram.reml import RestrictedLikelihood
 from soilmoist_ros.mapping.variogram.support import SupportCorrelation, Supports, near_share
 from soilmoist_ros.sensing.moisture.footprint import Footprint

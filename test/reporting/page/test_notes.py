@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping.knowledge.drift import Change, Drift, Jump
+from soilmoist_ros.mapping.drift import Change, Drift, Jump
 from soilmoist_ros.pipeline.run import CorrectionRow, Note, NoteCode
 from soilmoist_ros.reporting.page.notes import notes
 

@@ -29,8 +29,7 @@ from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.reporting.page.viewer import unpack
 from soilmoist_ros.reporting.page.wording import survey_time
 from soilmoist_ros.reporting.run_summary import summary
-from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.moisture.universal import UniversalCurve
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 
 VOID = {"meta", "img", "input", "br", "link", "path"}
 MIN_TEXT_PX = 12

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping.knowledge.change import Estimate
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.knowledge.earlier import EarlierSurvey
-from soilmoist_ros.mapping.samples.samples import Samples
+from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
+from soilmoist_ros.mapping.knowledge import EarlierSurvey
+from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.mapping.several_surveys import Estimate
 from soilmoist_ros.mapping.soil_map import make_soil_map
 from soilmoist_ros.pipeline.earlier_runs import MAX_SAMPLES, run_change
 from soilmoist_ros.pipeline.run import EarlierRun, NoteCode, RunChange

@@ -11,16 +11,15 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping import FieldMap, FieldMapSettings, PoissonKriging, Samples, Variogram, make_soil_map
+from soilmoist_ros.mapping.covariates import Covariates
+from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.grid import FieldGrid
-from soilmoist_ros.mapping.knowledge.covariates import Covariates
-from soilmoist_ros.mapping.knowledge.drift import Change, Changing, Drift, TimedSamples
-from soilmoist_ros.mapping.knowledge.knowledge import Knowledge
-from soilmoist_ros.mapping.moisture_bands import possible_moisture
-from soilmoist_ros.mapping.samples.samples import as_samples
-from soilmoist_ros.mapping.samples.spread import footprint_spread, path_spread
-from soilmoist_ros.mapping.variogram.amplitude import Amplitude
+from soilmoist_ros.mapping.knowledge import Knowledge
+from soilmoist_ros.mapping.samples import as_samples, footprint_spread, path_spread
+from soilmoist_ros.mapping.soil_map import possible_moisture
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
+from soilmoist_ros.mapping.variogram.model import Amplitude
 from soilmoist_ros.mapping.variogram.support import Supports
 from soilmoist_ros.pipeline.run import NoteCode
 from soilmoist_ros.reporting.page.notes import notes

@@ -2,11 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record against record: bursts of the whole sensor, and the dispersion of a log (totals.py)."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from soilmoist_ros.sensing.checks.totals import Dispersion, TotalChecks
-from soilmoist_ros.sensing.records import NAN, CountRecord
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.sensing.checks.totals import Dispersion, RecordChecks, TotalChecks
+from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.problems import Kind
+from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, Position
+from soilmoist_ros.sensing.survey.survey import Survey
 
 
 def log(counts, period_s=10.0, speed_mps=0.0):
@@ -101,3 +109,89 @@ def test_unknown_places_and_other_places_are_no_pairs():
         dispersion.add(record)
     assert dispersion.pairs == 0
     assert np.isnan(dispersion.index)
+
+
+# Checks ----------------------------------------------------------------------------------------------------------
+
+GOOD = LoggerRecord(1.7e9, (40.0,), (10.0,), 1005.0, 12.0, 0.6, Position(50.0, 10.0, 100.0))
+
+
+def test_a_count_that_no_tube_reaches_is_quarantined_and_listed():
+    problems = []
+    site = Site(corrections={"humidity": None})
+    survey = Survey(site, LocalFrame(50.0, 10.0), on_problem=problems.append)
+    for counts in (40.0, 1.2e6, 38.0):
+        survey.take_record(replace(GOOD, tube_counts=(counts,)))
+    assert [record.quarantine for record in survey.take_ready()] == ["", "impossible_count", ""]
+    [problem] = problems
+    assert problem.kind is Kind.IMPOSSIBLE_COUNT
+    assert problem.consequence == "quarantined"
+    assert "1200000 counts in 10 s" in str(problem)
+
+
+def test_the_other_tubes_still_count():
+    wild = replace(GOOD, tube_counts=(40.0, 9e9), tube_live_s=(10.0, 10.0), position=None)
+    checked = RecordChecks().check(wild)
+    assert [finding.kind for finding in checked.findings] == [Kind.IMPOSSIBLE_COUNT]
+    assert not checked.quarantine
+    np.testing.assert_equal(checked.record.tube_counts, (40.0, math.nan))
+    assert RecordChecks().check(wild, unused_tubes=[1]).findings == ()
+
+
+def test_impossible_weather_comes_from_other_records_or_the_record_is_quarantined():
+    problems = []
+    survey = Survey(Site(corrections={"humidity": None}), LocalFrame(50.0, 10.0), on_problem=problems.append)
+    pressures = (300.0, 1005.0, 300.0)
+    for number, pressure_hpa in enumerate(pressures):
+        counts = (40.0 + number,)
+        record = replace(GOOD, stamp_s=GOOD.stamp_s + 10 * number, tube_counts=counts, pressure_hpa=pressure_hpa)
+        survey.take_record(record)
+    first, second, third = survey.take_ready()
+    assert (first.quarantine, second.quarantine, third.quarantine) == ("impossible_weather", "", "")
+    assert (first.effective_exposure_s, third.f_pressure) == (first.exposure_s, second.f_pressure)
+    assert [(problem.kind, problem.consequence) for problem in problems] == [
+        (Kind.IMPOSSIBLE_WEATHER, "quarantined"), (Kind.IMPOSSIBLE_WEATHER, "kept")
+    ]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_file_is_masked_from_where_a_tube_went_wrong_and_its_shares_are_those_of_good_counts():
+    rng = np.random.default_rng(4)
+    shares = np.array([0.2, 0.25, 0.25, 0.3])
+    counts = rng.poisson(40 * shares, (600, 4)).astype(float)
+    counts[300:330, 2] = 0.0
+    counts[450:460, 0] = rng.poisson(200.0, 10)
+    records = [
+        replace(GOOD, stamp_s=GOOD.stamp_s + 10 * number, tube_counts=tuple(row.tolist()), tube_live_s=(10.0,) * 4)
+        for number, row in enumerate(counts)
+    ]
+    site = Site(corrections={"pressure": None, "humidity": None})
+    problems = []
+    survey = Survey(site, LocalFrame(50.0, 10.0), records, on_problem=problems.append)
+    np.testing.assert_allclose(survey.tube_share, shares, atol=0.01)
+    found = []
+    for record in records:
+        survey.take_record(record)
+        found += survey.take_ready()
+    masked = [number for number, record in enumerate(found) if record.exposure_s < 9.99]
+    assert set(masked) >= {*range(300, 330), *range(450, 460)}
+    assert len(masked) <= 45
+    assert not any(record.quarantine for record in found)
+    rate = sum(record.raw_counts for record in found) / sum(record.exposure_s for record in found)
+    assert abs(rate - 4.0) < 4 * np.sqrt(4.0 / 6000)
+    assert {problem.kind for problem in problems} == {Kind.DEAD_TUBE, Kind.NOISY_TUBE}
+    assert not survey.checks.totals.used.is_high
+
+
+def test_the_receiver_has_the_altitude_that_decides_which_pressure_is_possible():
+    high = replace(GOOD, pressure_hpa=700.0, position=None)
+    survey = Survey(Site(), LocalFrame(50.0, 10.0))
+    survey.take_record(high)
+    survey.take_fix(Fix(GOOD.stamp_s + 5, Position(50.0, 10.0, 30.0), FixStatus.RTK))
+    survey.take_record(replace(high, stamp_s=GOOD.stamp_s + 10, tube_counts=(41.0,)))
+    first, second = survey.take_ready()
+    assert first.f_pressure == second.f_pressure < 0.1
+    wrong = Survey(Site(), LocalFrame(50.0, 10.0))
+    wrong.take_fix(Fix(GOOD.stamp_s - 5, Position(50.0, 10.0, 30.0), FixStatus.RTK))
+    wrong.take_record(high)
+    assert [record.quarantine for record in wrong.take_ready()] == ["impossible_weather"]

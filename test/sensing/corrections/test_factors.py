@@ -1,5 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""Plants and road: soilmoist_ros.sensing.corrections.factors."""
+
 import math
 
 import numpy as np
@@ -7,8 +9,22 @@ import pytest
 from crnpy import crnpy
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
-from soilmoist_ros.sensing.corrections.factors import Corrections, absolute_humidity_gm3, effective_exposure
+from soilmoist_ros.sensing.corrections.factors import (
+    Corrections,
+    absolute_humidity_gm3,
+    atmospheric_depth_gcm2,
+    barometric_coefficient,
+    effective_exposure,
+    f_biomass,
+    f_road,
+    standard_pressure_hpa,
+)
+from soilmoist_ros.sensing.corrections.settings import BiomassCorrection, CorrectionSettings
+from soilmoist_ros.sensing.moisture.site import Site
+from soilmoist_ros.sensing.records import LoggerRecord
+from soilmoist_ros.sensing.survey.correction import correct_record
 
 
 @pytest.mark.slow
@@ -67,3 +83,86 @@ def test_humidity_out_of_range_is_refused():
         absolute_humidity_gm3(20.0, 35.0)
     with pytest.raises(ValueError, match=r"temperature_degc must be within"):
         absolute_humidity_gm3(math.nan, 0.5)
+
+
+# Atmosphere ------------------------------------------------------------------------------------------------------
+
+# latitude, altitude, depth of crnpy, and beta of neptoon and crspy for a cutoff rigidity; both were run.
+REFERENCE = [
+    (38.2346, 455.0, 979.4738881057966, 3.1, 0.0073807859556057325),
+    (51.35, 66.0, 1024.6285331173772, 2.93, 0.007312939212233243),
+    (-35.0, 600.0, 962.9174015648462, 4.8, 0.0073433834421203605),
+    (46.55, 3570.0, 665.1795136287324, 4.49, 0.0073517645834801915),
+    (65.0, 15.0, 1029.686104322245, 0.8, 0.007252879144253025),
+]
+
+
+@pytest.mark.parametrize(("latitude", "altitude", "depth", "rigidity", "beta"), REFERENCE)
+def test_depth_and_coefficient_agree_with_other_software(latitude, altitude, depth, rigidity, beta) -> None:
+    assert atmospheric_depth_gcm2(latitude, altitude) == pytest.approx(depth, rel=1e-12)
+    # The others average beta between the numbers of pressure and depth; here it is that at the depth.
+    assert barometric_coefficient(depth, rigidity) == pytest.approx(beta, rel=4e-3)
+
+
+def test_standard_pressure() -> None:
+    assert standard_pressure_hpa(45.0, 0.0) == 1013.25
+    assert standard_pressure_hpa(45.5, 1000.0) == pytest.approx(898.75, abs=0.2)  # US Standard Atmosphere 1976
+
+
+@pytest.mark.parametrize(("latitude", "altitude"), [(91.0, 0.0), (0.0, 9001.0), (0.0, float("nan"))])
+def test_places_outside_the_earth_are_refused(latitude, altitude) -> None:
+    with pytest.raises(ValueError, match="there is no place"):
+        standard_pressure_hpa(latitude, altitude)
+
+
+def test_the_coefficient_has_limits() -> None:
+    with pytest.raises(ValueError, match="no barometric coefficient"):
+        barometric_coefficient(1033.0, 25.0)
+
+
+# Surroundings ----------------------------------------------------------------------------------------------------
+
+
+def test_biomass_agrees_with_an_independent_implementation():
+    water = crnpy.biomass_to_bwe(biomass_dry=1.5, biomass_fresh=6.0)
+    found = BiomassCorrection(dry_kgm2=1.5, fresh_kgm2=6.0)
+    assert found.used[0] == pytest.approx(water, rel=1e-14)
+    assert found.factor == pytest.approx(crnpy.correction_bwe(1.0, water, r2_N0=6.4 / 1210), rel=1e-14)
+    assert BiomassCorrection(water_equivalent_kgm2=water).factor == pytest.approx(found.factor)
+    assert BiomassCorrection(dry_kgm2=2.0).factor == pytest.approx(1 / (1 - 0.018))
+
+
+@pytest.mark.parametrize("distance_m", [0.0, 2.0, 12.0])
+@pytest.mark.parametrize(("width_m", "road", "field"), [(0.0, 0.1, 0.2), (3.0, 0.07, 0.15), (6.0, 0.12, 0.35)])
+def test_the_road_agrees_with_an_independent_implementation(width_m, road, field, distance_m):
+    theirs = crnpy.correction_road(1.0, field, width_m, distance_m, road)
+    assert f_road(width_m, road, field, distance_m) == pytest.approx(float(theirs), rel=1e-13)
+
+
+def test_a_dry_road_in_a_wet_field_adds_counts():
+    assert f_road(5.0, 0.07, 0.35) < f_road(2.0, 0.07, 0.35) < 1.0
+    assert abs(f_road(5.0, 0.07, 0.35, distance_m=30.0) - 1) < 0.1 * abs(f_road(5.0, 0.07, 0.35) - 1)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({}, "either as"),
+        ({"water_equivalent_kgm2": 1.0, "dry_kgm2": 1.0}, "either as"),
+        ({"dry_kgm2": 2.0, "fresh_kgm2": 1.0}, "at least as much"),
+        ({"dry_kgm2": 90.0}, "biomass must be 0 to 56"),
+    ],
+)
+def test_impossible_biomass_is_refused(wrong, message):
+    with pytest.raises(ValidationError, match=message):
+        BiomassCorrection(**wrong)
+
+
+def test_plants_and_road_are_factors_of_the_effective_exposure_alone():
+    surroundings = {"biomass": {"dry_kgm2": 2.0}, "road": {"width_m": 4.0, "vwc": 0.08}, "typical_vwc": 0.3}
+    site = Site(corrections={"pressure": None, "humidity": None, **surroundings})
+    record = correct_record(LoggerRecord(0.0, (50.0,), (10.0,)), site, None, np.array([1.0]))
+    factor = f_biomass(2.0, 0.009) * f_road(4.0, 0.08, 0.3)
+    assert record.effective_exposure_s == pytest.approx(10.0 / factor)
+    assert (record.raw_counts, record.f_pressure, record.f_humidity, record.f_intensity) == (50, 1.0, 1.0, 1.0)
+    assert CorrectionSettings().parameters(None).f_surroundings == 1.0

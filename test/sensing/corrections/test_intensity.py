@@ -1,9 +1,26 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
+"""The table of cutoff rigidities, and the script that computes it: scripts/cutoff_rigidity_table.py."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
 import pytest
 
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.sensing import LoggerRecord, Site
 from soilmoist_ros.sensing.corrections.factors import Corrections
-from soilmoist_ros.sensing.corrections.intensity import CosmicPlace, cosmic_place, intensity_scale
+from soilmoist_ros.sensing.corrections.intensity import (
+    MONITORS,
+    CosmicPlace,
+    NeutronMonitor,
+    cosmic_place,
+    cutoff_rigidity_gv,
+    intensity_scale,
+    read_neutron_monitor,
+)
+from soilmoist_ros.sensing.survey.correction import UnusableRecordError, correct_record
 
 JUNGFRAUJOCH = CosmicPlace(4.49, 665.18)
 
@@ -37,3 +54,295 @@ def test_impossible_scales_and_intensities_are_refused() -> None:
         intensity_scale("hawdon2014", CosmicPlace(17.0, 1000.0), CosmicPlace(0.1, 1000.0))
     with pytest.raises(ValueError, match="far too low"):
         Corrections(reference_intensity=150.0, intensity_scale=1.3).f_intensity(20.0)
+
+
+# Cutoff rigidity -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def script(load_script):
+    return load_script("cutoff_rigidity_table.py")
+
+
+@pytest.fixture(scope="module")
+def dipole(script, tmp_path_factory):
+    path = tmp_path_factory.mktemp("igrf") / "dipole.shc"
+    path.write_text("# a dipole\n1 1 1 2 1 2020.0 2020.0\n 2020.0\n1 0 -29404.8\n1 1 0.0\n1 -1 0.0\n")
+    return script.Field(path, 2020.0, 1)
+
+
+def test_the_field_of_a_dipole(dipole) -> None:
+    field = dipole(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 2.0, 0.0]]).T)
+    assert field[:, 0] == pytest.approx([0, 0, 29404.8e-9])
+    assert field[:, 1] == pytest.approx([0, 0, -2 * 29404.8e-9])
+    assert field[:, 2] == pytest.approx([0, 0, 29404.8e-9 / 8])
+
+
+@pytest.mark.slow
+def test_traced_cutoffs_of_a_dipole_are_those_of_stoermer(script, dipole) -> None:
+    equator, middle = script.cutoff_rigidities(dipole, np.array([(0.0, 0.0), (35.0, 120.0)]))
+    # Stoermer's vertical cutoff is c B0 R / 4 cos^4(latitude) / r^2 [V].
+    whole = script.SPEED_OF_LIGHT_MPS * 29404.8e-9 * script.EARTH_RADIUS_M / 4 / 1e9
+    assert equator == pytest.approx(whole / np.linalg.norm(script.start(0.0, 0.0)[0]) ** 2, rel=0.005)
+    # In middle latitudes the shadow of the earth adds a penumbra, of a fifth at most.
+    x, y, z = script.start(35.0, 120.0)[0]
+    stoermer = whole * (x * x + y * y) ** 2 / (x * x + y * y + z * z) ** 3
+    assert stoermer < middle < 1.2 * stoermer
+
+
+# Traced by the script in the field of 2020 (IGRF-14), between the points of the table.
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "traced_gv"),
+    [
+        (38.2346, -97.571, 2.88),
+        (53.268, -0.5245, 2.58),
+        (-33.2, 147.7, 4.74),
+        (12.3, 77.2, 17.34),
+        (50.87, 6.45, 3.12),
+        (36.1, -104.9, 3.78),
+        (-31.4, -64.2, 9.06),
+    ],
+)
+def test_values_between_the_points_of_the_table(latitude, longitude, traced_gv) -> None:
+    assert cutoff_rigidity_gv(latitude, longitude) == pytest.approx(traced_gv, abs=0.2)
+
+
+# Values of the database NMDB, mostly of the years 1965 to 2000.
+@pytest.mark.parametrize(
+    ("code", "published_gv", "tolerance_gv"),
+    [
+        ("OULU", 0.81, 0.2),
+        ("KIEL", 2.36, 0.2),
+        ("LMKS", 3.84, 0.2),
+        ("JUNG", 4.49, 0.4),
+        ("ROME", 6.27, 0.4),
+        ("ATHN", 8.53, 0.4),
+        ("PSNM", 16.8, 0.3),
+        ("NEWK", 2.40, 0.6),
+        ("HRMS", 4.58, 0.4),
+        ("KERG", 1.14, 0.2),
+        ("TSMB", 9.15, 0.4),
+        ("PTFM", 6.98, 0.3),
+        ("TERA", 0.01, 0.1),
+        ("THUL", 0.3, 0.3),
+    ],
+)
+def test_the_table_gives_the_cutoff_rigidity_of_the_monitors(code, published_gv, tolerance_gv) -> None:
+    _, latitude, longitude, _ = MONITORS[code]
+    assert cutoff_rigidity_gv(latitude, longitude) == pytest.approx(published_gv, abs=tolerance_gv)
+
+
+def test_the_table_is_continuous_around_the_world() -> None:
+    assert cutoff_rigidity_gv(40.0, 179.999) == pytest.approx(cutoff_rigidity_gv(40.0, -179.999), abs=0.01)
+    assert cutoff_rigidity_gv(40.0, 284.25) == cutoff_rigidity_gv(40.0, -75.75)
+    assert cutoff_rigidity_gv(90.0, 12.0) == cutoff_rigidity_gv(90.0, -170.0) == 0.0
+    assert cutoff_rigidity_gv(-90.0, 0.0) < 0.2
+    with pytest.raises(ValueError, match="latitude"):
+        cutoff_rigidity_gv(91.0, 0.0)
+
+
+# Neutron monitor -------------------------------------------------------------------------------------------------
+
+NOON = datetime(2018, 5, 1, 12, tzinfo=UTC).timestamp()
+HOUR = 3600.0
+
+# Layout of the database's export; the rates are made up.
+HEAD = """\
+#_____________ QUERY RESULTS SUMMARY ___________________________________
+#        STATION: JUNG
+#     START TIME: 2018-05-01 12:00:00 UTC
+#       END TIME: 2018-05-02 11:00:00 UTC
+#     NMDB TABLE: revised original
+#      DATA TYPE: corr_for_efficiency(RCORR_E)
+#      AVERAGING: Yes / 1 hour
+#   ORIGINAL RES: 1 min
+#_______________________________________________________________________
+#
+# Timestamps always correspond to the beginning of the time interval
+#
+  start_date_time   RCORR_E
+"""
+ROWS = """\
+2018-05-01 12:00:00;150.000
+2018-05-01 13:00:00;   null
+2018-05-01 14:00:00;160.000
+"""
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "monitor.txt"
+    path.write_text(text)
+    return path
+
+
+def test_an_export_has_intervals_that_begin_at_their_time(tmp_path) -> None:
+    monitor = read_neutron_monitor(write(tmp_path, HEAD + ROWS))
+    assert monitor.interval_s == HOUR
+    assert monitor.at(NOON) == monitor.at(NOON + HOUR / 2) == 150.0
+    assert monitor.at(NOON + 1.5 * HOUR) == pytest.approx(155.0)
+    assert monitor.at(NOON + 3 * HOUR) == 160.0
+    assert monitor.at(NOON - 1) is None
+    assert monitor.at(NOON + 3 * HOUR + 1) is None
+
+
+def test_the_page_of_the_database_is_read_like_its_export(tmp_path) -> None:
+    page = f"<html><body><pre><code>{HEAD}{ROWS}</code></pre><br>Total records</body></html>\n"
+    exported = read_neutron_monitor(write(tmp_path, HEAD + ROWS))
+    saved = read_neutron_monitor(write(tmp_path, page))
+    assert np.array_equal(saved.stamp_s, exported.stamp_s)
+    assert np.array_equal(saved.rate, exported.rate)
+
+
+def test_without_averaging_the_resolution_is_the_original_one(tmp_path) -> None:
+    head = HEAD.replace("Yes / 1 hour", "No").replace("RCORR_E\n", "1HCOR_E\n")
+    monitor = read_neutron_monitor(write(tmp_path, head + ROWS))
+    assert monitor.interval_s == 60.0
+    assert monitor.stamp_s[0] == NOON + 30
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "#       STATIONS: JUNG, OULU\n  start_date_time   RCORR_E  RCORR_E\n",
+        "  start_date_time   JUNG   OULU\n",
+        "start_date_time;JUNG;OULU\n",
+    ],
+)
+def test_one_of_several_stations_is_chosen_by_its_code(tmp_path, names) -> None:
+    head = "".join(HEAD.splitlines(keepends=True)[2:-1])
+    path = write(tmp_path, head + names + "2018-05-01 12:00:00;150.0;100.0\n2018-05-01 13:00:00;151.0;null\n")
+    assert list(read_neutron_monitor(path, "OULU").rate) == [100.0]
+    assert list(read_neutron_monitor(path, "jung").rate) == [150.0, 151.0]
+    with pytest.raises(InputError, match="has several stations: it has JUNG, OULU -> choose one with 'monitor'"):
+        read_neutron_monitor(path)
+    with pytest.raises(InputError, match=r"has no station OULI.*did you mean 'OULU'"):
+        read_neutron_monitor(path, "OULI")
+
+
+def test_exports_of_two_stations_one_after_the_other(tmp_path) -> None:
+    other = HEAD.replace("JUNG", "OULU") + ROWS.replace("150.000", "100.000")
+    path = write(tmp_path, HEAD + ROWS + other)
+    assert list(read_neutron_monitor(path, "OULU").rate) == [100.0, 160.0]
+    assert list(read_neutron_monitor(path, "JUNG").rate) == [150.0, 160.0]
+
+
+def test_a_plain_table_of_time_and_rate(tmp_path) -> None:
+    text = "#comment\nstart_date_time;RCORR_E\n2018-05-01 12:00:00;150.0\n2018-05-01 13:00:00;null\n"
+    monitor = read_neutron_monitor(write(tmp_path, text + "2018-05-01T16:00:00+02:00;160.0\n"))
+    assert monitor.at(NOON) == 150.0
+    assert monitor.at(NOON + HOUR) == pytest.approx(155.0)
+    assert monitor.at(NOON + 2 * HOUR) == 160.0
+    assert monitor.at(NOON - 1) is None
+    assert monitor.at(NOON + 2 * HOUR + 1) is None
+    assert list(read_neutron_monitor(write(tmp_path, "time,rate\n2018-05-01,150\n")).rate) == [150.0]
+    more = "time,rate,note\n2018-05-01,150,quiet\n"  # without a head of the database only the first column counts
+    assert list(read_neutron_monitor(write(tmp_path, more)).rate) == [150.0]
+
+
+def test_gaps_are_bridged_up_to_their_limit() -> None:
+    stamps, rates = np.array([NOON, NOON + 7 * HOUR]), np.array([150.0, 164.0])
+    assert NeutronMonitor(stamps, rates).at(NOON + HOUR) is None
+    assert NeutronMonitor(stamps, rates, max_gap_s=7 * HOUR).at(NOON + HOUR) == pytest.approx(152.0)
+    held = NeutronMonitor(stamps, rates, gaps="hold", max_gap_s=2 * HOUR)
+    assert held.at(NOON + 2 * HOUR) == 150.0
+    assert held.at(NOON + 2 * HOUR + 1) is None
+    assert held.at(NOON + 9 * HOUR) == 164.0
+    assert held.at(NOON - 1) is None
+
+
+def test_a_record_outside_the_file_says_what_the_file_covers(tmp_path) -> None:
+    monitor = read_neutron_monitor(write(tmp_path, HEAD + ROWS))
+    site = Site(corrections={"intensity": {"reference": 150, "constant": 150}})
+    record = LoggerRecord(NOON + 9 * HOUR, (700.0,), (HOUR,), 980.0, 20.0, 0.5)
+    with pytest.raises(UnusableRecordError, match="2018-05-01 12:30 to 2018-05-01 14:30 UTC, has no rate at this"):
+        correct_record(record, site, monitor, np.ones(1))
+
+
+def test_the_longest_gap_within_a_survey() -> None:
+    stamps = NOON + HOUR * np.array([0.5, 1.5, 4.5, 5.5, 20.5])
+    monitor = NeutronMonitor(stamps, np.full(5, 150.0), interval_s=HOUR)
+    assert monitor.longest_gap_s(NOON + HOUR, NOON + 1.4 * HOUR) == 0.0
+    assert monitor.longest_gap_s(NOON + HOUR, NOON + 5.2 * HOUR) == 2 * HOUR
+    assert monitor.longest_gap_s(NOON + 6 * HOUR, NOON + 7 * HOUR) == 14 * HOUR
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (HEAD.replace("corr_for_efficiency(RCORR_E)", "uncorrected(RUNCORR)") + ROWS, "the data type uncorrected"),
+        ("<html>Sorry, no data available for JUNG</html>", "no data"),
+        ("time,rate\n", "has no row of time and rate"),
+        ("Date,Time,JUNG\n29/10/2021,23:00,151.15\n", "but rows such as '29/10/2021,23:00,151.15'"),
+        (
+            "2018-05-01 12:00;150\n2018-05-01 13:00;-999\n",
+            "'-999' is not .* -> if it marks a gap, leave the rate empty",
+        ),
+        ("2018-05-01 12:00;150\n2018-05-01 13:00;0\n", "'0' is not .* -> if it marks a gap, leave the rate empty"),
+        (
+            "".join(f"5/{day}/2018 12:00;150\n" for day in range(1, 10)),
+            "3/2018 12:00' cannot be read, and 6 more rows",
+        ),
+        ("0001-01-01 12:00:00;150\n", "1: the time '0001-01-01 12:00:00' cannot be read"),
+        (HEAD + "2018-05-01 12:00:00; -1.007\n", "-1.007' is not a positive number"),
+    ],
+)
+def test_files_that_cannot_serve_say_why(tmp_path, text, message) -> None:
+    with pytest.raises(InputError, match=message):
+        read_neutron_monitor(write(tmp_path, text))
+
+
+def test_a_file_of_another_station_is_refused(tmp_path) -> None:
+    with pytest.raises(InputError, match="is of the station JUNG, not of KIEL"):
+        read_neutron_monitor(write(tmp_path, HEAD + ROWS), "KIEL")
+
+
+def test_bad_rows_are_named(tmp_path) -> None:
+    path = write(tmp_path, "2018-05-01 12:00:00;150\n2018-05-01 13:00:00;-3\n2018-05-01 14:00:00;abc\n")
+    with pytest.raises(InputError) as caught:
+        read_neutron_monitor(path)
+    assert [mistake.line for mistake in caught.value.mistakes] == [2, 3]
+    with pytest.raises(InputError, match="cannot be read"):
+        read_neutron_monitor(tmp_path / "missing.csv")
+    with pytest.raises(InputError, match="not a regular file"):
+        read_neutron_monitor(Path("/dev/null"))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "2018-05-01 12:00:00;150,25\n2018-05-01 13:00:00;151,5\n",
+        "2018-05-01 12:00\t150.25\n2018-05-01 13:00\t151.5\n",
+        "2018-05-01 12:00   150.25\n2018-05-01 13:00   151.5\n",
+        "2018/05/01 12:00,150.25\n2018/05/01 13:00,151.5\n",
+        "01.05.2018 12:00;150,25\n1.5.2018 13:00;151,5\n",
+        "time;rate\n2018-05-01T12:00:00Z;150,25\n2018-05-01T13:00:00Z;151,5\n",
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_notations_of_tables_mean_the_same(tmp_path, rows, encoding) -> None:
+    path = tmp_path / "monitor.txt"
+    path.write_bytes(rows.encode(encoding))
+    assert list(read_neutron_monitor(path).rate) == [150.25, 151.5]
+
+
+def test_one_of_several_columns_of_rates_is_not_chosen_in_silence(tmp_path) -> None:
+    table = "time,raw,corrected\n2018-05-01 12:00,140.0,150.0\n"
+    with pytest.raises(InputError, match="has several columns of rates: it has raw, corrected"):
+        read_neutron_monitor(write(tmp_path, table))
+    monitor = read_neutron_monitor(write(tmp_path, table), "corrected")
+    assert (list(monitor.rate), monitor.station, monitor.not_used) == ([150.0], "corrected", ("raw",))
+
+
+def test_the_corrected_type_of_an_export_of_several_types_is_read(tmp_path) -> None:
+    head = HEAD.replace("RCORR_E\n", "RUNCORR  RPRESS  RCORR_E\n")
+    monitor = read_neutron_monitor(write(tmp_path, head + "2018-05-01 12:00:00;130.0;980.0;150.0\n"))
+    assert (list(monitor.rate), monitor.station, monitor.not_used) == ([150.0], "JUNG", ("RUNCORR", "RPRESS"))
+    with pytest.raises(InputError, match="has the data types RUNCORR, RPRESS -> export the rates"):
+        read_neutron_monitor(
+            write(tmp_path, head.replace("RCORR_E\n", "\n") + "2018-05-01 12:00:00;130.0;980.0\n")
+        )
+
+
+def test_a_time_that_cannot_be_read_is_not_a_missing_row(tmp_path) -> None:
+    with pytest.raises(InputError, match=r":15: the time '5/1/2018 13:00' cannot be read -> write times as"):
+        read_neutron_monitor(write(tmp_path, HEAD + "2018-05-01 12:00:00;150.0\n5/1/2018 13:00;151.0\n"))

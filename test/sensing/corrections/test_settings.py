@@ -3,7 +3,7 @@
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.corrections.atmosphere import atmospheric_depth_gcm2, barometric_coefficient
+from soilmoist_ros.sensing.corrections.factors import atmospheric_depth_gcm2, barometric_coefficient
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 
 KANSAS = {"latitude_deg": 38.2346, "longitude_deg": -97.571, "altitude_m": 455}
@@ -51,10 +51,7 @@ def test_scaling_uses_the_monitor_by_its_code_or_its_place() -> None:
             "corrections: {intensity: {reference: 1, constant: 1, scaling: hawdon2014}}",
             "the scaling hawdon2014 needs a 'monitor'",
         ),
-        (
-            "corrections: {intensity: {reference: 1, constant: 1, monitor: JUGN}}",
-            "did you mean 'JUNG'?",
-        ),
+        ("corrections: {intensity: {reference: 1, constant: 1, monitor: JUGN}}", "did you mean 'JUNG'?"),
         ("corrections: {pressure: {beta_per_hpa: automatic}}", "number"),
     ],
 )

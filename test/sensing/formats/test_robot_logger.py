@@ -93,8 +93,7 @@ def test_dead_tube_is_an_empty_field() -> None:
 
 
 @pytest.mark.parametrize(
-    "change",
-    [{"tube_counts": (1.0,)}, {"tube_live_s": (1.0,) * 6 + (2.0,) * 6}, {"tube_live_s": (NAN,) * 12}],
+    "change", [{"tube_counts": (1.0,)}, {"tube_live_s": (1.0,) * 6 + (2.0,) * 6}, {"tube_live_s": (NAN,) * 12}]
 )
 def test_what_cannot_be_written(change) -> None:
     with pytest.raises(ValueError, match="tubes"):

@@ -13,8 +13,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.moisture.core_mean import Surroundings, franz_depth_cm, mean_of_cores
 from soilmoist_ros.sensing.moisture.cores import SoilCore, read_soil_cores
+from soilmoist_ros.sensing.moisture.footprint import Surroundings, franz_depth_cm, mean_of_cores
 
 
 @pytest.fixture
@@ -201,30 +201,6 @@ def test_values_in_another_unit_are_named_as_written(read, text, where, message)
 def test_lines_of_a_spreadsheet_before_the_header_are_no_header(read):
     cores = read("sep=;\n# of May\n\nprofile;depth_cm;vwc_percent\na;5;28 %\n\na;15;31,5%\n")
     assert [core.vwc for core in cores] == pytest.approx([0.28, 0.315])
-
-
-@pytest.mark.parametrize(
-    ("header", "meant"),
-    [
-        ("soil moisture (%)", "vwc_percent or gravimetric_percent"),
-        ("theta_v", "vwc"),
-        ("soilmoisture_g_g", "gravimetric_water"),
-        ("gwc (%)", ""),
-        ("distance (m)", "distance_m"),
-        ("distance_ft", "distance_m after conversion to m"),
-        ("depth_inch", "depth_cm after conversion to cm"),
-        ("depth_top_mm", "top_mm"),
-        ("bulk density (kg/m3)", "bulk_density_kgm3"),
-        ("latticewater_g_g", ""),
-        ("mass_water", ""),
-        ("wet_weight", ""),
-    ],
-)
-def test_a_column_stands_for_another_one_in_its_unit_only(read, header, meant):
-    with pytest.raises(InputError) as caught:
-        read(f"{header}\n1\n")
-    said = caught.value.mistakes[0].remedy.partition(f"; {header} may be ")[2]
-    assert said == meant
 
 
 def notes_of(tmp_path, text, density=None):

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.formats.log_values import nmea_checksum
 from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, NoPlace, horizontal_sd
-from soilmoist_ros.sensing.position.nmea import NmeaParser, parse_nmea, read_nmea
+from soilmoist_ros.sensing.position.nmea import NmeaParser, parse_nmea
+from soilmoist_ros.sensing.position.track_file import read_positions
 from soilmoist_ros.sensing.problems import Kind
 
 # The two sentences that every description of NMEA 0183 shows, with checksums as published.
@@ -259,7 +260,7 @@ def test_damaged_real_sentences_never_raise(line, place, data) -> None:
 def test_file(tmp_path) -> None:
     path = tmp_path / "a.nmea"
     path.write_bytes(b"\r\n".join([gga("095959"), b"noise", rmc(), gga(), gga("100001")]) + b"\r\n")
-    fixes, problems = read_nmea(path)
+    fixes, problems = read_positions(path)
     assert [fix.stamp_s for fix in fixes] == [
         stamp(f"2024-05-01 {clock}") for clock in ("09:59:59", "10:00:00", "10:00:01")
     ]
@@ -272,10 +273,10 @@ def test_file(tmp_path) -> None:
 def test_files_without_sentences(tmp_path, data) -> None:
     path = tmp_path / "a.nmea"
     path.write_bytes(data)
-    with pytest.raises(InputError, match=r"is empty|has no NMEA sentence"):
-        read_nmea(path)
+    with pytest.raises(InputError, match=r"is empty|has no NMEA sentence|is a table without"):
+        read_positions(path)
     with pytest.raises(InputError, match="no such file"):
-        read_nmea(tmp_path / "b.nmea")
+        read_positions(tmp_path / "b.nmea")
 
 
 @pytest.mark.parametrize(
@@ -353,7 +354,7 @@ def test_sentences_in_files_of_other_programs(tmp_path, form) -> None:
     glue = b"" if form == "no line ends" else b"\r\n"
     path = tmp_path / "a.log"
     path.write_bytes(glue.join(FORMS[form](one) for pair in EPOCHS for one in pair) + glue)
-    fixes, problems = read_nmea(path)
+    fixes, problems = read_positions(path)
     assert [fix.stamp_s - stamp("2024-05-01 10:00:00") for fix in fixes] == [0, 1, 2, 3]
     assert {fix.quality for fix in fixes} == {1}
     assert [str(one.mistake.message) for one in problems] == (
@@ -375,7 +376,7 @@ def test_files_of_other_protocols_are_named(tmp_path, data, what) -> None:
     path = tmp_path / "a.log"
     path.write_bytes(data)
     with pytest.raises(InputError, match=what):
-        read_nmea(path)
+        read_positions(path)
 
 
 def test_without_a_date_the_day_is_that_of_the_log_or_asked_for(tmp_path) -> None:

@@ -6,15 +6,18 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.neutron_monitor import NeutronMonitor
-from soilmoist_ros.sensing.corrections.weather import Weather
+from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.correction import (
+    MAX_WEATHER_GAP_S,
     UnusableRecordError,
+    WeatherSeries,
     correct_record,
     counting_interval_s,
     place_record,
@@ -22,19 +25,18 @@ from soilmoist_ros.sensing.survey.correction import (
 )
 
 NAN = math.nan
-AIR = Weather(1000.0, 20.0, 0.5)
 ONE = np.array([1.0])
 INTENSITY = Site(
     corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 100}}
 )
 
 
-def record(stamp_s: float, live_s: float = 10.0) -> LoggerRecord:
-    return LoggerRecord(stamp_s, (50.0,), (live_s,))
+def record(stamp_s: float, live_s: float = 10.0, pressure_hpa: float = 1000.0) -> LoggerRecord:
+    return LoggerRecord(stamp_s, (50.0,), (live_s,), pressure_hpa, 20.0, 0.5)
 
 
 def test_the_exposure_is_divided_by_the_product_of_the_factors() -> None:
-    found = correct_record(record(0.0), AIR, Site(), None, ONE)
+    found = correct_record(record(0.0), Site(), None, ONE)
     assert found.f_pressure == pytest.approx(math.exp(0.0077 * (1000 - 1013.25)))
     assert found.effective_exposure_s == pytest.approx(10.0 / (found.f_pressure * found.f_humidity))
     assert (found.raw_counts, found.exposure_s) == (50, 10.0)
@@ -43,20 +45,19 @@ def test_the_exposure_is_divided_by_the_product_of_the_factors() -> None:
 
 def test_the_intensity_is_constant_or_that_of_the_monitor_at_the_time() -> None:
     monitor = NeutronMonitor(np.array([0.0, 100.0]), np.array([100.0, 200.0]))
-    assert correct_record(record(50.0), AIR, INTENSITY, 75.0, ONE).f_intensity == 2.0
-    assert correct_record(record(50.0), AIR, INTENSITY, monitor, ONE).f_intensity == 1.0
+    assert correct_record(record(50.0), INTENSITY, 75.0, ONE).f_intensity == 2.0
+    assert correct_record(record(50.0), INTENSITY, monitor, ONE).f_intensity == 1.0
     with pytest.raises(UnusableRecordError, match=r"the neutron monitor.*has no rate at this time") as caught:
-        correct_record(record(101.0), AIR, INTENSITY, monitor, ONE)
+        correct_record(record(101.0), INTENSITY, monitor, ONE)
     assert caught.value.kind is Kind.NO_CORRECTION
 
 
 @pytest.mark.parametrize(
-    ("raw", "air", "kind"),
-    [(record(0.0, NAN), AIR, Kind.NO_COUNTS), (record(0.0), Weather(NAN, 20.0, 0.5), Kind.NO_CORRECTION)],
+    ("raw", "kind"), [(record(0.0, NAN), Kind.NO_COUNTS), (record(0.0, pressure_hpa=NAN), Kind.NO_CORRECTION)]
 )
-def test_an_unusable_record_has_a_reason(raw, air, kind) -> None:
+def test_an_unusable_record_has_a_reason(raw, kind) -> None:
     with pytest.raises(UnusableRecordError) as caught:
-        correct_record(raw, air, Site(), None, ONE)
+        correct_record(raw, Site(), None, ONE)
     assert caught.value.kind is kind
 
 
@@ -86,3 +87,74 @@ def test_the_first_record_counted_for_its_live_time() -> None:
 
 def test_positions_are_interpolated_over_three_intervals_and_at_least_five_seconds() -> None:
     assert (position_gap_s(10.0), position_gap_s(1.0)) == (30.0, 5.0)
+
+
+# Weather ---------------------------------------------------------------------------------------------------------
+
+
+def air(stamp_s: float, pressure_hpa: float = 1000.0) -> LoggerRecord:
+    return LoggerRecord(stamp_s, (5.0,), (10.0,), pressure_hpa, 20.0, 0.5)
+
+
+def series_of(records) -> WeatherSeries:
+    series = WeatherSeries()
+    for one in records:
+        series.add(one)
+    return series
+
+
+def pressure(series: WeatherSeries, stamp_s: float) -> float:
+    return series.filled(air(stamp_s, NAN)).pressure_hpa
+
+
+def test_a_short_gap_is_interpolated_and_a_long_one_is_not() -> None:
+    assert pressure(series_of([air(0.0), air(1200.0, 1010.0)]), 600.0) == pytest.approx(1005.0)
+    assert math.isnan(pressure(series_of([air(0.0), air(10_000.0, 1010.0)]), 5000.0))
+    assert math.isnan(pressure(series_of([air(0.0, NAN), air(20.0, NAN)]), 10.0))
+
+
+def test_gaps_of_a_logger_that_writes_every_hour_are_some_records_long() -> None:
+    def hourly(hour: float, pressure_hpa: float = NAN) -> LoggerRecord:
+        return LoggerRecord(3600 * hour, (700.0,), (3600.0,), pressure_hpa, 20.0, 0.5)
+
+    series = series_of([hourly(0, 1000.0), hourly(4, 1004.0), hourly(9, 1010.0)])
+    assert [series.filled(hourly(hour)).pressure_hpa for hour in (1, 2, 3)] == pytest.approx([1001, 1002, 1003])
+    assert series.filled(hourly(6)).pressure_hpa == pytest.approx(1004 + 6 * 2 / 5)
+    series = series_of([hourly(0, 1000.0), hourly(9, 1010.0)])
+    assert math.isnan(series.filled(hourly(4)).pressure_hpa)
+
+
+def test_a_value_of_the_record_itself_is_used() -> None:
+    assert series_of([air(0.0), air(20.0)]).filled(air(10.0, 990.0)).pressure_hpa == 990.0
+
+
+def test_at_the_end_the_last_value_serves_for_half_the_gap() -> None:
+    series = series_of([air(0.0)])
+    assert pressure(series, MAX_WEATHER_GAP_S / 2) == 1000.0
+    assert math.isnan(pressure(series, MAX_WEATHER_GAP_S / 2 + 1))
+
+
+def test_values_of_a_clock_that_was_set_back_are_forgotten() -> None:
+    series = series_of([air(0.0, 990.0), air(5000.0, 1010.0), air(100.0, 995.0)])
+    assert pressure(series, 110.0) == 995.0
+
+
+def test_only_the_latest_values_are_remembered() -> None:
+    series = WeatherSeries(max_values=3)
+    for second in range(100):
+        series.add(air(float(second), 1000.0 + second))
+    assert pressure(series, 99.5) == 1099.0
+    assert pressure(series, 0.0) > 1090.0
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 400), st.floats(900, 1100)), min_size=2, max_size=12, unique_by=lambda p: p[0]
+    ),
+    st.integers(0, 400),
+)
+def test_between_values_it_is_the_interpolation_of_numpy(points, stamp_s) -> None:
+    points.sort()
+    stamps, values = zip(*points, strict=True)
+    series = series_of(air(float(at), value) for at, value in zip(stamps, values, strict=True))
+    assert pressure(series, float(stamp_s)) == np.interp(stamp_s, stamps, values)

@@ -9,7 +9,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.latest_intensity import LatestIntensity
+from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
@@ -18,8 +18,7 @@ from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.logs import process_logs
-from soilmoist_ros.sensing.survey.places import MAX_EDGE_TOLERANCE_S
-from soilmoist_ros.sensing.survey.survey import Survey
+from soilmoist_ros.sensing.survey.survey import MAX_EDGE_TOLERANCE_S, Survey
 
 NAN = math.nan
 T0 = 1_714_557_600.0

@@ -6,17 +6,120 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from soilmoist_ros.mapping.grid import FieldGrid
+from soilmoist_ros.mapping.variogram.model import BUILT_IN as MODELS
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.fields.formulas import formula
+from soilmoist_ros.simulation.fields.formulas import FAMILIES, formula, random_field
 from soilmoist_ros.simulation.fields.rate_grid import Extent
 
-EXTENT = Extent.of(np.array([(0, 0), (400, 0), (400, 400), (0, 400)]), 4.0)
-CELLS = np.random.default_rng(1).uniform(0, 400, (4000, 2))
+SQUARE = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 30.0], [0.0, 30.0]])
+EXTENT = Extent.of(SQUARE, 2.0)
+LARGE = Extent.of(np.array([(0, 0), (400, 0), (400, 400), (0, 400)]), 4.0)
+PLACES = np.random.default_rng(1).uniform(0, 400, (4000, 2))
+PARAMETERS = {
+    "gaussian_field": {"mean": 4.0, "sd": 0.8},
+    "exponential": {"mean": 4.0, "sd": 0.8},
+    "matern32": {"mean": 4.0, "sd": 0.8},
+    "patches": {"background": 4.0, "patch": 3.0},
+    "ridge": {"background": 3.0, "crest": 4.0},
+    "gradient": {"low": 3.0, "high": 4.0},
+    "half": {"low": 3.0, "high": 4.0},
+    "halves": {"mean": 4.0, "sd": 0.8},
+    "rough_patch": {"mean": 4.0, "sd": 0.8},
+    "strips": {"mean": 4.0, "sd": 0.8},
+    "texture": {"low": 3.0, "high": 4.0},
+}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_is_positive_and_deterministic(family):
+    chosen = formula(family, **PARAMETERS[family])
+    places = np.random.default_rng(0).uniform(-20, 60, (2000, 2))
+    values = chosen.function(EXTENT)(places)
+    assert values.shape == (2000,)
+    assert values.min() > 0
+    assert np.ptp(values) > 0.5
+    np.testing.assert_array_equal(values, chosen.function(EXTENT)(places))
+
+
+@pytest.mark.parametrize(
+    "family", ["gaussian_field", "exponential", "matern32", "patches", "halves", "rough_patch", "strips"]
+)
+def test_seeds_and_generators_differ(family):
+    places = FieldGrid.from_polygon(SQUARE, 2.0).cells
+    one, two = (formula(family, seed=seed, **PARAMETERS[family]).function(EXTENT)(places) for seed in (1, 2))
+    drawn = formula(family, **PARAMETERS[family]).function(EXTENT, np.random.default_rng(9))(places)
+    assert np.abs(one - two).max() > 0.1
+    assert np.abs(one - drawn).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("family", "more", "place", "expected"),
+    [
+        ("half", {"angle_deg": 90}, [[20, 0], [20, 15], [20, 30]], [3, 3.5, 4]),
+        ("half", {"offset_m": 5}, [[25, 3]], [3.5]),
+        ("gradient", {}, [[-9, 1], [0, 1], [20, 9], [40, 1], [99, 1]], [3, 3, 3.5, 4, 4]),
+        ("gradient", {"angle_deg": 180}, [[0, 1], [40, 1]], [4, 3]),
+        ("ridge", {"width_m": 3}, [[20, 0], [20, 30], [23, 7], [0, 7]], [4, 4, 3 + np.exp(-0.5), 3]),
+        ("ridge", {"width_m": 3, "offset_m": 5}, [[25, 7]], [4]),
+    ],
+)
+def test_shapes(family, more, place, expected):
+    values = formula(family, **PARAMETERS[family], **more).function(EXTENT)(np.array(place, float))
+    np.testing.assert_allclose(values, expected, atol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["gaussian", "exponential", "matern32"])
+def test_random_fields_have_the_variance_and_correlation_of_their_model(model):
+    x, y = np.arange(24.0), np.arange(18.0)
+    rng = np.random.default_rng(11)
+    draws = np.array([random_field(x, y, model, 6.0, rng) for _ in range(2000)])
+    here, lags = draws[:, 2, 3], [(2, 4), (8, 3), (6, 9), (17, 23)]
+    # The standard error of a variance or correlation from 2000 draws is at most sqrt(2 / 2000) = 0.032.
+    assert here.var() == pytest.approx(1.0, abs=0.11)
+    assert draws.var(axis=0).mean() == pytest.approx(1.0, abs=0.06)
+    assert draws.mean() == pytest.approx(0.0, abs=0.05)
+    for row, column in lags:
+        expected = MODELS[model].correlation(np.array([((row - 2) ** 2 + (column - 3) ** 2) / 36.0]))[0]
+        assert np.mean(here * draws[:, row, column]) == pytest.approx(expected, abs=0.1)
+
+
+def test_a_random_field_with_a_hopeless_range_is_refused():
+    with pytest.raises(ValueError, match="use a shorter range or larger cells"):
+        random_field(np.arange(300.0), np.arange(300.0), "matern32", 4000.0, np.random.default_rng(0))
+
+
+def test_formula_values_have_the_given_mean_and_spread():
+    chosen = formula("exponential", mean=4.0, sd=0.8, range_m=2.0)
+    cells = FieldGrid.from_polygon(SQUARE * 4, 2.0).cells
+    values = chosen.function(Extent.of(SQUARE * 4, 2.0))(cells)
+    assert values.mean() == pytest.approx(4.0, abs=0.1)
+    assert values.std() == pytest.approx(0.8, abs=0.08)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        (
+            {"family": "gausian_field"},
+            r"unknown family 'gausian_field'; known are .*did you mean 'gaussian_field'\?",
+        ),
+        ({"family": "half", "low": 1, "hihg": 2}, r"has no parameter 'hihg'; it has .*did you mean 'high'\?"),
+        ({"family": "half", "low": 1}, "high\n  Field required"),
+        ({"family": "half", "low": 0, "high": 2}, "greater than 0"),
+        ({"family": "matern32", "mean": 4, "sd": 2}, r"'sd' must be at most a quarter of 'mean' \(1\)"),
+        ({"family": "half", "low": 8, "high": 20, "quantity": "vwc"}, "'low' is a moisture in m3/m3"),
+    ],
+)
+def test_bad_formulas_are_refused(parameters, message):
+    with pytest.raises(ValidationError, match=message):
+        formula(**parameters)
 
 
 def test_values_lie_evenly_between_the_limits():
     texture = formula("texture", quantity="vwc", low=0.1, high=0.3, range_m=10.0)
-    values = texture.function(EXTENT)(CELLS)
+    values = texture.function(LARGE)(PLACES)
     assert values.min() > 0.1
     assert values.max() < 0.3
     np.testing.assert_allclose(np.quantile(values, [0.25, 0.5, 0.75]), [0.15, 0.2, 0.25], atol=0.02)
@@ -24,8 +127,8 @@ def test_values_lie_evenly_between_the_limits():
 
 def test_fields_of_one_seed_share_their_zones():
     def values(**more):
-        return formula("texture", low=1.0, high=2.0, range_m=30.0, fine_range_m=8.0, **more).function(EXTENT)(
-            CELLS
+        return formula("texture", low=1.0, high=2.0, range_m=30.0, fine_range_m=8.0, **more).function(LARGE)(
+            PLACES
         )
 
     smooth, rougher, other = values(seed=3, fine=0.0), values(seed=3, fine=0.4), values(seed=4, fine=0.0)
@@ -52,19 +155,19 @@ def test_the_field_of_the_demo_is_a_farm_field():
 
 BOX = Extent.of(np.array([[0.0, 0.0], [60.0, 0.0], [60.0, 50.0], [0.0, 50.0]]), 2.0)
 NODES = np.stack(np.meshgrid(np.arange(0.5, 60), np.arange(0.5, 50)), -1).reshape(-1, 2)
-UNEVEN = {"mean": 4.0, "sd": 0.9, "flat_sd": 0.15, "range_m": 5.0}
+ROUGH = {"mean": 4.0, "sd": 0.9, "flat_sd": 0.15, "range_m": 5.0}
 ROUGH_AREA = {"halves": 0.5, "rough_patch": 0.1, "strips": 0.5}
 
 
 def share(family, seed=1, **parameters):
-    return formula(family, **UNEVEN, **parameters).rough_share(NODES, BOX, np.random.default_rng(seed))
+    return formula(family, **ROUGH, **parameters).rough_share(NODES, BOX, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("family", ROUGH_AREA)
 def test_the_ground_varies_where_it_is_rough_and_hardly_elsewhere(family):
     spread = {"rough": [], "flat": []}
     for seed in range(20):
-        values = formula(family, **UNEVEN).function(BOX, np.random.default_rng(seed))(NODES) - 4.0
+        values = formula(family, **ROUGH).function(BOX, np.random.default_rng(seed))(NODES) - 4.0
         rough = share(family, seed)
         spread["rough"].append(np.mean(values[rough > 0.97] ** 2))
         spread["flat"].append(np.mean(values[rough < 0.01] ** 2))
@@ -103,4 +206,4 @@ def test_the_fields_that_come_along_are_of_their_family(name):
 )
 def test_bad_parameters_are_refused(more, message):
     with pytest.raises(ValidationError, match=message):
-        formula("strips", **(UNEVEN | more))
+        formula("strips", **(ROUGH | more))

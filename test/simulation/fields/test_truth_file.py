@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Field files with a truth: truth_file.py, its tables and rasters (truth_table.py) and rate_formula.py."""
+"""Field files with a truth, their tables and rasters: truth_file.py."""
 
 import os
 import re
@@ -213,10 +213,7 @@ EVEN = np.arange(0, 41, 5)
             r"covers only 65.0% of the field: x = 27 m, y = 1 m lies outside -> give a larger grid",
         ),
         (grid_csv([900, 910], [0, 30]), "truth.csv: does not overlap the field -> check the field's datum"),
-        (
-            grid_csv(EVEN, EVEN).replace("\n20,10,3.5", "\n20,10,"),
-            r"",
-        ),
+        (grid_csv(EVEN, EVEN).replace("\n20,10,3.5", "\n20,10,"), r""),
     ],
 )
 def test_mistakes_in_grids_are_named(tmp_path, data, message):
@@ -344,10 +341,7 @@ def test_a_formula_of_moisture_and_its_generator(tmp_path):
 @pytest.mark.parametrize(
     ("truth", "message"),
     [
-        (
-            "",
-            "field.yaml: the field file has no truth: it cannot be simulated -> add a section 'truth' with",
-        ),
+        ("", "field.yaml: the field file has no truth: it cannot be simulated -> add a section 'truth' with"),
         ("  hours: 2\n", "field.yaml:4 [truth]: give one truth: 'points', 'grid' or 'formula', but there is none"),
         ("  points: a.csv\n  grid: b.csv\n", "but there are 2: points, grid"),
         ("  grid: a.csv\n  variogram: {range_m: 3}\n", "'variogram' belongs to 'points'; remove it"),

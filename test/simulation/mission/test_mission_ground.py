@@ -8,7 +8,7 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.mission_setup import AccessRules, FieldAccess
+from soilmoist_ros.exploration.control.field_access import AccessRules, FieldAccess
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel import RobotMotion

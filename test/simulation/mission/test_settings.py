@@ -11,7 +11,7 @@ import pytest
 
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.exploration.planning.dwell import FixedInterval
-from soilmoist_ros.exploration.strategies.rules import PRESETS as CONSTANTS
+from soilmoist_ros.exploration.strategies.strategy import PRESETS as CONSTANTS
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.lab.campaign_file import Choices

@@ -103,11 +103,7 @@ def test_the_correlation_is_the_one_asked_for():
 
 def test_useless_covariates_are_the_same_with_and_without_another():
     alone = simulated_covariates(SURROGATE, CELLS, MissionSettings(useless_covariates=2))
-    both = simulated_covariates(
-        SURROGATE,
-        CELLS,
-        MissionSettings(useless_covariates=2, covariate_correlation=0.5),
-    )
+    both = simulated_covariates(SURROGATE, CELLS, MissionSettings(useless_covariates=2, covariate_correlation=0.5))
     np.testing.assert_array_equal(alone.layers, both.layers[1:])
     assert simulated_covariates(SURROGATE, CELLS, MissionSettings()) is None
 

@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.mission.actions import GoTo
+from soilmoist_ros.exploration.mission.events import GoTo
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES
-from soilmoist_ros.exploration.travel.graph_builders import open_lattice
 from soilmoist_ros.exploration.travel.topological_map import make_topological_map
 from soilmoist_ros.exploration.travel.travel import polyline_length_m
+from soilmoist_ros.exploration.travel.travel_graph import open_lattice
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field

@@ -7,13 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.exploration.control.mission_setup import (
-    ExplorerSettings,
-    FieldAccess,
-    make_explorer,
-    strategy_stream,
-)
-from soilmoist_ros.exploration.mission.actions import RequestPlan
+from soilmoist_ros.exploration.control.explorer import ExplorerSettings, make_explorer, strategy_stream
+from soilmoist_ros.exploration.control.field_access import FieldAccess
+from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.travel.travel import RobotMotion
@@ -75,9 +71,7 @@ def test_the_planner_on_a_robot_draws_the_stop_that_the_simulator_draws(seed):
     visit = simulate_mission(settings).visits[0]
     access = FieldAccess(surrogate_field(settings.field).field, RobotMotion(), None, cell_m=settings.cell_m)
     dwell = parse_dwell(settings.dwell)
-    chosen = ExplorerSettings(
-        strategy="random", preset="recommended", seed=seed, dwell=dwell, motion=RobotMotion()
-    )
+    chosen = ExplorerSettings(strategy="random", preset="recommended", seed=seed, motion=RobotMotion())
     explorer = make_explorer(access, chosen, MissionRules(budget_s=720.0, dwell=dwell))
     choice = explorer.plan(RequestPlan(1, PlanKind.EXPLORE, (), 720.0, 720.0), (0.5, 0.5)).choice
     assert choice.stop.name == visit.name

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.exploration.navigation.goal_client import GoalClient, GoalLimits
 from soilmoist_ros.exploration.navigation.navigator import Outcome
-from soilmoist_ros.exploration.navigation.way_points import WayPoint
-from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.exploration.travel.stop import Stop, WayPoint
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.health import Level
 from soilmoist_ros.simulation.robot.simulated_time import (

@@ -120,10 +120,7 @@ def test_a_new_goal_replaces_the_old_one(superseded, end):
     second = drive.go("A")
     drive.until(100)
     # from 12 m back to the nearest node B, and on to A
-    assert drive.ends == [
-        (12, GoalEnded(first, *end)),
-        (12 + 12 + 5, GoalEnded(second, Outcome.SUCCEEDED, True)),
-    ]
+    assert drive.ends == [(12, GoalEnded(first, *end)), (12 + 12 + 5, GoalEnded(second, Outcome.SUCCEEDED, True))]
     assert drive.place == (0.0, 0.0)
     assert not drive.cancel(first)
 

@@ -1,0 +1,481 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Files with covariates: bands of rasters, polygons of soil maps, and what elevations say about water.
+
+Rasters of elevations have square cells, rows from south to north, and NaN where nothing is known. A neighbour
+without a value is extrapolated from the opposite one, so that a plane has its slope up to its edge.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation import InputError, LocalFrame, did_you_mean, listing, optional_module
+
+if TYPE_CHECKING:
+    from rasterio.io import DatasetReader
+    from shapely.geometry.base import BaseGeometry
+
+Array = NDArray[np.float64]
+
+USUAL_NODATA = (-9999.0, -99999.0, -32768.0)
+"""Values that mean a gap by convention, where a file does not declare one."""
+KINDS = (
+    "GTiff", "AAIGrid", "BMP", "COG", "DTED", "EHdr", "ENVI", "GPKG", "GRASSASCIIGrid", "GRIB", "GS7BG", "GSAG",
+    "GSBG", "HDF5", "HDF5Image", "JP2OpenJPEG", "JPEG", "MBTiles", "PCRaster", "PNG", "RST", "SAGA", "SRTMHGT",
+    "USGSDEM", "WEBP", "XYZ", "netCDF",
+)  # fmt: skip
+"""Formats, by their names in GDAL, that hold their own pixels. Others (VRT, WMS, tile indices) name files or
+addresses, which GDAL would read, whatever the ending of their own name is."""
+MAX_VALUE = 1e30
+"""Magnitude from which a value is a gap, as -3.4e38 and infinity are."""
+BEGINNINGS = {
+    ".gpkg": b"SQLite format 3\0",
+    ".shp": b"\0\0\x27\x0a",
+    ".fgb": b"fgb",
+    ".geojson": b"{",
+    ".json": b"{",
+}
+"""First bytes of files that hold polygons, by their endings. GDAL looks at contents alone: a file that is
+something else may name other files or addresses, which it would read."""
+_PIPELINE = b"gdal_streamed_alg"
+"""Type of JSON that names what GDAL shall read and do."""
+REMEDY = "give GeoJSON or GeoPackage"
+MAX_CLASSES = 8
+"""Classes up to which each has a column of its own; the rarer ones are taken together."""
+MIN_SHARE = 0.02
+"""Share of the field below which a class is taken together with other rare ones."""
+OTHER = "other"
+NEIGHBOURS: tuple[Offset, ...] = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
+"""Steps to the eight neighbours: rows to the north, columns to the east."""
+MIN_SLOPE = 0.001
+"""Slope below which the wetness index takes the ground as level [m/m]."""
+FLAT_STEP = 1e-5
+"""Slope given to filled pits and flats, towards their outlet [m/m]."""
+
+
+class RasterBands:
+    """The bands of an open raster file.
+
+    :param path: the file
+    :param source: the opened file
+    :raises InputError: if it has no reference system, or no place
+
+    Attributes
+    ----------
+    names : list[str]
+        descriptions of the bands, empty for a band without one
+    """
+
+    def __init__(self, path: Path, source: DatasetReader) -> None:
+        self.path, self._source = path, source
+        if source.crs is None or source.transform.is_identity:
+            raise InputError(
+                "has no coordinate reference system (CRS) or no place",
+                "assign it in a GIS, or with 'gdal_edit.py -a_srs EPSG:... FILE'",
+                path,
+            )
+        self.names = [name or "" for name in source.descriptions]
+
+    def number(self, band: str) -> int:
+        """Number of a band, from 1.
+
+        :param band: its number or name; empty for the first
+        :raises InputError: if there is none
+        """
+        if not band:
+            return 1
+        if band in self.names:
+            return self.names.index(band) + 1
+        count = len(self.names)
+        if band.isdecimal() and 1 <= int(band) <= count:
+            return int(band)
+        named = [name for name in self.names if name]
+        known = f"1 to {count}" if count > 1 else "1"
+        known += f", or {', '.join(named)}" if named else ""
+        raise InputError(f"has no band {band!r}", f"use one of: {known}{did_you_mean(band, named)}", self.path)
+
+    def pixel_m(self, frame: LocalFrame) -> float:
+        """Longer side of a pixel at the datum of a field [m]."""
+        from pyproj import CRS, Transformer
+
+        to_source = Transformer.from_crs(frame.crs, CRS.from_wkt(self._source.crs.to_wkt()), always_xy=True)
+        east, north = to_source.transform([0.0, 100.0, 0.0], [0.0, 0.0, 100.0])
+        grid = ~self._source.transform
+        east, north = np.array(east), np.array(north)
+        pixels = np.array([grid.a * east + grid.b * north, grid.d * east + grid.e * north])
+        moved = np.hypot(*(pixels[:, 1:] - pixels[:, :1]))  # by 100 m to the east, and to the north
+        return float(100.0 / max(moved.min(), 1e-9)) if np.isfinite(moved).all() else math.inf
+
+    def outline(self, frame: LocalFrame) -> Array:
+        """Places along the raster in the plane of a field, shape (k, 2) [m]; none on the earth's other side."""
+        from pyproj import CRS, Transformer
+
+        there = Transformer.from_crs(CRS.from_wkt(self._source.crs.to_wkt()), frame.crs, always_xy=True)
+        shares = np.linspace(0.0, 1.0, 5)
+        columns, rows = np.meshgrid(shares * self._source.width, shares * self._source.height)
+        x, y = self._source.transform @ (columns.ravel(), rows.ravel())
+        corners = np.column_stack(there.transform(x, y))
+        return np.asarray(corners[np.isfinite(corners).all(axis=1)])
+
+    def on(self, number: int, frame: LocalFrame, x_m: Array, y_m: Array) -> Array:
+        """A band at square cells, NaN where it has no value, shape (ny, nx).
+
+        Interpolated linearly; where its pixels are smaller than the cells, averaged over them. Where the file does
+        not declare a value for gaps, the usual ones are gaps.
+
+        :param number: number of the band, from 1
+        :param frame: plane of the field
+        :param x_m: centres of the columns, ascending, evenly spaced [m]
+        :param y_m: centres of the rows, ascending, with the same spacing [m]
+        """
+        nodata = self._source.nodatavals[number - 1]
+        values = self._warped(number, frame, x_m, y_m, nodata)
+        if nodata is None and (gaps := [usual for usual in USUAL_NODATA if (values == usual).any()]):
+            values = self._warped(number, frame, x_m, y_m, gaps[0])
+        values[~(np.abs(values) < MAX_VALUE)] = np.nan
+        scale, offset = self._source.scales[number - 1], self._source.offsets[number - 1]
+        return values * float(scale) + float(offset)
+
+    def _warped(self, number: int, frame: LocalFrame, x_m: Array, y_m: Array, nodata: float | None) -> Array:
+        """A band as it is stored, at square cells."""
+        import rasterio
+        from rasterio.transform import Affine
+        from rasterio.warp import Resampling, reproject
+
+        step = (x_m[-1] - x_m[0]) / (len(x_m) - 1) if len(x_m) > 1 else (y_m[-1] - y_m[0]) / max(len(y_m) - 1, 1)
+        values = np.full((len(y_m), len(x_m)), np.nan)
+        corner = Affine(step, 0.0, x_m[0] - step / 2, 0.0, step, y_m[0] - step / 2)
+        try:
+            reproject(
+                rasterio.band(self._source, number),
+                values,
+                src_nodata=nodata,
+                dst_transform=corner,
+                dst_crs=frame.crs.to_wkt(),
+                dst_nodata=np.nan,
+                resampling=Resampling.bilinear,
+                init_dest_nodata=True,
+                tolerance=0.01,
+            )
+        except Exception as error:  # the errors of GDAL have no common public base
+            raise InputError(
+                f"cannot be moved to the field: {error}", "export it again from a GIS", self.path
+            ) from None
+        return values
+
+
+@contextmanager
+def opened_raster(path: Path, remedy: str = "give a GeoTIFF") -> Iterator[DatasetReader]:
+    """Open a raster file, with or without a place.
+
+    :param path: the file
+    :param remedy: what to do about a file that cannot be read
+    :raises InputError: if GDAL, PROJ or rasterio refuse the file, now or while it is open, or its format is not in
+        :data:`KINDS`
+    """
+    import rasterio
+    from pyproj.exceptions import ProjError
+    from rasterio.io import DatasetReader
+
+    errors = rasterio.errors
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", errors.NotGeoreferencedWarning)
+            with rasterio.Env(), DatasetReader(str(path), driver=list(KINDS)) as source:
+                if source.transform.is_degenerate:
+                    raise InputError("has pixels without an area", remedy, path)
+                yield source
+    except (errors.RasterioError, errors.CRSError, ProjError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read as a raster: {error!s:.200}", remedy, path) from None
+
+
+# -- Polygons of a soil map ----------------------------------------------------------------------------------
+
+
+def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> NDArray[Any]:
+    """An attribute of the polygons at places: texts, or numbers.
+
+    :param path: vector file in any reference system
+    :param attribute: name of the attribute; empty for the only one
+    :param frame: plane of the field
+    :param xy: places, shape (n, 2) [m]
+    :returns: shape (n,); ``None`` or NaN outside all polygons. Whole numbers are texts, as codes of classes are
+    :raises InputError: if the file cannot be read, has no such attribute, no polygon or no reference system
+    """
+    import shapely
+
+    with readable_vector(path):
+        shapes, values = _read(path, attribute, frame)
+    place, polygon = shapely.STRtree(shapes).query(shapely.points(xy), predicate="intersects")
+    # Where polygons overlap, the first one of the file counts; the tree returns them in any order.
+    order = np.lexsort((polygon, place))
+    place, polygon = place[order], polygon[order]
+    first, index = np.unique(place, return_index=True)
+    found = np.full(len(xy), np.nan if values.dtype.kind == "f" else None, values.dtype)
+    found[first] = values[polygon[index]]
+    return found
+
+
+def attributes(path: Path) -> list[str]:
+    """Names of the attributes in a vector file.
+
+    :raises InputError: if the file cannot be read
+    """
+    with readable_vector(path):
+        return list(map(str, optional_module("pyogrio").read_info(path)["fields"].tolist()))
+
+
+def outline_of_polygons(path: Path, frame: LocalFrame) -> Array:
+    """Corners of the box about all polygons, in the plane of a field, shape (k, 2) [m]."""
+    from pyproj import CRS, Transformer
+
+    with readable_vector(path):
+        about = optional_module("pyogrio").read_info(path, force_total_bounds=True)
+        _require_crs(path, about)
+        west, south, east, north = about["total_bounds"]
+        there = Transformer.from_crs(CRS.from_user_input(about["crs"]), frame.crs, always_xy=True)
+        corners = np.column_stack(there.transform([west, east, east, west], [south, south, north, north]))
+    return np.asarray(corners[np.isfinite(corners).all(axis=1)])
+
+
+def require_polygons(path: Path, attribute: str) -> None:
+    """Check a vector file before long work: that it can be opened, and has a reference system and the attribute.
+
+    :raises InputError: as :func:`read_polygons`
+    """
+    with readable_vector(path):
+        about = optional_module("pyogrio").read_info(path)
+    _require_crs(path, about)
+    _attribute(path, about["fields"].tolist(), attribute)
+
+
+@contextmanager
+def readable_vector(path: Path, remedy: str = REMEDY) -> Iterator[None]:
+    """Turn the errors of a library that refuses a vector file into errors of the input.
+
+    :param remedy: what the user can do
+    """
+    import shapely
+    from pyproj.exceptions import ProjError
+
+    failed = optional_module("pyogrio").errors
+    errors = (failed.DataSourceError, failed.DataLayerError, shapely.errors.ShapelyError, ProjError, OSError)
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(65536).removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
+        if not head.startswith(BEGINNINGS[path.suffix.lower()]) or _PIPELINE in head:
+            raise InputError("cannot be read as polygons: its content is something else", remedy, path)
+        yield
+    except (*errors, UnicodeDecodeError, UnboundLocalError) as error:  # the last: pyogrio, for a damaged .prj
+        reason = f"cannot be read as polygons: {error!s:.200}"
+        raise InputError(reason, remedy, path) from None
+
+
+def _require_crs(path: Path, about: Mapping[str, Any]) -> None:
+    if about["crs"] is None:
+        raise InputError("has no coordinate reference system (CRS)", "export it again, with its CRS", path)
+
+
+def _read(path: Path, attribute: str, frame: LocalFrame) -> tuple[list[BaseGeometry], NDArray[Any]]:
+    import shapely
+    from pyproj import CRS, Transformer
+
+    about, _, geometries, columns = optional_module("pyogrio").raw.read(path)
+    _require_crs(path, about)
+    values = _column(path, dict(zip(about["fields"].tolist(), columns, strict=True)), attribute)
+    there = Transformer.from_crs(CRS.from_user_input(about["crs"]), frame.crs, always_xy=True)
+
+    def moved(xy: Array) -> Array:
+        return np.column_stack(there.transform(xy[:, 0], xy[:, 1]))
+
+    shapes = shapely.from_wkb(geometries, on_invalid="ignore") if geometries is not None else np.array([])
+    area = np.isin(shapely.get_type_id(shapes), (3, 6))  # polygons, alone or several
+    if not area.any():
+        raise InputError("has no polygons", "give the polygons of a soil map, or a raster", path)
+    return [shapely.make_valid(shapely.transform(one, moved)) for one in shapes[area]], values[area]
+
+
+def _attribute(path: Path, names: Sequence[str], attribute: str) -> str:
+    """The attribute that is meant.
+
+    :raises InputError: if there is none of this name, or none is given and there are several
+    """
+    if not attribute and len(names) != 1:
+        known = listing(names) or "none"
+        remedy = "name one as band: FILE:ATTRIBUTE" if names else "give each polygon its class"
+        raise InputError(f"does not say which attribute is meant: it has {known}", remedy, path)
+    if attribute and attribute not in names:
+        remedy = f"use one of: {listing(names)}{did_you_mean(attribute, names)}"
+        raise InputError(f"has no attribute {attribute!r}", remedy, path)
+    return attribute or names[0]
+
+
+def _column(path: Path, columns: Mapping[str, NDArray[Any]], attribute: str) -> NDArray[Any]:
+    """Values of an attribute; whole numbers as texts."""
+    values = columns[_attribute(path, list(columns), attribute)]
+    if values.dtype.kind == "f":
+        return values.astype(float)
+    return np.array([None if one is None else str(one) for one in values.tolist()], object)
+
+
+def indicators(values: NDArray[Any], inside: NDArray[np.bool_]) -> dict[str, Array]:
+    """Columns of zeros and ones, one for each class but the most common one, which the mean of the map stands for.
+
+    :param values: classes, ``None`` where they are unknown, shape (n,)
+    :param inside: places in the field, by which the classes are counted, shape (n,)
+    :returns: class -> column, NaN where the class is unknown; empty if the field has a single class
+    """
+    known = np.array([one is not None for one in values], bool)
+    names, counts = np.unique(values[known & inside].astype(str), return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    names, counts = names[order], counts[order]
+    kept = [
+        str(name)
+        for number, (name, count) in enumerate(zip(names, counts, strict=True))
+        if number < MAX_CLASSES and count >= MIN_SHARE * counts.sum()
+    ]
+    pooled = len(names) > len(kept)
+    texts = values.astype(str)
+    columns = {name: np.where(known, texts == name, np.nan) for name in kept[1:]}
+    if pooled:
+        columns[OTHER] = np.where(known, ~np.isin(texts, kept), np.nan)
+    return columns
+
+
+# -- Elevations ----------------------------------------------------------------------------------------------
+
+Offset = tuple[int, int]
+
+
+def derivatives(elevation_m: Array, step_m: float) -> dict[str, Array]:
+    """Everything that is derived from elevations, by its name.
+
+    * slope: tangent of the steepest slope [m/m], by the third-order finite differences of Horn (1981)
+    * northness, eastness: components of the unit normal of the surface, > 0 where it faces north or east [-]
+    * curvature: minus twice (D + E) of Zevenbergen and Thorne (1987) [1/m], > 0 on crests, < 0 in hollows
+    * wetness: topographic wetness index ln(a / tan b) of Beven and Kirkby (1979) [ln m], see :func:`wetness`
+
+    :param elevation_m: elevations, shape (ny, nx) [m]
+    :param step_m: distance between neighbours, > 0 [m]
+    """
+    around = _around(elevation_m)
+    # Horn, Proc. IEEE 69:14-47: weights 1, 2, 1
+    east = (around[1, 1] + 2 * around[0, 1] + around[-1, 1]) - (around[1, -1] + 2 * around[0, -1] + around[-1, -1])
+    north = (around[1, 1] + 2 * around[1, 0] + around[1, -1]) - (
+        around[-1, 1] + 2 * around[-1, 0] + around[-1, -1]
+    )
+    east, north = east / (8 * step_m), north / (8 * step_m)
+    slope = np.hypot(east, north)
+    length = np.sqrt(1 + slope**2)
+    laplacian = (around[0, 1] + around[0, -1] + around[1, 0] + around[-1, 0] - 4 * elevation_m) / step_m**2
+    return {
+        "elevation": elevation_m,
+        "slope": slope,
+        "northness": -north / length,
+        "eastness": -east / length,
+        "curvature": -laplacian,
+        "wetness": wetness(elevation_m, slope, step_m),
+    }
+
+
+def _around(values: Array) -> Mapping[Offset, Array]:
+    """The eight neighbours of every cell; a missing one is extrapolated from the others, or the cell itself."""
+    near = {offset: _shifted(values, offset) for offset in NEIGHBOURS}
+    found = {}
+    for row, column in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+        there = np.where(np.isnan(near[row, column]), 2 * values - near[-row, -column], near[row, column])
+        found[row, column] = np.where(np.isnan(there), values, there)
+    for row, column in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
+        there = found[row, 0] + found[0, column] - values
+        found[row, column] = np.where(np.isnan(near[row, column]), there, near[row, column])
+    return found
+
+
+def _shifted(values: Array, offset: Offset, outside: float = np.nan) -> Array:
+    """The value of the neighbour at an offset, for every cell."""
+    padded = np.pad(values, 1, constant_values=outside)
+    row, column = offset
+    rows, columns = values.shape
+    return padded[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
+
+
+def wetness(elevation_m: Array, slope: Array, step_m: float) -> Array:
+    """Topographic wetness index ln(a / tan b), a the upslope area per metre of contour [m], b the slope.
+
+    :param slope: tangent of the slope, shape (ny, nx); at least :data:`MIN_SLOPE` is taken
+    """
+    area = upslope_area(filled_pits(elevation_m, step_m), step_m)
+    return np.log(area / step_m / np.maximum(slope, MIN_SLOPE))
+
+
+def filled_pits(elevation_m: Array, step_m: float) -> Array:
+    """Elevations from which water runs off everywhere.
+
+    The priority-flood algorithm with small slopes, Barnes, Lehman and Mulla (2014), Computers & Geosciences
+    62:117-127. Water leaves at the edge of what is known.
+    """
+    filled = elevation_m.copy()
+    known = np.isfinite(filled)
+    edge = known & ~np.all([_shifted(known, offset, False) for offset in NEIGHBOURS], axis=0)
+    done = ~known | edge
+    queue = [(float(filled[row, column]), row, column) for row, column in np.argwhere(edge).tolist()]
+    heapq.heapify(queue)
+    rise = {offset: FLAT_STEP * step_m * float(np.hypot(*offset)) for offset in NEIGHBOURS}
+    rows, columns = filled.shape
+    while queue:
+        level, row, column = heapq.heappop(queue)
+        for (up, right), least in rise.items():
+            next_row, next_column = row + up, column + right
+            if 0 <= next_row < rows and 0 <= next_column < columns and not done[next_row, next_column]:
+                done[next_row, next_column] = True
+                height = max(float(filled[next_row, next_column]), level + least)
+                filled[next_row, next_column] = height
+                heapq.heappush(queue, (height, next_row, next_column))
+    return filled
+
+
+def upslope_area(filled_m: Array, step_m: float) -> Array:
+    """Area that drains through each cell, its own included, shape (ny, nx) [m^2].
+
+    Water is shared by all lower neighbours in proportion to slope and contour length: Quinn, Beven, Chevallier and
+    Planchon (1991), Hydrological Processes 5:59-79.
+
+    :param filled_m: elevations without pits, shape (ny, nx) [m]
+    """
+    from scipy.sparse import csr_array, eye_array
+    from scipy.sparse.linalg import spsolve_triangular
+
+    known = np.isfinite(filled_m)
+    count = int(np.count_nonzero(known))
+    height = filled_m[known]
+    # Every cell gets its place in the order from high to low, so that water only flows to later cells.
+    place = np.full(filled_m.shape, -1)
+    place[known] = np.argsort(np.argsort(-height, kind="stable"), kind="stable")
+    share, receiver = [], []
+    for offset in NEIGHBOURS:
+        diagonal = 0 not in offset
+        drop = filled_m - _shifted(filled_m, offset)
+        # contour length 0.5 or 0.354 of a cell, distance 1 or 1.414 cells
+        weight = np.where(drop > 0, drop * (0.25 if diagonal else 0.5), 0.0)
+        share.append(weight[known])
+        receiver.append(_shifted(place.astype(float), offset, -1.0)[known].astype(int))
+    shares, receivers = np.array(share), np.array(receiver)
+    total = shares.sum(axis=0)
+    shares = np.divide(shares, total, out=np.zeros_like(shares), where=total > 0)
+    donors = np.broadcast_to(place[known], shares.shape)
+    flows = shares > 0
+    inflow = csr_array((shares[flows], (receivers[flows], donors[flows])), shape=(count, count))
+    area = spsolve_triangular((eye_array(count) - inflow).tocsr(), np.full(count, step_m**2), lower=True)
+    found = np.full(filled_m.shape, np.nan)
+    found[known] = np.asarray(area)[place[known]]
+    return found

@@ -1,0 +1,523 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Opens line sources by address: TCP, UDP and serial links, which reconnect when they break, and recordings."""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+import math
+import os
+import random
+import select
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
+
+from soilmoist_ros.foundation import InputError, did_you_mean
+from soilmoist_ros.sensing.lines import (
+    LineBuffer,
+    LineSource,
+    LinkState,
+    LinkStatus,
+    PlaybackClock,
+    RecordingSource,
+    StampOf,
+)
+
+EXAMPLES = {
+    "tcp": "tcp://192.168.1.20:5000",
+    "udp": "udp://0.0.0.0:5000",
+    "serial": "serial:///dev/ttyUSB0?baud=115200",
+    "file": "file:///home/robot/survey.log?speed=10",
+}
+"""An example of each kind of address."""
+_OPTIONS: dict[str, tuple[str, ...]] = {
+    "tcp": ("interface",),
+    "udp": ("from", "interface"),
+    "serial": ("baud",),
+    "file": ("speed",),
+}
+DEFAULT_BAUD = 115_200
+CHUNK = 65_536
+"""Maximum number of bytes of one read; no datagram is larger."""
+RECEIVE_BUFFER = 1 << 20
+CONNECT_S = 3.0
+"""Maximum time of an attempt to connect [s]."""
+MAX_SENDERS = 8
+"""Senders that are remembered by their address."""
+RECENT_S = 60.0
+"""Time after which a sender that has fallen silent is no longer shown [s]."""
+MAX_SILENT_PERIODS = 3.5
+"""Maximum time without a record before an error, as a multiple of the record period."""
+Network = ipaddress.IPv4Network | ipaddress.IPv6Network
+
+
+def open_source(
+    uri: str, retry: Retry | None = None, stamp_of: StampOf | None = None, playback: PlaybackClock | None = None
+) -> LineSource:
+    """Line source at an address; it connects at the first read.
+
+    * ``tcp://host:port`` connects to a server; ``?interface=eth1`` by this network interface only,
+    * ``udp://0.0.0.0:port`` listens for datagrams; ``?from=192.168.5.20,10.0.5.0/24`` drops those of other
+      senders, ``?interface=eth1`` those of other networks,
+    * ``serial:///dev/ttyUSB0?baud=115200`` opens a port,
+    * ``file:///path?speed=10`` plays a recording at ten times its speed, with ``speed=0`` as fast as possible.
+
+    :param retry: pauses between attempts
+    :param stamp_of: time of a recorded line; see :class:`RecordingSource`
+    :param playback: shared by recordings that are played together
+    :raises InputError: if the address is invalid, or a file cannot be read
+    """
+    try:
+        parts = urlsplit(uri.strip())
+        port = parts.port
+    except ValueError as error:
+        raise _bad(uri, str(error)) from None
+    if parts.scheme not in EXAMPLES:
+        kinds = f"{', '.join(EXAMPLES)}{did_you_mean(parts.scheme, EXAMPLES)}"
+        raise _bad(uri, f"must begin with one of: {kinds}" if parts.scheme else "has no kind before '://'")
+    options = _options(uri, parts)
+    if parts.scheme in ("tcp", "udp"):
+        if not parts.hostname or not port:
+            raise _bad(uri, "lacks the host" if port else "lacks the port", [parts.scheme])
+        if parts.path not in ("", "/"):
+            raise _bad(uri, f"has a path {parts.path!r}, which this kind does not have", [parts.scheme])
+        interface = options.get("interface", "")
+        if parts.scheme == "tcp":
+            return ReconnectingSource(uri, partial(connect_tcp, parts.hostname, port, interface), retry)
+        senders = Senders(parse_networks(uri, options["from"]) if "from" in options else ())
+        connect = partial(bind_udp, parts.hostname, port, interface, senders)
+        return ReconnectingSource(uri, connect, retry, senders=senders)
+    if parts.netloc or not parts.path.startswith("/") or len(parts.path) < 2:
+        raise _bad(uri, "lacks the absolute path: mind the three slashes", [parts.scheme])
+    path = unquote(parts.path)
+    if parts.scheme == "file":
+        speed = _number(uri, options, "speed", 1.0, low=0.0)
+        return RecordingSource(Path(path), speed, stamp_of, playback)
+
+    baud = int(_number(uri, options, "baud", DEFAULT_BAUD, low=50.0))
+    return ReconnectingSource(uri, partial(open_serial, path, baud), retry)
+
+
+def _options(uri: str, parts: SplitResult) -> dict[str, str]:
+    known = _OPTIONS[parts.scheme]
+    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    for name in options:
+        if name not in known:
+            there_are = f"there are: {', '.join(known)}" if known else "there are none"
+            raise _bad(uri, f"has an unknown option {name!r}; {there_are}", [parts.scheme])
+    return options
+
+
+def parse_networks(uri: str, text: str) -> tuple[Network, ...]:
+    """Addresses and networks, separated by commas; none for an empty text.
+
+    >>> [str(network) for network in parse_networks("udp://0.0.0.0:5000", "192.168.5.20,10.0.0.0/8")]
+    ['192.168.5.20/32', '10.0.0.0/8']
+
+    :raises InputError: if one is neither
+    """
+    try:
+        return tuple(ipaddress.ip_network(part.strip()) for part in text.split(","))
+    except ValueError as error:
+        raise InputError(
+            f"the address {uri!r} accepts data from no network: {error}",
+            "give numeric addresses or networks: from=192.168.5.20 or from=192.168.5.20,10.0.5.0/24",
+        ) from None
+
+
+def _number(uri: str, options: dict[str, str], name: str, default: float, low: float) -> float:
+    try:
+        value = float(options.get(name, default))
+    except ValueError:
+        value = math.nan
+    if not (low <= value < 1e7):
+        raise _bad(uri, f"{name}={options[name]!r} is not a number of at least {low:g}", [urlsplit(uri).scheme])
+    return value
+
+
+def _bad(uri: str, message: str, kinds: list[str] | None = None) -> InputError:
+    examples = [EXAMPLES[kind] for kind in kinds or EXAMPLES]
+    return InputError(f"the address {uri!r} {message}", f"write it like {' or '.join(examples)}")
+
+
+class Senders:
+    """Judges senders of datagrams, and counts those that are refused.
+
+    :param allowed: networks whose senders are accepted; all if empty
+    :param clock: monotonic time [s]
+    """
+
+    def __init__(self, allowed: Sequence[Network] = (), clock: Callable[[], float] = time.monotonic) -> None:
+        self.allowed = tuple(allowed)
+        self.n_refused = 0
+        self.last_refused = ""
+        self._clock = clock
+        self._heard_s: dict[str, float] = {}
+
+    @property
+    def recent(self) -> tuple[str, ...]:
+        """Addresses of the last few senders whose datagrams were accepted in the last minute."""
+        now_s = self._clock()
+        return tuple(sender for sender, at_s in self._heard_s.copy().items() if now_s - at_s <= RECENT_S)
+
+    def accepts(self, sender: str) -> bool:
+        """Whether a datagram is accepted."""
+        known = self._heard_s.pop(sender, None) is not None
+        if not known and self.allowed and not self._is_allowed(sender):
+            self.n_refused += 1
+            self.last_refused = sender
+            return False
+        if len(self._heard_s) >= MAX_SENDERS:
+            del self._heard_s[next(iter(self._heard_s))]
+        self._heard_s[sender] = self._clock()
+        return True
+
+    def _is_allowed(self, sender: str) -> bool:
+        address = ipaddress.ip_address(sender.partition("%")[0])
+        if isinstance(address, ipaddress.IPv6Address) and address.ipv4_mapped is not None:
+            address = address.ipv4_mapped
+        return any(address in network for network in self.allowed)
+
+
+def bind_to_interface(link: socket.socket, interface: str) -> int:
+    """Let a socket send and receive by one network interface only.
+
+    :raises OSError: if there is no such interface, or the system does not permit it
+    """
+    if not interface:
+        return 0
+    known = {name: index for index, name in socket.if_nameindex()}
+    if interface not in known:
+        raise OSError(f"there is no network interface {interface!r}; there are: {', '.join(known)}")
+    link.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode() + b"\0")
+    return known[interface]
+
+
+def is_same_interface(interface: str, index: int) -> bool:
+    """Whether an interface is there and not another one: an adapter that was unplugged gets another index."""
+    try:
+        return socket.if_nametoindex(interface) == index
+    except OSError:
+        return False
+
+
+class Connection(Protocol):
+    """One connection over some transport."""
+
+    datagrams: bool
+    """Whether each piece contains whole lines; silence then does not indicate a broken connection."""
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Some bytes, ``None`` after the timeout.
+
+        :raises OSError: if the connection broke or the other side closed it
+        """
+
+    def close(self) -> None:
+        """Close the connection; never raises."""
+
+
+class SerialConnection:
+    """An open serial port that does not block."""
+
+    datagrams = False
+
+    def __init__(self, port: Any) -> None:
+        self._port = port
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Some bytes, ``None`` after the timeout."""
+        descriptor = self._port.fileno()
+        ready, _, _ = select.select([descriptor], [], [], min(timeout_s, 0.5))  # close() does not wake it
+        if not ready:
+            return None
+        try:
+            data = os.read(descriptor, CHUNK)
+        except BlockingIOError:
+            return None
+        if not data:
+            raise ConnectionResetError("the device is gone: check the cable")
+        return data
+
+    def close(self) -> None:
+        """Close the port."""
+        with contextlib.suppress(OSError):
+            self._port.close()
+
+
+def open_serial(device: str, baud: int) -> SerialConnection:
+    """Open a port, 8 data bits, no parity, one stop bit.
+
+    :raises OSError: if there is no such device, or another program uses it
+    """
+    import serial  # only serial ports need this library
+
+    return SerialConnection(serial.Serial(device, baud, timeout=0, exclusive=True))
+
+
+class SocketConnection:
+    """A connected TCP socket."""
+
+    datagrams = False
+
+    def __init__(self, link: socket.socket) -> None:
+        self._socket = link
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Some bytes, ``None`` after the timeout."""
+        try:
+            self._socket.settimeout(timeout_s)
+            data = self._socket.recv(CHUNK)
+        except (TimeoutError, BlockingIOError):
+            return None
+        if not data:
+            raise ConnectionResetError("the other side closed the connection")
+        return data
+
+    def close(self) -> None:
+        """Close the socket."""
+        with contextlib.suppress(OSError):  # only this wakes a reader in another thread
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
+
+
+def connect_tcp(host: str, port: int, interface: str = "") -> SocketConnection:
+    """Connect to a server.
+
+    :param interface: network interface of the connection; empty for the one that the routes of the system choose
+    :raises OSError: if the name is unknown, the server refuses or does not answer, or there is no such interface
+    """
+    error = OSError("the name has no address")
+    for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+        link = socket.socket(family, kind, protocol)
+        try:
+            bind_to_interface(link, interface)
+            link.settimeout(CONNECT_S)
+            link.connect(address)
+        except OSError as fault:
+            link.close()
+            error = fault
+            continue
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        if sys.platform == "linux":
+            # Detects a peer without power within about 15 s, regardless of the silence limit.
+            for option, value in ((socket.TCP_KEEPIDLE, 6), (socket.TCP_KEEPINTVL, 3), (socket.TCP_KEEPCNT, 3)):
+                link.setsockopt(socket.IPPROTO_TCP, option, value)
+        return SocketConnection(link)
+    raise error
+
+
+class DatagramConnection(SocketConnection):
+    """A bound UDP socket; the network interface that it is bound to has a name and an index, or neither."""
+
+    datagrams = True
+
+    def __init__(self, link: socket.socket, senders: Senders, interface: str = "", index: int = 0) -> None:
+        super().__init__(link)
+        self._senders, self._interface, self._index = senders, interface, index
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """A datagram, ``None`` after the timeout, or if it is refused for its sender."""
+        try:
+            self._socket.settimeout(timeout_s)
+            data, sender = self._socket.recvfrom(CHUNK)
+        except (TimeoutError, BlockingIOError):
+            # The socket stays bound to an adapter that was unplugged, also when it is plugged in again.
+            if self._interface and not is_same_interface(self._interface, self._index):
+                raise ConnectionResetError(f"the network interface {self._interface!r} was unplugged") from None
+            return None
+        return data if self._senders.accepts(str(sender[0])) else None
+
+
+def bind_udp(host: str, port: int, interface: str = "", senders: Senders | None = None) -> DatagramConnection:
+    """Listen for datagrams of one or more whole lines.
+
+    :param host: address of this machine to listen on, ``0.0.0.0`` for all
+    :param senders: whose datagrams are accepted; anybody's if ``None``
+    :raises OSError: if the address or interface is not this machine's, or the port is in use
+    """
+    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+    bound = socket.socket(family, kind, protocol)
+    try:
+        index = bind_to_interface(bound, interface)
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        bound.bind(address)
+    except OSError:
+        bound.close()
+        raise
+    return DatagramConnection(bound, senders or Senders(), interface, index)
+
+
+@dataclass(frozen=True)
+class Retry:
+    """Pauses between attempts to connect.
+
+    :param first_s: pause before the second attempt [s]; each later pause doubles
+    :param max_s: maximum pause [s]
+    :param silence_s: least time without a byte after which the link reconnects [s]
+    :param period_s: usual time between lines, as far as it is known now, else zero [s]; called from any thread
+    """
+
+    first_s: float = 0.5
+    max_s: float = 15.0
+    silence_s: float = 35.0
+    period_s: Callable[[], float] = float
+
+    @property
+    def silence_limit_s(self) -> float:
+        """Time without a byte after which the link reconnects, at present [s]."""
+        return max(self.silence_s, MAX_SILENT_PERIODS * self.period_s())
+
+    def pause_s(self, attempts: int, rng: random.Random) -> float:
+        """Pause after a number of failed attempts [s].
+
+        Up to half of the pause is random, so that many readers do not reconnect simultaneously.
+        """
+        pause_s = min(self.max_s, self.first_s * 2.0 ** min(attempts - 1, 60))
+        return pause_s * rng.uniform(0.5, 1.0)
+
+
+class ReconnectingSource:
+    """A :class:`LineSource` over connections that may break.
+
+    :param uri: name of the link, for messages
+    :param connect: returns a new connection, or raises ``OSError``
+    :param retry: pauses between attempts
+    :param clock: monotonic time [s]
+    :param rng: randomness of the pauses
+    :param senders: whose datagrams the connections accept; ``None`` if they have a single sender
+    """
+
+    def __init__(
+        self,
+        uri: str,
+        connect: Callable[[], Connection],
+        retry: Retry | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        rng: random.Random | None = None,
+        senders: Senders | None = None,
+    ) -> None:
+        self._uri = uri
+        self._connect = connect
+        self._retry = retry or Retry()
+        self._clock = clock
+        self._rng = rng or random.Random()
+        self._senders = senders
+        self._buffer = LineBuffer()
+        self._connection: Connection | None = None
+        self._closed = threading.Event()
+        self._retry_at_s = self._heard_at_s = clock()
+        self._attempts = self._connections = self._n_bytes = self._n_lines = 0
+        self._last_error = ""
+        self._silent = False
+
+    @property
+    def status(self) -> LinkStatus:
+        """State of the link."""
+        silent_s, limit_s = self._clock() - self._heard_at_s, self._retry.silence_limit_s
+        if self._closed.is_set():
+            state = LinkState.CLOSED
+        elif self._silent or (self._connection is not None and silent_s > limit_s):
+            state = LinkState.SILENT
+        else:
+            state = LinkState.CONNECTING if self._connection is None else LinkState.CONNECTED
+        senders = self._senders or Senders()
+        return LinkStatus(
+            uri=self._uri,
+            state=state,
+            attempts=self._attempts,
+            connections=self._connections,
+            last_error=self._last_error,
+            n_bytes=self._n_bytes,
+            n_lines=self._n_lines,
+            n_oversized=self._buffer.n_oversized,
+            n_refused=senders.n_refused,
+            last_refused=senders.last_refused,
+            senders=senders.recent,
+            is_open=self._senders is not None and not senders.allowed,
+            silent_s=silent_s,
+            silence_limit_s=limit_s,
+        )
+
+    def read_line(self, timeout_s: float) -> bytes | None:
+        """The next line, ``None`` after the timeout."""
+        deadline_s = self._clock() + timeout_s
+        while not self._closed.is_set():
+            line = self._buffer.pop()
+            if line is not None:
+                self._n_lines += 1
+                return line
+            left_s = deadline_s - self._clock()
+            if left_s <= 0:
+                return None
+            if self._connection is None:
+                self._reconnect(left_s)
+            else:
+                self._receive(self._connection, left_s)
+        return None
+
+    def close(self) -> None:
+        """Close the link."""
+        self._closed.set()
+        connection = self._connection
+        if connection is not None:
+            connection.close()
+
+    def _reconnect(self, left_s: float) -> None:
+        pause_s = self._retry_at_s - self._clock()
+        if pause_s > 0:
+            self._closed.wait(min(pause_s, left_s))
+            return
+        self._attempts += 1
+        try:
+            self._connection = self._connect()
+        except OSError as error:
+            self._fail(error)
+            return
+        self._connections += 1
+        self._heard_at_s = self._clock()
+        if self._closed.is_set():  # during the attempt
+            self._connection.close()
+
+    def _receive(self, connection: Connection, left_s: float) -> None:
+        quiet_s, limit_s = self._clock() - self._heard_at_s, self._retry.silence_limit_s
+        if quiet_s > limit_s and not connection.datagrams:
+            self._silent = True
+            self._attempts = 0  # the device was there: a longer pause would only miss its next line
+            self._fail(TimeoutError(f"no bytes for {quiet_s:.0f} s"))
+            return
+        try:
+            data = connection.receive(min(left_s, max(limit_s - quiet_s, 0.05)))
+        except (OSError, ValueError) as error:  # ValueError: closed by another thread
+            self._fail(error)
+            return
+        if not data:
+            return
+        self._silent = False
+        self._heard_at_s = self._clock()
+        self._n_bytes += len(data)
+        lines = self._buffer.feed(data)
+        if connection.datagrams:
+            self._buffer.end_line()
+        if lines or connection.datagrams:
+            # Only a line proves that the link works: pauses grow for a server that accepts and hangs up.
+            self._attempts = 0
+
+    def _fail(self, error: Exception) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+        self._buffer.drop_rest()
+        if self._closed.is_set():
+            return
+        self._last_error = str(error) or type(error).__name__
+        self._retry_at_s = self._clock() + self._retry.pause_s(max(self._attempts, 1), self._rng)

@@ -1,0 +1,339 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Interface and state of line sources."""
+
+from __future__ import annotations
+
+import enum
+import logging
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from soilmoist_ros.sensing.formats.log_values import MAX_LINE
+from soilmoist_ros.sensing.formats.logger_reader import read_lines
+
+
+class LinkState(enum.Enum):
+    """State of a link."""
+
+    CONNECTING = "connecting"
+    """Not connected; retries."""
+    CONNECTED = "connected"
+    SILENT = "silent"
+    """Connected, but no bytes arrive."""
+    ENDED = "ended"
+    """The end of a file was reached."""
+    CLOSED = "closed"
+    """Closed from this side."""
+
+
+@dataclass(frozen=True)
+class LinkStatus:
+    """State and counts of a link.
+
+    :param uri: address of the source
+    :param state: state of the link
+    :param attempts: attempts to connect since the last line, or since the link fell silent
+    :param connections: number of connections so far
+    :param last_error: reason of the last failed or broken connection, empty if there is none
+    :param n_bytes: bytes received
+    :param n_lines: lines received
+    :param n_oversized: lines dropped because they were too long
+    :param n_refused: datagrams refused for their sender
+    :param last_refused: address of the last refused sender, empty if there is none
+    :param senders: addresses of the last few senders whose datagrams were accepted in the last minute
+    :param is_open: whether datagrams of anybody are accepted
+    :param silent_s: time since the last byte or connection [s]
+    :param silence_limit_s: such a time after which the link reconnects [s]
+    """
+
+    uri: str
+    state: LinkState
+    attempts: int = 0
+    connections: int = 0
+    last_error: str = ""
+    n_bytes: int = 0
+    n_lines: int = 0
+    n_oversized: int = 0
+    n_refused: int = 0
+    last_refused: str = ""
+    senders: tuple[str, ...] = ()
+    is_open: bool = False
+    silent_s: float = 0.0
+    silence_limit_s: float = math.inf
+
+
+class LineSource(Protocol):
+    """A stream of lines that never ends and never raises."""
+
+    @property
+    def status(self) -> LinkStatus:
+        """State of the link; may be read from any thread."""
+
+    def read_line(self, timeout_s: float) -> bytes | None:
+        """The next line without its line end, ``None`` after the timeout.
+
+        Connects first if necessary; connecting may take longer than the timeout.
+        """
+
+    def close(self) -> None:
+        """Close the link; wakes a reader in another thread."""
+
+
+# Joins pieces of bytes into whole lines, in bounded memory ------------------------------------------------------
+
+
+class LineBuffer:
+    """Collects bytes and returns lines, without empty lines.
+
+    Lines end with LF, CR LF or CR. A line that is too long is dropped up to its end.
+
+    :param max_line: maximum length of a line [bytes]
+    """
+
+    def __init__(self, max_line: int = MAX_LINE) -> None:
+        self.n_oversized = 0
+        self._max_line = max_line
+        self._lines: deque[bytes] = deque()
+        self._rest = bytearray()
+        self._skipping = False
+
+    def feed(self, data: bytes) -> int:
+        """Add bytes; returns the number of completed lines."""
+        before = len(self._lines)
+        pieces = data.replace(b"\r", b"\n").split(b"\n")
+        for piece in pieces[:-1]:
+            self._collect(piece)
+            self.end_line()
+        self._collect(pieces[-1])
+        return len(self._lines) - before
+
+    def end_line(self) -> None:
+        """End the current line, for example at the end of a datagram or file."""
+        if self._rest and not self._skipping:
+            self._lines.append(bytes(self._rest))
+        self.drop_rest()
+
+    def drop_rest(self) -> None:
+        """Drop an incomplete line, for example when a connection breaks."""
+        self._rest.clear()
+        self._skipping = False
+
+    def pop(self) -> bytes | None:
+        """Remove and return the oldest line, ``None`` if there is none."""
+        return self._lines.popleft() if self._lines else None
+
+    def _collect(self, piece: bytes) -> None:
+        if self._skipping:
+            return
+        if len(self._rest) + len(piece) > self._max_line:
+            self._rest.clear()
+            self._skipping = True
+            self.n_oversized += 1
+            return
+        self._rest += piece
+
+
+# A thread that reads lines in the background --------------------------------------------------------------------
+
+MAX_WAITING = 20_000
+"""Maximum number of waiting lines; above it, the reader pauses."""
+MAX_WAITING_BYTES = 16 << 20
+"""Maximum size of waiting lines [bytes]; above it, the reader pauses."""
+_WAIT_S = 0.2
+_STOP_S = 5.0
+_log = logging.getLogger(__name__)
+
+
+class LineReader:
+    """Reads a source in a background thread.
+
+    :param source: the source; closed at the end
+    :param on_line: called from the thread after each line; must return quickly
+    """
+
+    def __init__(self, source: LineSource, on_line: Callable[[], None]) -> None:
+        self._source = source
+        self._on_line = on_line
+        self._waiting: deque[bytes] = deque()
+        self._waiting_bytes = 0
+        self._taken = threading.Condition()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="line reader", daemon=True)
+        self._thread.start()
+
+    @property
+    def status(self) -> LinkStatus:
+        """State of the link."""
+        return self._source.status
+
+    def take(self, max_lines: int) -> list[bytes]:
+        """Remove and return at most ``max_lines`` lines, oldest first."""
+        with self._taken:
+            lines = [self._waiting.popleft() for _ in range(min(max_lines, len(self._waiting)))]
+            self._waiting_bytes -= sum(map(len, lines))
+            self._taken.notify()
+        return lines
+
+    def stop(self) -> None:
+        """End the thread and close the source."""
+        self._stopping.set()
+        self._thread.join(_STOP_S)  # the thread may remain: a name lookup cannot be interrupted
+        self._source.close()
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                line = self._source.read_line(_WAIT_S)
+            except Exception:  # a bug in reading must not silence the sensor
+                _log.exception("reading a line failed; reading continues")
+                self._stopping.wait(1.0)
+                continue
+            if line is not None:
+                self._put(line)
+
+    def _put(self, line: bytes) -> None:
+        with self._taken:
+            while not self._taken.wait_for(lambda: self._has_room(line), _WAIT_S):
+                if self._stopping.is_set():
+                    return
+            self._waiting.append(line)
+            self._waiting_bytes += len(line)
+        self._on_line()
+
+    def _has_room(self, line: bytes) -> bool:
+        return len(self._waiting) < MAX_WAITING and self._waiting_bytes + len(line) <= MAX_WAITING_BYTES
+
+
+# Recorded lines, played at the recorded speed or faster ---------------------------------------------------------
+
+StampOf = Callable[[bytes], float | None]
+"""Time at which a line was sent [s since 1970 UTC], ``None`` if the line has no time."""
+
+
+class PlaybackClock:
+    """Converts recorded time to playing time.
+
+    Recordings with a shared clock stay synchronous: a line is returned only after all earlier lines of all
+    recordings.
+
+    :param clock: monotonic time [s]
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._turn = threading.Condition()
+        self._at_s: list[float] = []
+        self._start: tuple[float, float] | None = None
+
+    def join(self) -> int:
+        """Add a recording; returns its number."""
+        with self._turn:
+            self._at_s.append(-math.inf)  # other recordings wait until the first line is known
+            return len(self._at_s) - 1
+
+    def leave(self, number: int) -> None:
+        """End a recording."""
+        self._set_position(number, math.inf)
+
+    def is_due(self, number: int, stamp_s: float, speed: float, timeout_s: float) -> bool:
+        """Whether the next line of a recording is due; waits up to the timeout.
+
+        :param number: number of the recording
+        :param stamp_s: time at which the line was sent [s since 1970 UTC]; the first line of all is due at once
+        :param speed: playing speed as a multiple of the recorded speed; 0 for as fast as possible
+        :param timeout_s: maximum wait [s]
+        """
+        self._set_position(number, stamp_s)
+        with self._turn:
+            wait_s = self._wait_s(number, speed)
+            if wait_s > 0 and timeout_s > 0:
+                self._turn.wait(min(wait_s, timeout_s))
+                wait_s = self._wait_s(number, speed)
+        return wait_s <= 0
+
+    def _set_position(self, number: int, stamp_s: float) -> None:
+        with self._turn:
+            self._at_s[number] = stamp_s
+            self._turn.notify_all()
+
+    def _wait_s(self, number: int, speed: float) -> float:
+        stamp_s = self._at_s[number]
+        if self._at_s.index(min(self._at_s)) != number:
+            return math.inf
+        now_s = self._clock()
+        if self._start is None:
+            self._start = (stamp_s, now_s)
+        return self._start[1] + (stamp_s - self._start[0]) / speed - now_s if speed > 0 else 0.0
+
+
+class RecordingSource:
+    """A :class:`LineSource` that plays a file.
+
+    :param speed: playing speed as a multiple of the recorded speed; 0 for as fast as possible
+    :param stamp_of: time at which a line was sent; a line without a time follows the previous line at once
+    :param playback: shared by recordings that are played together
+    :raises InputError: if the file cannot be read
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        speed: float = 1.0,
+        stamp_of: StampOf | None = None,
+        playback: PlaybackClock | None = None,
+    ) -> None:
+        self._uri = path.absolute().as_uri()
+        self._lines, _ = read_lines(path)
+        self._speed = speed
+        self._stamp_of = stamp_of
+        self._playback = playback or PlaybackClock()
+        self._number = self._playback.join()
+        self._closed = threading.Event()
+        self._next = self._n_bytes = 0
+        self._stamp_s: float | None = None
+        self._looked_at = -1
+
+    @property
+    def status(self) -> LinkStatus:
+        """State of the recording."""
+        state = LinkState.CONNECTED if self._next < len(self._lines) else LinkState.ENDED
+        if self._closed.is_set():
+            state = LinkState.CLOSED
+        return LinkStatus(self._uri, state, connections=1, n_bytes=self._n_bytes, n_lines=self._next)
+
+    def read_line(self, timeout_s: float) -> bytes | None:
+        """The next line if it is due in time, else ``None``."""
+        if self._closed.is_set():
+            return None
+        if self._next >= len(self._lines):
+            self._playback.leave(self._number)
+            self._closed.wait(timeout_s)
+            return None
+        line = self._lines[self._next]
+        if not self._is_due(line, timeout_s) or self._closed.is_set():
+            return None
+        self._next += 1
+        self._n_bytes += len(line)
+        return line
+
+    def close(self) -> None:
+        """Stop playing."""
+        self._closed.set()
+        self._playback.leave(self._number)
+
+    def _is_due(self, line: bytes, timeout_s: float) -> bool:
+        if self._stamp_of is None:
+            return True
+        if self._looked_at != self._next:  # each line once: `stamp_of` may remember earlier lines
+            self._looked_at = self._next
+            self._stamp_s = self._stamp_of(line)
+        if self._stamp_s is None:
+            return True
+        return self._playback.is_due(self._number, self._stamp_s, self._speed, timeout_s)

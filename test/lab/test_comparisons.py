@@ -1,0 +1,165 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Comparisons over shared seeds and in hindsight, against independent tests and known coverage: comparisons.py."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import ttest_rel
+
+from soilmoist_ros.lab.campaign_file import Campaign, missions
+from soilmoist_ros.lab.comparisons import (
+    LATTICE_DWELLS,
+    LATTICES,
+    QUANTITIES,
+    Outcome,
+    against_best_lattice,
+    difference_interval,
+    hindsight_table,
+    paired_differences,
+    paired_ratio,
+    paired_table,
+)
+
+
+def table_of(values, field="smooth"):
+    """Missions with values of mse by strategy and seed; the other quantities are ten times that."""
+    return pd.DataFrame(
+        [
+            {
+                "field": field, "strategy": strategy, "dwell": "fmi:60", "seed": seed,
+                **{name: mse * (1 if name == "mse" else 10) for name in QUANTITIES},
+            }
+            for strategy, by_seed in values.items()
+            for seed, mse in by_seed.items()
+        ]
+    )  # fmt: skip
+
+
+def test_the_interval_is_that_of_the_paired_t_test():
+    rng = np.random.default_rng(3)
+    mine, theirs = rng.normal(5, 2, 12), rng.normal(4, 2, 12)
+    expected = ttest_rel(mine, theirs).confidence_interval(0.95)
+    mean, low, high = difference_interval(mine, theirs)
+    assert mean == pytest.approx(mine.mean() - theirs.mean())
+    assert (low, high) == (pytest.approx(expected.low), pytest.approx(expected.high))
+
+
+def test_intervals_cover_the_true_difference_as_often_as_they_say():
+    rng = np.random.default_rng(8)
+    seeds = rng.normal(0, 10, (4000, 6))  # what the pairs share is far larger than the difference
+    mine, theirs = seeds + rng.normal(0.7, 0.5, seeds.shape), seeds + rng.normal(0, 0.5, seeds.shape)
+    covered = [low < 0.7 < high for _, low, high in map(difference_interval, mine, theirs)]
+    assert np.mean(covered) == pytest.approx(0.95, abs=0.012)
+
+
+def test_only_shared_seeds_count_and_what_the_seeds_share_does_not_hide_a_difference():
+    gcb = {1: 1.0, 2: 11.0, 3: 21.0, 9: 500.0}
+    random = {1: 2.0, 2: 12.1, 3: 21.9, 7: 0.0}
+    (one,) = [one for one in paired_differences(table_of({"gcb": gcb, "random": random})) if one.quantity == "mse"]
+    assert (one.strategy, one.other_strategy, one.pairs) == ("gcb", "random", 3)
+    assert (one.mean, one.other_mean, one.difference) == (11.0, pytest.approx(12.0), pytest.approx(-1.0))
+    assert one.clear
+    assert one.low == pytest.approx(-1.0 - 4.302653 * 0.1 / math.sqrt(3), rel=1e-6)
+
+
+def test_all_pairs_of_each_case_are_in_the_table_and_missing_values_are_left_out():
+    one = table_of({"gcb": {1: 1.0, 2: 2.0}, "ivr": {1: 2.0, 2: math.nan}, "random": {5: 1.0}})
+    table = paired_table(pd.concat([one, table_of({"gcb": {1: 1.0}, "ivr": {1: 1.5}}, "rough")]), ["field"])
+    found = table[table["quantity"] == "mse"].set_index("field")
+    assert found.loc["smooth", "pairs"] == 1, "gcb and ivr share one seed with both values"
+    assert math.isnan(found.loc["smooth", "low"])
+    assert found.loc["rough", "difference"] == -0.5
+    assert set(table["quantity"]) == set(QUANTITIES)
+    assert paired_table(table_of({"gcb": {1: 1.0}}), ["field"]).empty
+
+
+def lattices(seeds=(1, 2, 3)):
+    """Lattices whose errors at a quarter rise with the dwell, and fall with it at the end."""
+    return {
+        name: {seed: Outcome(10.0 * seed * (n + 1), 1.0 * seed / (n + 1), 100.0 * (n + 1)) for seed in seeds}
+        for n, name in enumerate(LATTICES)
+    }
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 1000), factor=st.floats(0.1, 10))
+def test_the_ratio_of_equal_shares_is_exact_and_its_error_is_that_of_a_bootstrap(seed, factor):
+    rng = np.random.default_rng(seed)
+    theirs = rng.uniform(1, 2, 400)
+    assert paired_ratio(factor * theirs, theirs) == (pytest.approx(factor), pytest.approx(0.0, abs=1e-12))
+    mine = theirs * rng.uniform(0.8, 1.2, 400)
+    value, error = paired_ratio(mine, theirs)
+    drawn = [paired_ratio(mine[i], theirs[i])[0] for i in rng.integers(400, size=(200, 400))]
+    assert value == pytest.approx(mine.sum() / theirs.sum())
+    assert error == pytest.approx(np.std(drawn), rel=0.3)
+    assert math.isnan(paired_ratio(mine[:1], theirs[:1])[1])
+
+
+def test_the_best_lattices_at_a_quarter_and_at_the_end_may_differ():
+    gcb = {seed: Outcome(5.0 * seed, 0.2 * seed, 600.0) for seed in (1, 2, 3)}
+    one = against_best_lattice({**lattices(), ("gcb", "optimal"): gcb})[-1]
+    assert (one.strategy, one.dwell, one.pairs) == ("gcb", "optimal", 3)
+    assert (one.quarter_best, one.end_best) == ("fmi:10", "fmi:60")
+    assert (one.quarter_ratio, one.end_ratio) == (pytest.approx(0.5), pytest.approx(0.8))
+    assert (one.distance_ratio, one.end_best_distance_m) == (pytest.approx(1.5), 400.0)
+    assert one.end_ratio_se == pytest.approx(0.0)
+
+
+def test_only_paired_seeds_count_and_all_lattices_are_needed():
+    more = {seed: Outcome(5.0, 0.2 if seed < 4 else 99.0, 600.0) for seed in (2, 3, 4, 5)}
+    one = against_best_lattice({**lattices(), ("gcb", "optimal"): more})[-1]
+    assert (one.pairs, one.mse) == (2, pytest.approx(0.2))
+    few = lattices()
+    del few[LATTICES[2]]
+    assert against_best_lattice(few) == []
+    assert against_best_lattice({}) == []
+    assert against_best_lattice({**lattices(seeds=()), ("gcb", "optimal"): more}) == []
+
+
+def test_a_lattice_without_a_map_is_not_the_best():
+    late = lattices()
+    late[LATTICES[0]] = {seed: Outcome(math.nan, 1.0, 1.0) for seed in (1, 2, 3)}
+    assert against_best_lattice(late)[0].quarter_best == "fmi:20"
+
+
+def test_the_table_has_a_row_for_each_combination_of_each_case_with_lattices():
+    rows = [
+        {"field": field, "hours": 2.0, "strategy": strategy, "dwell": dwell, "seed": seed, "mse_quarter": one[0],
+         "mse": one[1], "distance_m": one[2]}
+        for field in ("a", "b")
+        for (strategy, dwell), some in lattices().items()
+        for seed, one in some.items()
+        if field == "a" or dwell != "fmi:10"
+    ]  # fmt: skip
+    table = hindsight_table(pd.DataFrame(rows), ["field", "hours"])
+    assert table["field"].tolist() == ["a"] * 4
+    assert table["dwell"].tolist() == list(LATTICE_DWELLS)
+    assert table["end_ratio"].tolist() == pytest.approx([4, 2, 4 / 3, 1])
+
+
+def test_an_experiment_with_hindsight_runs_the_lattices_too():
+    def planned(hindsight, **choices):
+        experiment = {"name": "one", "field": ["rough", "smooth"], "hindsight": hindsight, **choices}
+        found = missions(Campaign.model_validate({"title": "t", "runs": 2, "experiments": [experiment]}))
+        return [
+            (str(m.settings.strategy), str(m.settings.dwell), m.settings.field, m.settings.seed) for m in found
+        ]
+
+    alone = planned(False, strategy="gcb", dwell="optimal")
+    both = planned(True, strategy="gcb", dwell="optimal")
+    assert both[: len(alone)] == alone
+    assert set(both[len(alone) :]) == {
+        ("lattice", dwell, field, seed)
+        for dwell in LATTICE_DWELLS
+        for field in ("rough", "smooth")
+        for seed in (1, 2)
+    }
+    assert len(both) == len(alone) + 16
+    assert len(planned(True, strategy=["gcb", "lattice"], dwell=["fmi:20"])) == 4 + 16

@@ -1,0 +1,322 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Samples: checked, merged exactly or within a radius, never made of masked values, and pooled."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.mapping import (
+    FieldGrid,
+    PoissonKriging,
+    Variogram,
+    empirical_semivariogram,
+    fit_variogram,
+)
+from soilmoist_ros.mapping.samples import (
+    MIN_SPREAD_M2,
+    Samples,
+    merge_exactly,
+    merge_records,
+    noise_rate,
+    path_spread,
+    pooled,
+)
+from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
+
+COORDINATE = st.integers(-20, 20).map(float)
+RECORD = st.tuples(COORDINATE, COORDINATE, st.integers(0, 500), st.sampled_from([5.0, 10.0, 20.0, 640.0]))
+
+
+def columns(records):
+    table = np.array(records, float).reshape(-1, 4)
+    return table[:, :2], table[:, 2], table[:, 3]
+
+
+def in_any_order(samples):
+    table = np.column_stack([samples.xy.round(9) + 0.0, samples.counts, samples.exposure_s])
+    return table[np.lexsort(table.T)]
+
+
+@pytest.mark.parametrize(
+    ("xy", "counts", "exposure_s", "message"),
+    [
+        ([[0, 0], [1, np.nan]], [1, 1], [1, 1], r"xy must be finite, got \[ 1. nan\] at index 1"),
+        ([[0, 0, 0]], [1], [1], r"xy must have shape \(n, 2\), got \(1, 3\)"),
+        ([[0, 0], [1, 1]], [1], [1, 1], r"counts must have shape \(2,\) like xy, got \(1,\)"),
+        ([[0, 0], [1, 1]], [1, 1], [[1, 1]], r"exposure_s must have shape \(2,\)"),
+        ([[0, 0], [1, 1]], [1, -1], [1, 1], "counts must be whole numbers >= 0, got -1.0 at index 1"),
+        ([[0, 0], [1, 1]], [1.5, 1], [1, 1], "whole numbers >= 0, got 1.5 at index 0"),
+        ([[0, 0], [1, 1]], [np.inf, 1], [1, 1], "whole numbers >= 0, got inf at index 0"),
+        ([[0, 0], [1, 1]], [1, 1], [1, 0], "exposure_s must be > 0 and finite, got 0.0 at index 1"),
+        ([[0, 0], [1, 1]], [1, 1], [np.inf, 1], "exposure_s must be > 0 and finite, got inf at index 0"),
+    ],
+)
+def test_samples_refuse_bad_input_and_name_the_first_offender(xy, counts, exposure_s, message):
+    with pytest.raises(ValueError, match=message):
+        Samples(xy, counts, exposure_s)
+
+
+def test_samples_are_copies_and_read_only():
+    xy = np.zeros((2, 2))
+    samples = Samples(xy, np.array([3, 5]), np.array([2.0, 4.0]))
+    xy += 1
+    assert samples.xy.max() == 0
+    np.testing.assert_array_equal(samples.rate_cps, [1.5, 1.25])
+    np.testing.assert_allclose(samples.rate_sd_cps, np.sqrt([3, 5]) / [2, 4])
+    assert samples.mean_rate_cps == 8 / 6
+    with pytest.raises(ValueError, match="read-only"):
+        samples.counts[0] = 1
+
+
+def test_no_samples_are_samples():
+    assert len(Samples(np.empty((0, 2)), np.empty(0), np.empty(0))) == 0
+    assert np.isnan(Samples([], [], []).mean_rate_cps)
+
+
+def test_noise_rate_is_never_zero():
+    assert noise_rate(Samples([[0, 0], [1, 0]], [4, 2], [1, 2])) == 2
+    assert noise_rate(Samples([[0, 0], [1, 0]], [0, 0], [10, 40])) == 0.01
+
+
+def test_merge_exactly_keeps_the_order_of_first_appearance():
+    xy = [[5, 5], [0.0, 1], [5, 5], [-0.0, 1], [-9, 0]]
+    places, place = merge_exactly(Samples(xy, [1, 2, 4, 8, 16], [1, 1, 2, 2, 3]))
+    np.testing.assert_array_equal(places.xy, [[5, 5], [0, 1], [-9, 0]])
+    np.testing.assert_array_equal(places.counts, [5, 10, 16])
+    np.testing.assert_array_equal(places.exposure_s, [3, 3, 3])
+    np.testing.assert_array_equal(place, [0, 1, 0, 1, 2])
+
+
+@pytest.mark.slow
+@given(st.lists(RECORD, min_size=1, max_size=40), st.sampled_from([0.0, 0.5, 3.0, 15.0, 100.0]))
+def test_merge_records_conserves_counts_exposure_and_centre(records, radius_m):
+    xy, counts, exposure_s = columns(records)
+    merged = merge_records(xy, counts, exposure_s, radius_m)
+    assert merged.counts.sum() == counts.sum()
+    assert merged.exposure_s.sum() == exposure_s.sum()
+    np.testing.assert_allclose(merged.exposure_s @ merged.xy, exposure_s @ xy, atol=1e-8)
+
+
+@pytest.mark.slow
+@given(st.lists(RECORD, min_size=1, max_size=40), st.sampled_from([0.0, 3.0, 15.0]), st.randoms())
+def test_merge_records_does_not_depend_on_the_order(records, radius_m, random):
+    shuffled = records.copy()
+    random.shuffle(shuffled)
+    one, other = merge_records(*columns(records), radius_m), merge_records(*columns(shuffled), radius_m)
+    np.testing.assert_allclose(in_any_order(one), in_any_order(other), atol=1e-8)
+
+
+@given(
+    st.lists(st.tuples(st.integers(-30, 30), st.integers(-30, 30)), min_size=1, max_size=60),
+    st.sampled_from([0.7, 1.0, 5.0, 13.0]),
+    st.integers(0, 2**32 - 1),
+)
+def test_merge_records_follows_its_rule(cells, radius_m, seed):
+    """The rule as it stands in the docstring, with all distances at once."""
+    rng = np.random.default_rng(seed)
+    xy = np.unique(np.array(cells, float) + rng.choice([0.0, 0.25], (len(cells), 2)), axis=0)
+    counts, exposure_s = rng.poisson(40, len(xy)), rng.choice([10.0, 9.5, 25.0], len(xy))
+    apart = np.hypot(*(xy[:, None] - xy).T)
+    ranking = np.lexsort((xy[:, 1], xy[:, 0], -((apart <= radius_m) @ exposure_s)))
+    centres, settled = [], np.zeros(len(xy), bool)
+    for number in ranking:
+        if not settled[number]:
+            centres.append(number)
+            settled |= apart[number] <= radius_m
+    nearest = apart[:, centres].argmin(axis=1)
+    expected = [(exposure_s[nearest == k].sum(), counts[nearest == k].sum()) for k in range(len(centres))]
+    merged = merge_records(xy, counts, exposure_s, radius_m)
+    assert sorted(zip(merged.exposure_s, merged.counts, strict=True)) == sorted(expected)
+
+
+def test_merge_records_joins_the_jitter_of_a_stop():
+    rng = np.random.default_rng(1)
+    stops = np.array([[0, 0], [30, 0], [0, 30]])
+    which = np.repeat([0, 1, 2], 60)
+    xy = stops[which] + rng.normal(0, 0.4, (180, 2))
+    merged = merge_records(xy, rng.poisson(30, 180), np.full(180, 10.0), radius_m=3.0)
+    np.testing.assert_allclose(merged.xy, stops, atol=0.3)
+    np.testing.assert_array_equal(merged.exposure_s, [600, 600, 600])
+
+
+def test_merge_records_keeps_a_drive_a_chain():
+    xy = np.column_stack([np.arange(200.0), np.zeros(200)])
+    merged = merge_records(xy, np.full(200, 30), np.full(200, 10.0), radius_m=5.0)
+    assert len(merged) >= 200 / (2 * 5 + 1)
+    assert np.diff(np.sort(merged.xy[:, 0])).max() <= 15
+    assert merged.exposure_s.max() <= 110
+
+
+def test_merge_records_without_radius_merges_same_places_only():
+    merged = merge_records([[0, 0], [0, 0], [1e-9, 0]], [1, 2, 3], [10, 20, 30])
+    np.testing.assert_array_equal(merged.counts, [3, 3])
+
+
+@pytest.mark.parametrize("radius_m", [5e-324, 1e-310, 1e-20, 1e-12])
+def test_a_radius_as_small_as_a_number_can_be_merges_what_is_at_one_place(radius_m):
+    merged = merge_records(
+        [[1e5, 4], [1e5, 4], [1e5, 4.0000001], [-3, 0], [5e-324, 0]], [1] * 5, [10] * 5, radius_m
+    )
+    np.testing.assert_array_equal(merged.counts, [2, 1, 1, 1])
+
+
+@pytest.mark.parametrize("radius_m", [-1.0, np.nan, np.inf])
+def test_merge_records_refuses_a_bad_radius(radius_m):
+    with pytest.raises(ValueError, match="radius_m must be >= 0 and finite"):
+        merge_records([[0, 0]], [1], [1], radius_m)
+
+
+# -- spreads -------------------------------------------------------------------------------------------
+
+
+def moments(samples):
+    """Exposure, and exposure times first and second moments about the origin, of all samples together."""
+    x, y = samples.xy.T
+    second = np.column_stack([x * x, x * y, y * y]) + samples.spread[:, :3]
+    return np.concatenate(
+        [[samples.exposure_s.sum()], samples.exposure_s @ samples.xy, samples.exposure_s @ second]
+    )
+
+
+def test_samples_are_points_unless_told():
+    samples = Samples([[0, 0], [1, 0]], [1, 2], [10, 10])
+    np.testing.assert_array_equal(samples.spread, np.zeros((2, 4)))
+    one_for_all = Samples([[0, 0], [1, 0]], [1, 2], [10, 10], [4, 1, 2])
+    np.testing.assert_array_equal(one_for_all.spread, [[4, 1, 2, 0], [4, 1, 2, 0]])
+    with pytest.raises(ValueError, match="read-only"):
+        one_for_all.spread[0, 0] = 1
+
+
+@pytest.mark.parametrize(
+    "spread",
+    [
+        [[-1, 0, 1], [0, 0, 0]],
+        [[1, 2, 1], [0, 0, 0]],
+        [[0, 0, np.nan], [0, 0, 0]],
+        np.zeros((3, 3)),
+        0.0,
+        [0, 0, 0, -1],
+    ],
+)
+def test_impossible_spreads_are_refused(spread):
+    with pytest.raises(ValueError, match="spread must"):
+        Samples([[0, 0], [1, 0]], [1, 2], [10, 10], spread)
+
+
+@pytest.mark.slow
+@given(
+    st.lists(st.tuples(RECORD, st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=20), st.floats(0, 30)
+)
+@example([((0.0, 0.0, 1, 10.0), 0.0, 0.0), ((1.0, 0.0, 1, 10.0), 0.0, 0.0)], 5e-324)
+def test_merging_conserves_the_second_moments(many, radius_m):
+    """But for spreads that the noise of positions may have made."""
+    spread = path_spread([(x, y) for _, x, y in many])
+    xy, counts, exposure_s = columns([one for one, _, _ in many])
+    merged = merge_records(xy, counts, exposure_s, radius_m, spread)
+    separate = Samples(xy, counts, exposure_s, spread)
+    found, expected = moments(merged), moments(separate)
+    np.testing.assert_allclose(found[:3], expected[:3], rtol=1e-9, atol=1e-6 * expected[0])
+    scale = expected[0] * (1 + np.abs(xy).max() ** 2)
+    np.testing.assert_allclose(found[3:], expected[3:], rtol=0, atol=MIN_SPREAD_M2 * expected[0] + 1e-9 * scale)
+
+
+def test_a_way_of_hardly_any_length_is_a_spread():
+    """Its squared length across is rounded to nothing, the product of both lengths is not."""
+    spread = path_spread([[2.3e-162, 1e-160], [0.0, 0.0]])
+    assert len(Samples([[0, 0], [1, 0]], [1, 2], [10, 10], spread)) == 2
+
+
+def test_a_drive_that_becomes_one_sample_has_its_extent():
+    way = Samples([[0, 0], [6, 0], [12, 0]], [30, 30, 30], [10, 10, 10], path_spread([6.0, 0.0]))
+    merged = merge_records(way.xy, way.counts, way.exposure_s, 8.0, way.spread)
+    np.testing.assert_allclose(merged.spread, [path_spread([18.0, 0.0])])
+    stand = merge_records([[0, 0], [0.5, 0.3], [-0.4, 0.6]], [30, 30, 30], [10, 10, 10], 8.0)
+    assert len(stand) == 1
+    assert not stand.spread.any()
+
+
+def test_samples_as_a_table_and_as_points_on_the_globe():
+    pytest.importorskip("geopandas")
+    samples, frame = Samples([(0, 0), (100, 50)], [300, 0], [100.0, 50.0]), LocalFrame(53.27, -0.52)
+    table = samples.to_dataframe()
+    assert list(table) == ["x_m", "y_m", "raw_counts", "effective_exposure_s", "rate_cps", "rate_sd_cps"]
+    np.testing.assert_array_equal(table["rate_cps"], [3.0, 0.0])
+    points = samples.to_geodataframe(frame)
+    assert points.crs == "EPSG:4326"
+    back = frame.to_local(points.geometry.y, points.geometry.x)
+    np.testing.assert_allclose(back, samples.xy, atol=1e-6)
+    assert repr(samples) == "Samples(2 of 150 s and 300 counts in all)"
+
+
+XY = np.array([(0.0, 0.0), (10.0, 0.0), (20.0, 5.0), (40.0, 10.0), (45.0, 30.0)])
+COUNTS, TIME_S = np.array([300.0, 320.0, 380.0, 500.0, 470.0]), np.full(5, 100.0)
+MODEL = Variogram("exponential", 0.0, 20.0, 0.1)
+USES = [
+    lambda *data: Samples(*data),
+    lambda *data: fit_variogram(*data, extent_m=60.0),
+    lambda *data: PoissonKriging(MODEL).fit(*data),
+    lambda *data: PoissonKriging(MODEL).fit(XY, COUNTS, TIME_S).add(*data),
+    lambda *data: empirical_semivariogram(*data, edges=[0.0, 20.0, 60.0]),
+]
+
+
+@pytest.mark.parametrize("use", USES)
+@pytest.mark.parametrize("masked", [0, 1, 2])
+def test_masked_values_of_samples_are_refused(use, masked):
+    data = [np.ma.masked_array(values) for values in (XY, COUNTS, TIME_S)]
+    assert use(*data) is not None  # a mask that masks nothing is no fault
+    data[masked] = np.ma.masked_array(
+        data[masked], mask=np.arange(data[masked].size).reshape(data[masked].shape) == 2
+    )
+    with pytest.raises(ValueError, match=f"{('xy', 'counts', 'exposure_s')[masked]} has 1 masked values"):
+        use(*data)
+
+
+def test_masked_targets_are_refused():
+    kriging = PoissonKriging(MODEL).fit(XY, COUNTS, TIME_S)
+    with pytest.raises(ValueError, match="xy has 2 masked values"):
+        kriging.predict(np.ma.masked_equal(XY, 10.0))
+    with pytest.raises(ValueError, match="x_m must be a finite vector"):
+        kriging.predict_grid(np.ma.masked_equal([0.0, 5.0], 5.0), [0.0])
+    with pytest.raises(ValueError, match="all finite"):
+        FieldGrid.from_track(np.ma.masked_equal(XY, 45.0), 5.0)
+    with pytest.raises(ValueError, match="is not finite"):
+        FieldGrid.from_polygon(np.ma.masked_equal(XY, 45.0), 5.0)
+    places = LocalFrame(50.0, 10.0).to_local(np.ma.masked_array([50.0, 50.1], mask=[False, True]), [10.0, 10.0])
+    assert places[0].tolist() == [0.0, 0.0]
+    assert np.isnan(places[1]).all()
+
+
+@pytest.mark.parametrize("curve", [CalibrationCurve(6.0, 1.4), UniversalCurve(6.0, 1.4, humidity_gm3=5.0)])
+def test_a_masked_rate_has_no_moisture(curve):
+    rate = np.ma.masked_array([3.0, 3.5], mask=[False, True])
+    vwc, (same, sd) = curve.vwc(rate), curve.vwc_and_sd(rate, np.full(2, 0.1))
+    assert vwc[0] == same[0] == pytest.approx(float(curve.vwc(3.0)))
+    assert np.isnan([vwc[1], same[1], sd[1], curve.rate_cps(np.ma.masked_array([0.2], mask=True))[0]]).all()
+
+
+RNG = np.random.default_rng(3)
+SAMPLES = Samples(RNG.uniform(0, 200, (700, 2)), RNG.poisson(60.0, 700), RNG.uniform(5, 30, 700))
+
+
+@pytest.mark.parametrize("most", [1, 7, 100, 699])
+def test_pools_have_the_counts_exposure_and_moments_of_their_samples(most):
+    pools = pooled(SAMPLES, most)
+    assert 0.25 * most <= len(pools) <= most
+    assert pools.counts.sum() == SAMPLES.counts.sum()
+    assert pools.exposure_s.sum() == pytest.approx(SAMPLES.exposure_s.sum())
+
+    def moments(of):
+        weight = of.exposure_s / of.exposure_s.sum()
+        centre = weight @ of.xy
+        x, y = (of.xy - centre).T
+        return [*centre, *(weight @ (of.spread[:, :3] + np.column_stack([x * x, x * y, y * y])))]
+
+    np.testing.assert_allclose(moments(pools), moments(SAMPLES), rtol=0.002)
+
+
+def test_few_samples_stay_as_they_are():
+    assert pooled(SAMPLES, 700) is SAMPLES

@@ -1,0 +1,396 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Addresses of sources."""
+
+import itertools
+import os
+import random
+import socket
+import threading
+import tty
+from unittest import mock
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scripted_server import LIMIT_S, ScriptedServer, opened, read, read_until, sends
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.foundation.health import Level
+from soilmoist_ros.sensing.connections import (
+    MAX_SENDERS,
+    RECENT_S,
+    ReconnectingSource,
+    Retry,
+    Senders,
+    open_source,
+    parse_networks,
+)
+from soilmoist_ros.sensing.lines import LinkState
+from soilmoist_ros.sensing.survey.driver import link_health
+
+
+@pytest.mark.parametrize(
+    ("uri", "said"),
+    [
+        ("", "has no kind"),
+        ("192.168.1.20:5000", "write it like tcp://"),
+        ("tpc://host:1", "write it like tcp://192.168.1.20:5000"),
+        ("tcp://host", "lacks the port"),
+        ("tcp://:5000", "lacks the host"),
+        ("tcp://host:99999", "ort out of range"),
+        ("tcp://host:5000/x", "has a path"),
+        ("tcp://host:5000?baud=9600", "unknown option 'baud'; there are: interface"),
+        ("udp://0.0.0.0:5000?form=10.0.0.1", "unknown option 'form'; there are: from, interface"),
+        ("udp://0.0.0.0:5000?from=", "accepts data from no network"),
+        ("udp://0.0.0.0:5000?from=logger.local", "give numeric addresses"),
+        ("udp://0.0.0.0:5000?from=10.0.0.1/8", "has host bits set"),
+        ("serial://ttyUSB0", "three slashes"),
+        ("serial:///dev/ttyUSB0?baud=fast", "baud='fast' is not a number"),
+        ("file:///no/such/file", "no such file"),
+        ("file://log.txt", "write it like file:///"),
+        ("file:///tmp/x?speed=-1", "at least 0"),
+    ],
+)
+def test_a_bad_address_is_refused_with_an_example(uri, said):
+    with pytest.raises(InputError) as caught:
+        open_source(uri)
+    assert said in str(caught.value)
+
+
+# Reconnecting ----------------------------------------------------------------------------------------------------
+
+
+def test_split_packets_slow_drip_and_several_lines_at_once():
+    drip = [bytes([byte]) for byte in b"one\r\ntw"]
+    with ScriptedServer(sends(*drip, b"o\nthr", b"ee\nfour\nfive\n")) as server, opened(server.uri) as source:
+        assert read(source, 5) == [b"one", b"two", b"three", b"four", b"five"]
+
+
+def test_it_reconnects_after_the_server_has_closed_and_drops_the_incomplete_line():
+    with ScriptedServer(sends(b"a\ncut"), sends(b"b\n"), sends(b"c\n")) as server, opened(server.uri) as source:
+        assert read(source, 3) == [b"a", b"b", b"c"]
+        assert source.status.connections == 3
+        assert "closed the connection" in source.status.last_error
+
+
+@pytest.mark.slow
+def test_a_half_open_connection_is_replaced_after_the_silence_limit():
+    hung = threading.Event()
+
+    def hang(client):
+        client.sendall(b"a\n")
+        hung.wait(LIMIT_S)
+
+    retry = Retry(0.01, 0.05, silence_s=1.0)
+    with ScriptedServer(hang, sends(b"b\n")) as server, opened(server.uri, retry) as source:
+        assert read(source, 1) == [b"a"]
+        read_until(source, lambda: "no bytes for" in source.status.last_error)
+        assert source.status.state is LinkState.SILENT
+        hung.set()
+        assert read(source, 1) == [b"b"]
+
+
+def test_a_line_of_a_megabyte_without_an_end_is_noise_within_bounded_memory():
+    noise = b"x" * 1_000_000
+    with ScriptedServer(sends(b"a\n", noise, b"tail\nb\n")) as server, opened(server.uri) as source:
+        assert read(source, 2) == [b"a", b"b"]
+        status = source.status
+        assert (status.n_oversized, status.n_lines) == (1, 2)
+        assert status.n_bytes == 1_000_000 + len(b"a\ntail\nb\n")
+
+
+def test_any_byte_is_accepted():
+    garbage = bytes(byte for byte in range(256) if byte not in b"\r\n")
+    with ScriptedServer(sends(garbage, b"\n\n\r\n", b"\x00\n")) as server, opened(server.uri) as source:
+        assert read(source, 2) == [garbage, b"\x00"]
+
+
+@pytest.mark.slow
+def test_pauses_grow_if_a_server_hangs_up_at_once():
+    with ScriptedServer(lambda client: None) as server, opened(server.uri, Retry(0.1, 60.0)) as source:
+        read_until(source, lambda: source.status.attempts == 4)
+        assert source.read_line(0.1) is None
+        assert source.status.attempts == 4  # the next pause is at least 0.4 s
+        assert server.clients <= 4
+
+
+def test_refused_connections_and_unknown_names_are_reported_and_retried():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    with opened(f"tcp://127.0.0.1:{port}") as source:
+        read_until(source, lambda: source.status.attempts >= 3)
+        assert source.status.state is LinkState.CONNECTING
+        assert "refused" in source.status.last_error.lower()
+    with opened("tcp://no-such-host.invalid:5000") as source:
+        read_until(source, lambda: source.status.attempts >= 1)
+        assert source.status.last_error
+
+
+@pytest.mark.slow
+def test_it_connects_to_a_server_that_starts_late():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = server.getsockname()
+    with opened(f"tcp://127.0.0.1:{address[1]}") as source:
+        read_until(source, lambda: source.status.attempts >= 2)
+        with socket.create_server(address) as server:
+            server.settimeout(LIMIT_S)
+            assert source.read_line(0.5) is None
+            client, _ = server.accept()
+            with client:
+                client.sendall(b"late\n")
+                assert read(source, 1) == [b"late"]
+        assert source.status.attempts == 0
+
+
+class SlowLogger:
+    """A logger that sends a line each period to whoever listens then, in its own time."""
+
+    datagrams = False
+
+    def __init__(self, period_s):
+        self.period_s = period_s
+        self.now_s = 0.0
+
+    def receive(self, timeout_s):
+        next_s = (self.now_s // self.period_s + 1) * self.period_s
+        self.now_s = min(next_s, self.now_s + timeout_s)
+        return b"x\n" if self.now_s == next_s else None
+
+    def pause(self, pause_s):
+        self.now_s += pause_s
+
+    def close(self):
+        pass
+
+    def listen(self, retry, until_s):
+        """The source after a time, and its lines."""
+        source = ReconnectingSource("x", lambda: self, retry, lambda: self.now_s, random.Random(1))
+        source._closed.wait = self.pause
+        lines = 0
+        while self.now_s < until_s:
+            lines += source.read_line(5.0) is not None
+        return source, lines
+
+
+def test_a_link_waits_for_the_next_record_of_a_slow_logger():
+    source, lines = SlowLogger(900.0).listen(Retry(period_s=lambda: 900.0), 86_400.0)
+    assert (lines, source.status.connections) == (96, 1)
+    assert source.status.silence_limit_s == 3150.0
+    assert source.status.state is LinkState.CONNECTED
+
+
+def test_pauses_do_not_grow_while_a_device_that_is_there_sends_nothing():
+    source, lines = SlowLogger(900.0).listen(Retry(), 30 * 86_400.0)  # of an unknown period
+    assert source.status.attempts <= 1
+    assert lines >= 0.97 * 30 * 96  # each pause is half a second at most in 35 s
+
+
+@given(st.integers(1, 10_000), st.integers())
+def test_pauses_grow_but_are_bounded(attempts, seed):
+    retry = Retry(first_s=0.5, max_s=15.0)
+    pause_s = retry.pause_s(attempts, random.Random(seed))
+    full_s = min(15.0, 0.5 * 2.0 ** min(attempts - 1, 20))
+    assert full_s / 2 <= pause_s <= full_s
+
+
+def test_the_next_attempt_waits_for_its_pause():
+    ticks = itertools.count()
+    attempts = []
+
+    def clock():
+        return next(ticks) * 0.25
+
+    def connect():
+        attempts.append(clock())
+        raise ConnectionRefusedError("refused")
+
+    source = ReconnectingSource("x", connect, Retry(1.0, 8.0), clock, random.Random(1))
+    while len(attempts) < 12:
+        assert source.read_line(0.251) is None
+    pauses = [after - before for before, after in itertools.pairwise(attempts)]
+    assert all(0.5 <= pause <= 9.5 for pause in pauses)
+    assert pauses[0] <= 2.5
+    assert min(pauses[3:]) >= 4.0
+
+
+def test_datagrams_are_lines_with_or_without_their_ends():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    retry = Retry(0.01, 0.05, silence_s=0.2)
+    with opened(f"udp://127.0.0.1:{port}", retry) as source, socket.socket(type=socket.SOCK_DGRAM) as sender:
+        assert source.read_line(0.0) is None
+        read_until(source, lambda: source.status.connections == 1)
+        for datagram in (b"one\r\ntwo", b"three\n", b"", b"four"):
+            sender.sendto(datagram, ("127.0.0.1", port))
+        assert read(source, 4) == [b"one", b"two", b"three", b"four"]
+        read_until(source, lambda: source.status.state is LinkState.SILENT)
+        assert source.status.connections == 1  # silence of a sender is no reason to bind again
+        sender.sendto(b"five", ("127.0.0.1", port))
+        assert read(source, 1) == [b"five"]
+        assert source.status.state is LinkState.CONNECTED
+
+
+def test_a_serial_port_that_is_pulled_out_and_put_back(tmp_path):
+    def plug():
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        device.unlink(missing_ok=True)
+        device.symlink_to(os.ttyname(slave))
+        return master, slave
+
+    device = tmp_path / "ttyUSB0"
+    with opened(f"serial://{device}?baud=9600") as source:
+        read_until(source, lambda: source.status.attempts >= 2)
+        assert "ttyUSB0" in source.status.last_error
+        master, slave = plug()
+        read_until(source, lambda: source.status.state is LinkState.CONNECTED)
+        os.write(master, b"one\r\ntw")
+        os.write(master, b"o\r\n")
+        assert read(source, 2) == [b"one", b"two"]
+        os.close(slave)
+        os.close(master)
+        read_until(source, lambda: source.status.state is LinkState.CONNECTING)
+        master, slave = plug()
+        read_until(source, lambda: source.status.state is LinkState.CONNECTED)
+        os.write(master, b"three\n")
+        assert read(source, 1) == [b"three"]
+        os.close(slave)
+        os.close(master)
+
+
+# Networks --------------------------------------------------------------------------------------------------------
+
+RETRY = Retry(0.01, 0.05, silence_s=0.2)
+
+
+@pytest.fixture
+def port():
+    """A free UDP port."""
+    with socket.socket(type=socket.SOCK_DGRAM) as probe:
+        probe.bind(("0.0.0.0", 0))
+        return probe.getsockname()[1]
+
+
+def send(data, port, sender, to="127.0.0.1"):
+    """A datagram from an address of this machine."""
+    with socket.socket(type=socket.SOCK_DGRAM) as one:
+        one.bind((sender, 0))
+        one.sendto(data, (to, port))
+
+
+def listening(source):
+    """The source, bound."""
+    assert source.read_line(0.0) is None
+    read_until(source, lambda: source.status.connections == 1)
+
+
+def test_datagrams_of_other_senders_are_dropped_and_counted(port):
+    with opened(f"udp://0.0.0.0:{port}?from=127.0.0.2,127.0.5.0/24", RETRY) as source:
+        listening(source)
+        for sender in ("127.0.0.3", "127.0.0.2", "127.0.0.1", "127.0.5.77"):
+            send(f"{sender}\n".encode(), port, sender)
+        assert read(source, 2) == [b"127.0.0.2", b"127.0.5.77"]
+        status = source.status
+        assert (status.n_refused, status.last_refused) == (2, "127.0.0.1")
+        assert (status.n_lines, status.n_bytes) == (2, len("127.0.0.2\n127.0.5.77\n"))
+        part = link_health("logger link", status)
+        assert (part.level, part.values["datagrams refused"]) == (Level.OK, "2")
+        assert part.values["senders"] == "127.0.0.2, 127.0.5.77"
+
+
+def test_a_link_that_is_silent_for_its_list_of_senders_says_so(port):
+    with opened(f"udp://127.0.0.1:{port}?from=192.0.2.9", RETRY) as source:
+        listening(source)
+
+        def silent():
+            send(b"1\n", port, "127.0.0.4")
+            return source.status.state is LinkState.SILENT and source.status.n_refused > 2
+
+        read_until(source, silent)
+        part = link_health("logger link", source.status)
+        assert part.level is Level.ERROR
+        assert "datagrams of 127.0.0.4 were refused; compare 'from' in the address" in part.message
+
+
+def test_lines_of_several_senders_without_a_list_are_a_warning(port):
+    with opened(f"udp://127.0.0.1:{port}", RETRY) as source:
+        listening(source)
+        send(b"1\n", port, "127.0.0.2")
+        assert read(source, 1) == [b"1"]
+        assert link_health("logger link", source.status).level is Level.OK
+        send(b"2\n", port, "127.0.0.3")
+        assert read(source, 1) == [b"2"]
+        part = link_health("logger link", source.status)
+        assert part.level is Level.WARN
+        assert f"such as udp://127.0.0.1:{port}?from=127.0.0.2" in part.message
+
+
+def test_a_listener_at_one_address_does_not_hear_what_is_sent_to_another(port):
+    with opened(f"udp://127.0.0.2:{port}", RETRY) as source:
+        listening(source)
+        send(b"to 1\n", port, "127.0.0.1", to="127.0.0.1")
+        send(b"to 2\n", port, "127.0.0.1", to="127.0.0.2")
+        assert read(source, 1) == [b"to 2"]
+        assert source.status.n_lines == 1
+
+
+def test_links_by_one_network_interface(port):
+    with opened(f"udp://0.0.0.0:{port}?interface=lo", RETRY) as source:
+        listening(source)
+        send(b"here\n", port, "127.0.0.1")
+        assert read(source, 1) == [b"here"]
+    with ScriptedServer(sends(b"a\n")) as server, opened(f"{server.uri}?interface=lo") as source:
+        assert read(source, 1) == [b"a"]
+
+
+def test_datagrams_of_another_network_interface_are_not_heard(port):
+    others = [name for _, name in socket.if_nameindex() if name != "lo"]
+    if not others:
+        pytest.skip("this machine has a single network interface")
+    with opened(f"udp://0.0.0.0:{port}?interface={others[0]}", RETRY) as source:
+        listening(source)
+        send(b"by lo\n", port, "127.0.0.1")
+        assert source.read_line(0.1) is None
+        assert source.status.n_bytes == 0
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp"])
+def test_an_interface_that_is_missing_is_named_and_awaited(kind, port):
+    with opened(f"{kind}://127.0.0.1:{port}?interface=usb7", RETRY) as source:
+        read_until(source, lambda: source.status.attempts >= 3)
+        assert source.status.state is LinkState.CONNECTING
+        assert "there is no network interface 'usb7'; there are: " in source.status.last_error
+
+
+@pytest.mark.parametrize("index", [OSError("no such interface"), 99])
+def test_datagrams_come_again_when_an_adapter_was_unplugged(index, port, monkeypatch):
+    with opened(f"udp://0.0.0.0:{port}?interface=lo", RETRY) as source:
+        listening(source)
+        with monkeypatch.context() as unplugged:
+            unplugged.setattr(socket, "if_nametoindex", mock.Mock(side_effect=[index]))
+            read_until(source, lambda: source.status.state is LinkState.CONNECTING)
+        assert source.status.last_error == "the network interface 'lo' was unplugged"
+        read_until(source, lambda: source.status.connections == 2)
+        send(b"here\n", port, "127.0.0.1")
+        assert read(source, 1) == [b"here"]
+
+
+def test_senders_that_fall_silent_are_forgotten_and_their_number_is_bounded():
+    now_s = [0.0]
+    senders = Senders(clock=lambda: now_s[0])
+    assert senders.accepts("10.0.0.1")
+    now_s[0] = RECENT_S + 1
+    assert senders.accepts("10.0.0.2")
+    assert senders.recent == ("10.0.0.2",)
+    assert all(senders.accepts(f"10.0.1.{number}") for number in range(50))
+    assert senders.recent == tuple(f"10.0.1.{number}" for number in range(50 - MAX_SENDERS, 50))
+
+
+def test_addresses_of_both_versions():
+    senders = Senders(parse_networks("udp", "192.168.5.20, fe80::/10"))
+    assert senders.accepts("::ffff:192.168.5.20")
+    assert senders.accepts("fe80::1%eth0")
+    assert not senders.accepts("::ffff:192.168.5.21")
+    assert not senders.accepts("2001:db8::1")

@@ -1,0 +1,120 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Bytes in pieces of any size become whole lines."""
+
+import threading
+import time
+
+from hypothesis import given
+from hypothesis import strategies as st
+from scripted_server import LIMIT_S, QUICK, ScriptedServer, opened, read, sends
+
+from soilmoist_ros.sensing.connections import open_source
+from soilmoist_ros.sensing.lines import (
+    MAX_WAITING,
+    MAX_WAITING_BYTES,
+    LineBuffer,
+    LineReader,
+    LinkState,
+    PlaybackClock,
+    RecordingSource,
+)
+
+
+@given(st.lists(st.binary(max_size=12)), st.data())
+def test_lines_do_not_depend_on_how_the_bytes_are_cut(parts, data):
+    text = b"\n".join(parts)
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(text)), max_size=8)))
+    buffer = LineBuffer()
+    for start, end in zip([0, *cuts], [*cuts, len(text)], strict=True):
+        buffer.feed(text[start:end])
+    buffer.end_line()
+    assert list(iter(buffer.pop, None)) == [line for line in text.splitlines() if line]
+
+
+@given(st.integers(0, 40), st.integers(0, 40))
+def test_a_line_that_is_too_long_is_dropped_and_the_next_one_is_not(length, chunk):
+    buffer = LineBuffer(max_line=20)
+    text = b"x" * length + b"\nnext\n"
+    for start in range(0, len(text), chunk + 1):
+        buffer.feed(text[start : start + chunk + 1])
+    found = list(iter(buffer.pop, None))
+    assert found == ([b"x" * length] if 0 < length <= 20 else []) + [b"next"]
+    assert buffer.n_oversized == (length > 20)
+
+
+# Line reader -----------------------------------------------------------------------------------------------------
+
+
+def test_a_reader_returns_the_lines_of_its_thread_and_stops():
+    called = []
+    with ScriptedServer(sends(b"a\nb\n"), sends(b"c\n")) as server:
+        reader = LineReader(open_source(server.uri, QUICK), lambda: called.append(1))
+        lines = []
+        deadline = time.monotonic() + LIMIT_S
+        while len(lines) < 3 and time.monotonic() < deadline:
+            lines += reader.take(2)
+        reader.stop()
+    assert lines == [b"a", b"b", b"c"]
+    assert len(called) >= 3
+    assert reader.status.state is LinkState.CLOSED
+    assert not [thread for thread in threading.enumerate() if thread.name == "line reader"]
+
+
+def test_lines_that_wait_are_limited_in_their_size():
+    class Flood:
+        def __init__(self):
+            self.read = 0
+
+        def read_line(self, timeout_s):
+            self.read += 1
+            return b"x" * 65_536
+
+        def close(self):
+            pass
+
+    flood = Flood()
+    reader = LineReader(flood, lambda: None)
+    deadline = time.monotonic() + LIMIT_S
+    while flood.read <= MAX_WAITING_BYTES // 65_536 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.05)  # it waits now, and goes on when lines are taken
+    assert flood.read == MAX_WAITING_BYTES // 65_536 + 1
+    taken = reader.take(MAX_WAITING)
+    assert sum(map(len, taken)) == MAX_WAITING_BYTES
+    while flood.read < 2 * len(taken) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert flood.read >= 2 * len(taken)
+    reader.stop()
+
+
+# Recording -------------------------------------------------------------------------------------------------------
+
+
+def test_a_file_as_fast_as_possible_and_then_it_has_ended(tmp_path):
+    path = tmp_path / "a log.txt"
+    path.write_bytes(b"one\r\ntwo\nthree")
+    with opened(f"{path.as_uri()}?speed=0") as source:
+        assert read(source, 3) == [b"one", b"two", b"three"]
+        assert source.status.state is LinkState.ENDED
+        assert source.read_line(0.0) is None
+
+
+def test_recordings_that_share_a_clock_stay_in_step_at_any_speed(tmp_path):
+    now = [100.0]
+    playback = PlaybackClock(lambda: now[0])
+    sources = {}
+    for name, text in (("a", b"0\nheader\n4\n6\n"), ("b", b"2\n5\n")):
+        (tmp_path / name).write_bytes(text)
+        stamp_of = lambda line: float(line) if line.isdigit() else None  # noqa: E731
+        sources[name] = RecordingSource(tmp_path / name, 2.0, stamp_of, playback)
+    played = []
+    while len(played) < 6:
+        for name in ("a", "b", "a", "b"):
+            while (line := sources[name].read_line(0.0)) is not None:
+                played.append((now[0] - 100.0, name, line))
+        now[0] += 0.5
+    assert played == [
+        (0.0, "a", b"0"), (0.0, "a", b"header"), (1.0, "b", b"2"),
+        (2.0, "a", b"4"), (2.5, "b", b"5"), (3.0, "a", b"6"),
+    ]  # fmt: skip
