@@ -4,8 +4,8 @@
 
 The folders follow the data: ``sensing`` turns logger bytes into corrected, geo-tagged counts, ``mapping`` turns
 counts into a map of rate and soil moisture with its uncertainty, ``exploration`` chooses where to measure next and
-for how long, ``simulation`` makes data of known truth, ``recording`` keeps runs, ``replay`` maps logs and recorded
-runs, ``reporting`` writes the results.
+for how long, ``simulation`` makes data of known truth, ``recording`` keeps bags, ``pipeline`` makes runs of logs and
+bags, ``reporting`` writes their outputs.
 
 >>> from soilmoist_ros import MissionSettings, simulate_mission
 >>> mission = simulate_mission(MissionSettings(field="patches", strategy="lattice", dwell="fmi:120", hours=0.5))

@@ -21,7 +21,8 @@ from soilmoist_ros.foundation import InputError, Mistake, SoilmoistError, not_in
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from soilmoist_ros.reporting import LiveMission, MapRun
+    from soilmoist_ros.pipeline import MapRun
+    from soilmoist_ros.reporting import LiveMission
 
 EXIT_CODES = {
     0: "all was done; files that need an extra that is not installed are named",
@@ -97,8 +98,8 @@ def wrote(paths: Iterable[Path], out: Path | None = None) -> None:
             say(f"open       {(out / 'report.html').absolute().as_uri()}")
         answer.values["out"] = str(out)
         if answer.as_json:
+            from soilmoist_ros.pipeline import read_summary
             from soilmoist_ros.recording import SUMMARY
-            from soilmoist_ros.reporting import read_summary
 
             if (out / SUMMARY).is_file():
                 answer.values["summary"] = read_summary(out)
@@ -323,8 +324,8 @@ def rate_error(mse: float, coverage95: float) -> str:
 
 def print_knowledge(run: MapRun) -> None:
     """Print what a reference sensor, earlier surveys and covariates contributed to a map, and what has changed."""
+    from soilmoist_ros.pipeline import REFERENCE
     from soilmoist_ros.reporting import (
-        REFERENCE,
         change_amount,
         change_since,
         covariate_importance,

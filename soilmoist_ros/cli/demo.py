@@ -108,8 +108,8 @@ def command(
     from soilmoist_ros.console import PORT, free_port
     from soilmoist_ros.mapping import CovariateSource, read_covariates
     from soilmoist_ros.nodes import DemoSettings, run_demo
-    from soilmoist_ros.pipeline import replay_bag
-    from soilmoist_ros.reporting import mission_earlier, write_outputs
+    from soilmoist_ros.pipeline import mission_earlier, replay_bag
+    from soilmoist_ros.reporting import write_outputs
     from soilmoist_ros.simulation import surrogate_field
 
     mission_earlier(mission, earlier)  # before the nodes start

@@ -24,6 +24,7 @@ from soilmoist_ros.cli.options import (
     InputFile,
     Moment,
     Name,
+    chosen_settings,
     covariate_option,
     crs_option,
     earlier_option,
@@ -37,7 +38,7 @@ from soilmoist_ros.cli.options import (
 from soilmoist_ros.simulation import PRESETS
 
 if TYPE_CHECKING:
-    from soilmoist_ros.reporting import MapRun
+    from soilmoist_ros.pipeline import MapRun
 
 
 @click.command("map")
@@ -78,12 +79,6 @@ def command(
     site: str | None,
     field: str | None,
     preset: str,
-    model: str | None,
-    fit: str | None,
-    noise: str | None,
-    local: str | None,
-    drift_model: str | None,
-    nugget: str | None,
     workers: int | None,
     scheduler: str | None,
     crs: str | None,
@@ -115,15 +110,10 @@ def command(
     settings = MapSettings(
         site=site,
         field=field,
-        keep_nugget=nugget != "filter",
-        model=model or PRESETS[preset]["model"],
         crs=crs,
-        fit="soft_l1" if (fit or PRESETS[preset]["fit"]) == "soft_l1" else "reml",
-        noise="mean" if (noise or PRESETS[preset]["noise"]) == "mean" else "local",
-        drift_model="off" if (drift_model or PRESETS[preset]["drift_model"]) == "off" else "auto",
-        local="off" if (local or PRESETS[preset]["local"]) == "off" else "auto",
         covariates=tuple(map(CovariateSource.parse, covariates)),
         times_s=(start_s, end_s),
+        **chosen_settings(choices, PRESETS[preset]),
         **choices,
     )
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import fields
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
@@ -18,6 +19,7 @@ from click.shell_completion import CompletionItem
 
 from soilmoist_ros.cli.answer import wrote
 from soilmoist_ros.foundation import InputError, install, is_installed
+from soilmoist_ros.mapping import MappingSettings
 
 Command = Callable[..., None]
 FILE = click.Path(path_type=Path)
@@ -261,7 +263,7 @@ def reported_failure(out: Path) -> Iterator[None]:
     :param out: output folder
     :raises NoMapError: why there is no map
     """
-    from soilmoist_ros.reporting import NoMapError
+    from soilmoist_ros.pipeline import NoMapError
 
     try:
         yield
@@ -315,7 +317,7 @@ class _Runs(InputFile):
         """
         super().require(value)
         if str(value) not in self.words:
-            from soilmoist_ros.reporting import find_runs
+            from soilmoist_ros.pipeline import find_runs
 
             find_runs(value.expanduser())
 
@@ -382,38 +384,47 @@ def reference_option(command: Command) -> Command:
 # The map --------------------------------------------------------------------------------------------------------
 
 
+_NAMES = {"keep_nugget": "--nugget", "cell_m": "--cell", "merge_radius_m": "--merge"}
+"""Options with other names than their settings."""
+_TYPES: Mapping[str, click.ParamType[Any]] = {
+    "model": VariogramModel(),
+    "keep_nugget": click.Choice(["keep", "filter"]),
+    "cell_m": click.FloatRange(min=0, min_open=True),
+    "merge_radius_m": click.FloatRange(min=0),
+}
+
+
 def map_options(default: str) -> Callable[[Command], Command]:
-    """Add the options of variogram, drift, cells and samples.
+    """Add an option for each field of :class:`MappingSettings`; see :func:`chosen_settings`.
 
     :param default: help on the defaults of the variogram, such as ``by --preset``
     """
     by_default = f" Default: {default}."
-    nugget = by_default if default.startswith("as ") else " Default: keep."
-    chosen = (
-        ("--fit", ("reml", "soft_l1"),
-         "Variogram fit: restricted maximum likelihood, or the published robust least squares."),
-        ("--noise", ("local", "mean"),
-         "Rate in the Poisson noise of a sample: local to its place or the mean rate."),
-        ("--local", ("auto", "off"), "Whether the variance may differ from place to place."),
-        ("--drift-model", ("auto", "off"), "Whether the mean rate may change during the survey."),
-    )  # fmt: skip
-    model = "Variogram model: gaussian, exponential, spherical, matern32, matern52, or that of a plug-in."
-    smooth = "Map the rate with its micro-scale variation (keep), or its smooth part only (filter)."
-    merge = "Records within this radius become one sample [m]. Default: a quarter of the footprint."
-    options = (
-        click.option("--model", type=VariogramModel(), help=model + by_default),
-        *(click.option(name, type=click.Choice(words), help=text + by_default) for name, words, text in chosen),
-        click.option("--nugget", type=click.Choice(["keep", "filter"]), help=smooth + nugget),
-        click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), help="Cell size [m]."),
-        click.option("--merge", "merge_radius_m", type=click.FloatRange(min=0), help=merge),
-    )
 
     def decorate(command: Command) -> Command:
-        for option in reversed(options):
-            command = option(command)
+        for one in reversed(fields(MappingSettings)):
+            kind = _TYPES.get(one.name) or click.Choice(one.metadata["choices"])
+            defaults = {"cell_m": "", "merge_radius_m": ""}
+            if not default.startswith("as "):
+                defaults["keep_nugget"] = " Default: keep."
+            text = one.metadata["help"] + defaults.get(one.name, by_default)
+            name = _NAMES.get(one.name, f"--{one.name.replace('_', '-')}")
+            command = click.option(name, one.name, type=kind, help=text)(command)
         return command
 
     return decorate
+
+
+def chosen_settings(choices: dict[str, Any], presets: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Take the values of :func:`map_options` from the values of all options.
+
+    :param choices: values by name; those of the map are removed
+    :param presets: values where none are chosen
+    """
+    found = {one.name: choices.pop(one.name) for one in fields(MappingSettings)}
+    if found["keep_nugget"] is not None:
+        found["keep_nugget"] = found["keep_nugget"] == "keep"
+    return {name: (presets or {}).get(name) if value is None else value for name, value in found.items()}
 
 
 def crs_option(command: Command) -> Command:

@@ -23,6 +23,7 @@ from soilmoist_ros.cli.answer import (
 from soilmoist_ros.cli.options import (
     FILE,
     Name,
+    chosen_settings,
     covariate_option,
     crs_option,
     earlier_option,
@@ -75,7 +76,6 @@ def command(
     overwrite: bool,
     figures: tuple[str, ...],
     crs: str | None,
-    nugget: str | None,
     truths: tuple[str, ...],
     earlier: tuple[Path, ...],
     covariates: tuple[str, ...],
@@ -89,15 +89,14 @@ def command(
     from soilmoist_ros.pipeline import ReplaySettings, replay_bag
     from soilmoist_ros.reporting import run_figures, write_figures, write_outputs
 
-    keep_nugget = None if nugget is None else nugget == "keep"
     named: dict[str | int, str] = dict(_truth(text) for text in truths)
     with progress_bar() as progress:
         settings = ReplaySettings(
-            keep_nugget=keep_nugget,
             truths=named,
             crs=crs,
             earlier=_earlier(earlier),
             covariates=() if covariates == ("none",) else covariates or None,
+            **chosen_settings(choices),
             **choices,
         )
         with reported_failure(out):

@@ -34,7 +34,7 @@ from soilmoist_ros.cli.options import (
 
 if TYPE_CHECKING:
     from soilmoist_ros.console import WatchedMission
-    from soilmoist_ros.reporting import MapRun
+    from soilmoist_ros.pipeline import MapRun
     from soilmoist_ros.simulation import MissionResult, MissionSettings
 
 TIME_FACTOR = 60.0
@@ -72,7 +72,8 @@ def command(
     settings = chosen_settings(choices)
     prepare_output(out, overwrite)
     from soilmoist_ros.mapping import CovariateSource
-    from soilmoist_ros.reporting import mission_earlier, mission_run, run_figures, write_figures, write_mission
+    from soilmoist_ros.pipeline import mission_earlier
+    from soilmoist_ros.reporting import mission_run, run_figures, write_figures, write_mission
     from soilmoist_ros.simulation import simulate_mission
 
     sources = list(map(CovariateSource.parse, covariates))

@@ -39,10 +39,15 @@ if TYPE_CHECKING:
     from soilmoist_ros.foundation.geodesy import town_distance_m as town_distance_m
     from soilmoist_ros.foundation.geodesy import town_text as town_text
     from soilmoist_ros.foundation.plain_values import DAY_S as DAY_S
+    from soilmoist_ros.foundation.plain_values import HECTARE_M2 as HECTARE_M2
+    from soilmoist_ros.foundation.plain_values import area as area
+    from soilmoist_ros.foundation.plain_values import area_unit as area_unit
     from soilmoist_ros.foundation.plain_values import csv_text as csv_text
+    from soilmoist_ros.foundation.plain_values import duration as duration
     from soilmoist_ros.foundation.plain_values import finite_number as finite_number
     from soilmoist_ros.foundation.plain_values import foreign_text as foreign_text
     from soilmoist_ros.foundation.plain_values import nan_as_text as nan_as_text
+    from soilmoist_ros.foundation.plain_values import number as number
     from soilmoist_ros.foundation.plain_values import printable as printable
     from soilmoist_ros.foundation.plain_values import read_json as read_json
     from soilmoist_ros.foundation.plain_values import shown_path as shown_path
@@ -70,7 +75,7 @@ __getattr__, __dir__, __all__ = open_door(
         "configuration": "config_folder parse_yaml read_limited read_lines read_quickly read_yaml resource resource_names",
         "errors": "Health IllConditionedError InputError Level Mistake SoilmoistError did_you_mean listing",
         "geodesy": "LatLon LocalFrame PlaneMove coordinates_text direction distance_and_bearing distance_text fit_move floats move_between other_datum place_text squared_distances town_distance_m town_text",
-        "plain_values": "DAY_S csv_text finite_number foreign_text nan_as_text printable read_json shown_path shown_text text_of_csv",
+        "plain_values": "DAY_S HECTARE_M2 area area_unit csv_text duration finite_number foreign_text nan_as_text number printable read_json shown_path shown_text text_of_csv",
         "registry": "Registry install is_installed not_installed optional_module",
         "sections": "Section line_of load_model",
         "version": "__version__",

@@ -133,11 +133,19 @@ class LocalFrame:
         latitude = np.arctan2(z, one_e2 * np.hypot(p, east))
         return np.column_stack([latitude, _within_a_turn(np.arctan2(east, p) + lon_0)]) / DEGREE
 
-    def export_crs(self) -> CRS:
-        """The coordinate reference system of :meth:`export_epsg`."""
-        from pyproj import CRS
+    def export_crs(self, crs: CRS | str | int | None = None) -> CRS:
+        """The requested coordinate reference system, by default that of :meth:`export_epsg`.
 
-        return CRS.from_epsg(self.export_epsg())
+        :raises InputError: if pyproj does not know it
+        """
+        import pyproj
+
+        try:
+            return pyproj.CRS.from_user_input(self.export_epsg() if crs is None else crs)
+        except pyproj.exceptions.CRSError:
+            raise InputError(
+                f"'{crs}' is not a coordinate reference system", "give one as an EPSG code, e.g. EPSG:25832"
+            ) from None
 
     def export_epsg(self) -> int:
         """EPSG code of the UTM zone (WGS-84) of the datum, or of polar stereographic beyond 84 N / 80 S."""

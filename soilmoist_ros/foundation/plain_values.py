@@ -12,6 +12,7 @@ from typing import Any
 
 DAY_S = 86_400.0
 """A day [s]."""
+HECTARE_M2 = 1e4
 _FOLDERS = re.compile(r"(?<![^\s(\"'=])(?:[A-Za-z]:[\\/]|/)(?:[^\\/\s]+[\\/])*")
 """Folders at the begin of an absolute path."""
 _SEQUENCE = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)?|\x1b[ -/]*[0-~]?")
@@ -123,3 +124,38 @@ def foreign_text(text: str) -> str:
         return text
     shown = (one if one.isprintable() else " " * one.isspace() for one in _SEQUENCE.sub("", text))
     return " ".join("".join(shown).split())
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number with this many significant digits, without an exponent if possible; a dash if undefined."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value != 0 and not 1e-4 <= abs(value) < 1e7:
+        return f"{value:.{digits - 1}e}"
+    decimals = max(digits - 1 - (math.floor(math.log10(abs(value))) if value else 0), 0)
+    return f"{value:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
+
+
+def area(area_m2: float) -> tuple[str, str]:
+    """An area and its unit: hectares, square kilometres if very large."""
+    size, unit = area_unit(area_m2)
+    return number(area_m2 / size, 2 if size == HECTARE_M2 > area_m2 else 3), unit
+
+
+def area_unit(area_m2: float) -> tuple[float, str]:
+    """Size [m^2] and name of the unit in which an area is shown."""
+    if area_m2 >= 5e7:
+        return 1e6, "km²"
+    return (HECTARE_M2, "ha") if area_m2 >= 500 else (1.0, "m²")
+
+
+def duration(seconds: float) -> str:
+    """A duration in words, rounded to a suitable unit."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    if minutes < 60:
+        return f"{minutes} min"
+    if minutes < 2880:
+        return f"{minutes // 60} h {minutes % 60:02d} min"
+    return f"{minutes / 1440:.1f} days"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soilmoist_ros.foundation import InputError
+from soilmoist_ros.foundation import InputError, number
 from soilmoist_ros.lab import figures
 from soilmoist_ros.lab.campaign import RUNS, stored_rows
 from soilmoist_ros.lab.campaign_data import CampaignData, Case
@@ -23,7 +23,7 @@ from soilmoist_ros.lab.figures import FigureSection, picture
 from soilmoist_ros.lab.findings import Comparison, findings
 from soilmoist_ros.lab.mission_store import MissionStore, code_version
 from soilmoist_ros.lab.table import Finished
-from soilmoist_ros.reporting import dwell_text, length, number, plain, render_page, strategy_text
+from soilmoist_ros.reporting import dwell_text, length, plain, render_page, strategy_text
 
 if TYPE_CHECKING:
     import pandas as pd

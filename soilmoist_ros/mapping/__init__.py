@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.kriging.tiled_kriging import Compute as Compute
     from soilmoist_ros.mapping.map_worker import MapWorker as MapWorker
     from soilmoist_ros.mapping.map_worker import map_health as map_health
+    from soilmoist_ros.mapping.mapping_settings import MappingSettings as MappingSettings
     from soilmoist_ros.mapping.placement import PositionSource as PositionSource
     from soilmoist_ros.mapping.placement import require_near as require_near
     from soilmoist_ros.mapping.records import Skip as Skip
@@ -107,6 +108,7 @@ __getattr__, __dir__, __all__ = open_door(
         "kriging.system": "Points coincident sample_correlation",
         "kriging.tiled_kriging": "Compute",
         "map_worker": "MapWorker map_health",
+        "mapping_settings": "MappingSettings",
         "placement": "PositionSource require_near",
         "records": "Skip StampLimits survey_samples",
         "samples": "Samples spatial_blocks",

@@ -43,6 +43,7 @@ from soilmoist_ros.nodes.parameter_tables import MAPPER as PARAMETERS
 from soilmoist_ros.nodes.parameter_tables import STAMP_LIMITS, stamp_limits
 from soilmoist_ros.nodes.parameters import Parameters, Value, other_namespaces
 from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS, VISITS, interface_class
+from soilmoist_ros.pipeline import FieldSurvey, open_survey, run_change
 from soilmoist_ros.recording import (
     HELD,
     LIST_S,
@@ -56,7 +57,7 @@ from soilmoist_ros.recording import (
     quarantined_topic,
     read_earlier,
 )
-from soilmoist_ros.reporting import FieldSurvey, change_summary, open_survey, run_change
+from soilmoist_ros.reporting import change_summary, write_outputs
 from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt
 
 __all__ = ["PARAMETERS", "Mapper", "main"]
@@ -297,7 +298,7 @@ class Mapper(Node):
         with self._guard:
             snapshot = self._online.snapshot()
         try:
-            self._survey.save(self._save_dir, snapshot)
+            write_outputs(self._save_dir, self._survey.run(snapshot))
         except Exception as error:  # the caller gets an answer even if the disk is full
             self.get_logger().error(f"saving failed: {error}")
             response.success, response.message = False, f"nothing is saved: {error}"

@@ -42,7 +42,7 @@ from soilmoist_ros.nodes.parameter_tables import (
     stamp_limits,
 )
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.reporting import Target, read_earlier_runs
+from soilmoist_ros.pipeline import Target, read_earlier_runs
 from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, load_site
 
 _PLACE = PlaceLimits()

@@ -4,32 +4,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import dataclasses
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import partial
 from itertools import groupby
 from pathlib import Path
+from typing import Any, Literal
 
-from soilmoist_ros.foundation import IllConditionedError, InputError
-from soilmoist_ros.pipeline.bag_lines import logger_topic
-from soilmoist_ros.pipeline.comparison import Comparison, read_published_map
+from soilmoist_ros.foundation import IllConditionedError, InputError, Mistake, SoilmoistError, duration
+from soilmoist_ros.mapping import MappingSettings
+from soilmoist_ros.pipeline.bag_lines import (
+    CLOUD,
+    FIX,
+    TEXT,
+    RunTopics,
+    fix_topic,
+    logger_topic,
+    read_fixes,
+    text_lines,
+    unread_positions,
+)
+from soilmoist_ros.pipeline.field_survey import FieldSurvey, input_file, loss_rows_of, open_survey, require_crs
 from soilmoist_ros.pipeline.file_facts import position_notes
-from soilmoist_ros.pipeline.log_map import loss_rows, read_reference, reference_error, with_reference
-from soilmoist_ros.pipeline.mission import RobotMission, replay_mission
-from soilmoist_ros.pipeline.no_map import no_map
+from soilmoist_ros.pipeline.log_map import loss_rows, reference_error, with_reference
+from soilmoist_ros.pipeline.logs import log_times, read_reference, shifted_track, with_position_doubts
+from soilmoist_ros.pipeline.mission import (
+    RobotMission,
+    last_mission,
+    mission_visits,
+    read_statuses,
+    read_visits,
+    replay_mission,
+)
 from soilmoist_ros.pipeline.properties import (
+    Comparison,
     PropertyTopic,
     ReplayedProperty,
     chosen_properties,
     named_truths,
     read_planner,
+    read_published_map,
+    recorded_places,
     team_properties,
+    why_nothing,
 )
-from soilmoist_ros.pipeline.raw import RawSurvey, read_raw, says_simulated
-from soilmoist_ros.pipeline.recorded_place import recorded_places
-from soilmoist_ros.pipeline.replay_settings import ReplaySettings, property_survey, robot_survey
-from soilmoist_ros.pipeline.statuses import last_mission, read_statuses
-from soilmoist_ros.pipeline.topics import CLOUD, TEXT, RunTopics
-from soilmoist_ros.pipeline.visits import mission_visits, read_visits
+from soilmoist_ros.pipeline.run import FailedRun, LossRow, MapRun, NoMapError, Note, NoteCode, Trouble
 from soilmoist_ros.recording import (
     MISSED,
     RECEIVED,
@@ -45,11 +67,176 @@ from soilmoist_ros.recording import (
     record_key,
     recorder_notes,
 )
-from soilmoist_ros.reporting import FieldSurvey, LossRow, MapRun, Note, NoteCode, input_file, require_crs
-from soilmoist_ros.sensing import CountRecord, LeverArms, Reference, placed_of_any
-from soilmoist_ros.simulation import surrogate_field
+from soilmoist_ros.sensing import (
+    FORMAT_NAME,
+    CountRecord,
+    LeverArms,
+    Problem,
+    Reference,
+    load_logger_format,
+    load_site,
+    matching_formats,
+    parse_log,
+    placed_of_any,
+    process_logs,
+    reason_text,
+)
+from soilmoist_ros.simulation import MissionResult, surrogate_field
+
+Source = Literal["counts", "raw"]
 
 Progress = Callable[[str, float], None]
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+MAX_TROUBLES = 12
+_ERROR = 2
+_REPLAY = (
+    "Map the recording again when the cause is found: soilmoist replay, with --field or --site if they were wrong."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplaySettings(MappingSettings):
+    """Choices of a replay; those of :class:`MappingSettings` are the mapper's if they are ``None``.
+
+    :param field: field file, or name of a shipped one
+    :param site: site file, or name of a shipped one; other corrections need the source ``raw``
+    :param properties: names of the properties to map; empty for all in the bag
+    :param truths: surrogate fields to compare with, by name of the property or its index in the list of
+        properties, from 0; built-in names, or field files with a truth
+    :param counts_topic: topic with the records
+    :param source: ``counts`` maps the records as the driver corrected and placed them; ``raw`` corrects and
+        places the lines of logger and receiver (``raw/logger``, ``raw/gnss``) again
+    :param logger_topic: topic with the raw lines of the logger, which are the source then; ``raw/logger`` if empty
+    :param fix_topic: topic with the positions of the raw lines: fixes or NMEA; ``raw/gnss``, or ``fix``, if empty
+    :param gnss_shift_s: time added to those of the positions of the raw lines [s]
+    :param logger: format of the raw lines of the logger; detected from their header if ``None``
+    :param earlier: earlier runs of the field, see :func:`read_earlier_runs`; ``None`` for those of the robot
+    :param crs: coordinate reference system of the outputs, checked before the work; ``None`` for the UTM zone
+    :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field; ``None`` for
+        those of the robot
+    :param reference: log of a stationary sensor that counted during the run
+    """
+
+    field: str | None = None
+    site: str | None = None
+    properties: Sequence[str] = ()
+    truths: Mapping[str | int, str] = dataclasses.field(default_factory=dict)
+    counts_topic: str = "counts"
+    source: Source = "counts"
+    logger: str | None = None
+    logger_topic: str = ""
+    fix_topic: str = ""
+    gnss_shift_s: float = 0.0
+    crs: str | None = None
+    earlier: Sequence[Path | str] | None = None
+    covariates: Sequence[str] | None = None
+    reference: Path | None = None
+
+    @property
+    def from_lines(self) -> bool:
+        """Whether the raw lines are the source."""
+        return self.source == "raw" or bool(self.logger_topic)
+
+
+def robot_survey(bag: Path, configuration: Path | None, chosen: ReplaySettings) -> tuple[FieldSurvey, list[Note]]:
+    """The map of the robot's own records, still without records, and remarks for the user."""
+    had = read_parameters(configuration, "mapper")
+    survey = _open(bag, had, chosen, had.get("site", "") if chosen.site is None else chosen.site)
+    if chosen.from_lines or not chosen.site or not had.get("site"):
+        return survey, []
+    recorded = load_site(had["site"]).corrections
+    if recorded == survey.site.corrections:
+        return survey, []
+    corrected = survey.site.model_copy(update={"corrections": recorded})
+    message = "The counts are corrected as on the robot, not as this site file says: that needs the raw lines."
+    return replace(survey, site=corrected), [Note(NoteCode.OTHER_CORRECTIONS, message)]
+
+
+def _open(bag: Path, had: Mapping[str, Any], chosen: ReplaySettings, site: str, name: str = "") -> FieldSurvey:
+    """A map without records: the mapper's settings, overridden by the user's choices.
+
+    :param name: name of the property; empty for the robot's own
+    """
+    field_file = chosen.field or had.get("field")
+    if not field_file:
+        raise InputError("does not say which field it is of", "give the field file with --field", bag)
+    own = {one.name: getattr(chosen, one.name) for one in dataclasses.fields(MappingSettings)}
+    earlier = had.get("earlier", ()) if chosen.earlier is None else chosen.earlier
+    covariates = had.get("covariates", ()) if chosen.covariates is None else chosen.covariates
+    try:
+        return open_survey(
+            field_file,
+            site,
+            simulated=had.get("simulated", False),
+            earlier=earlier,
+            property_name=name,
+            covariates=covariates,
+            recorded=had or None,
+            **own,
+        )
+    except ValueError as error:
+        raise InputError(str(error), "change this setting") from None
+
+
+def property_survey(
+    one: PropertyTopic, bag: Path, configuration: Path | None, chosen: ReplaySettings
+) -> FieldSurvey:
+    """The map of a property with its mapper's settings, without records.
+
+    If the bag lacks the mapper's parameters, the settings of the robot's own map apply, but without the site: a
+    calibration belongs to one sensor.
+    """
+    had = read_parameters(configuration, one.mapper)
+    had = had or {**read_parameters(configuration, "mapper"), "site": ""}
+    return _open(bag, had, chosen, had.get("site", ""), one.name)
+
+
+@dataclass(frozen=True)
+class RawSurvey:
+    """Raw lines, processed.
+
+    :param records: corrected records at their places, in order of time, quarantined ones included
+    :param problems: problems of the lines
+    :param format_title: title of the logger's format
+    :param position_problems: those of them that concern the positions
+    """
+
+    records: Sequence[CountRecord]
+    problems: Sequence[Problem]
+    format_title: str
+    position_problems: Sequence[Problem] = ()
+
+
+def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arms: LeverArms) -> RawSurvey:
+    """Process the raw lines of a robot.
+
+    :raises InputError: if the lines contain no usable record
+    """
+    reader, site, shift_s = topics.reader, survey.site, chosen.gnss_shift_s
+    name = logger_topic(reader, chosen.logger_topic) if chosen.logger_topic else topics.find("raw/logger", TEXT)
+    if name is None:
+        raise InputError("has no topic raw/logger", "map its counts instead", reader.path)
+    lines = text_lines(reader, name)
+    form = load_logger_format(chosen.logger or next(iter(matching_formats(lines)), FORMAT_NAME))
+    # In messages, a topic stands in place of a file name.
+    log = parse_log(lines, form.on_clock(site.logger_clock), site.longitude, Path(name.lstrip("/")))
+    gnss = topics.find("raw/gnss", TEXT) or topics.find("fix", FIX)
+    if chosen.logger_topic or chosen.fix_topic or (gnss is None and topics.alone):
+        gnss = fix_topic(reader, chosen.fix_topic)
+    track = None
+    if gnss is None:
+        problems = unread_positions(reader)
+    else:
+        fixes, problems = read_fixes(reader, gnss, log_times([log]), shift_s)
+        track, noted = shifted_track(fixes, shift_s, Path(gnss.lstrip("/")))
+        problems += noted
+        if (why := track.heard.why_none()) is not None:
+            raise InputError(f"{gnss} {why.message}", f"{why.remedy}; or map its counts instead", reader.path)
+    try:
+        records = process_logs([log], site, survey.field.frame, track, arms)
+    except InputError as fault:
+        raise with_position_doubts(fault, problems) from None
+    return RawSurvey(records.all_records, [*records.problems, *problems], log.format_title, problems)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,20 +255,150 @@ class Replay:
         return f"Replay({names}: {len(self.run.track)} records, {self.comparisons[0].message})"
 
 
-@dataclass(frozen=True, eq=False)
-class _Content:
-    """The data that the replay reads from the bag.
+class _Recording:
+    """What a bag holds of a run, read step by step.
 
-    The survey is that of the robot's own records.
+    :param reader: the bag
+    :param survey: the map of the robot's own records, without records
+    :param chosen: choices of the replay
+    :param configuration: folder with the parameters of the nodes, if any
+    :param remarks: gets remarks for the user
     """
 
-    survey: FieldSurvey
-    raw: RawSurvey | None
-    several: bool
-    missions: Sequence[RobotMission]
-    simulated: bool
-    properties: Sequence[ReplayedProperty]
-    reference: Reference | None = None
+    def __init__(
+        self,
+        reader: BagReader,
+        survey: FieldSurvey,
+        chosen: ReplaySettings,
+        configuration: Path | None,
+        remarks: list[Note],
+    ) -> None:
+        self._reader, self._chosen, self._configuration, self._remarks = reader, chosen, configuration, remarks
+        self._mapper = read_parameters(configuration, "mapper")
+        self._frame = str(self._mapper.get("frame", ""))  # the mapper skips counts of others
+        self._places = recorded_places(configuration, survey.field)
+        self.survey = survey
+        self.raw: RawSurvey | None = None
+        self.reference: Reference | None = None
+        self.robots: list[RunTopics] = []
+        self.several = False
+        counted = self._from_lines() if chosen.from_lines else self._from_counts()
+        records = [record for _, record in counted]
+        good = [record for record in records if not record.quarantine]
+        if chosen.reference is not None and good:
+            self.reference = read_reference(chosen.reference, survey.site, good, survey.field.frame)
+            records = self.reference.corrected(records)
+            self.survey = survey.with_reference_error(reference_error(self.reference))
+        self.counted = [(name, record) for (name, _), record in zip(counted, records, strict=True)]
+
+    def _from_lines(self) -> list[tuple[str, CountRecord]]:
+        """Records made of the raw lines, each with its topic."""
+        chosen = self._chosen
+        robot = (
+            RunTopics.of_counts(
+                self._reader, f"{logger_topic(self._reader, chosen.logger_topic).rpartition('/')[0]}/counts"
+            )
+            if chosen.logger_topic
+            else RunTopics.of_raw_lines(self._reader, chosen.counts_topic)
+        )
+        arms = LeverArms.of(read_parameters(self._configuration, "sensor_driver"))
+        self.robots, self.raw = [robot], read_raw(robot, self.survey, chosen, arms)
+        doubts = position_notes(self.raw.position_problems, None)
+        self._remarks += [Note(NoteCode.POSITIONS, f"{one}.") for one in doubts]
+        trusted = self._places.doubts(self._reader, robot.counts)
+        return [(robot.counts, trusted.placed(record)) for record in self.raw.records]
+
+    def _from_counts(self) -> list[tuple[str, CountRecord]]:
+        """Records as the drivers sent them, each with its topic, in the order in which the mapper added them."""
+        reader, topic = self._reader, self._chosen.counts_topic
+        if "/" not in topic:
+            self.robots = RunTopics.of_team(reader, topic, self._mapper.get("others", ()))
+        self.robots = self.robots or [RunTopics.of_counts(reader, reader.find_topic(topic, CLOUD))]
+        others, missed = self._of_others()
+        self.several = len(self.robots) > 1 or bool(others)
+        found = reader.read_counts_of([*missed, *(robot.counts for robot in self.robots), *others], self._frame)
+        placed = self._places.records([record for _, record in found])
+        counted = [(name, record) for (name, _), record in zip(found, placed, strict=True)]
+        if missed:
+            counted = _in_order(counted, missed, self.survey)
+        doubts = {name: self._places.doubts(reader, name) for name in {name for name, _ in counted}}
+        return [
+            (name, placed_of_any(record, doubts.values()) if name in missed else doubts[name].placed(record))
+            for name, record in counted
+        ]
+
+    def _of_others(self) -> tuple[list[str], list[str]]:
+        """Topics of other robots that the mapper of the only robot has mapped: counts, and counts sent again."""
+        space, _, last = self.robots[0].counts.rpartition("/")
+        topics = self._reader.topics
+        if len(self.robots) > 1 or not space or topics.get(f"{space}/soil_map") != CLOUD:
+            return [], []
+        names = [f"/{name.strip('/')}" for name in self._mapper.get("others", ())]
+        counts, missed = (
+            [f"{name}/{topic}" for name in names if name != space and topics.get(f"{name}/{topic}") == CLOUD]
+            for topic in (last, MISSED)
+        )
+        return counts, missed
+
+    def properties(self) -> list[ReplayedProperty]:
+        """The chosen properties with their maps.
+
+        :raises InputError: if there is none, or a planned or chosen one cannot be read
+        """
+        reader, chosen = self._reader, self._chosen
+        found = team_properties(self.robots, self._configuration)
+        truths = named_truths(found, chosen.truths, reader.path)
+        properties: list[ReplayedProperty] = []
+        for one in chosen_properties(found, chosen.properties, reader.path):
+            own = one.counts == tuple(robot.counts for robot in self.robots)
+            try:
+                records = (
+                    [record for _, record in self.counted]
+                    if own
+                    else self._places.trusted_records(reader, one.counts, self._frame)
+                )
+            except InputError as error:
+                if one.weight or one.name in chosen.properties:
+                    raise
+                note = f"{', '.join(one.counts)} is not mapped: {error}."
+                self._remarks.append(Note(NoteCode.NOT_MAPPED, note))
+                continue
+            if not records and not own:
+                continue
+            survey = self.survey if own else property_survey(one, reader.path, self._configuration, chosen)
+            states = [survey.map.state for record in records if survey.map.add(record) is None]
+            published = read_published_map(_mapper_topics(one, self.robots, own))
+            truth = surrogate_field(truths[one.name]) if one.name in truths else None
+            properties.append(ReplayedProperty(one.name, one.weight, survey, records, states, published, truth))
+        if not properties:
+            raise InputError("has no records of these properties", "choose others, or none for all", reader.path)
+        return properties
+
+    def missions(self) -> list[RobotMission]:
+        """The last started mission of each robot that has one."""
+        found = []
+        for number, robot in enumerate(self.robots, 1):
+            its = [record for name, record in self.counted if name == robot.counts and not record.quarantine]
+            if statuses := last_mission(read_statuses(robot)):
+                visits = self._places.visits(mission_visits(statuses, read_visits(robot, number), its))
+                planner = read_planner(self._configuration, robot)
+                found.append(RobotMission(number, planner, statuses, visits, its))
+        return found
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the lines of a logger declare simulated counts."""
+        loggers = filter(None, (robot.find("raw/logger", TEXT) for robot in self.robots))
+        return any(
+            line.startswith(b"#simulated=yes") for name in loggers for line in text_lines(self._reader, name)
+        )
+
+    def compared(self, one: ReplayedProperty) -> Comparison:
+        """Comparison of a property with the map that its mapper published."""
+        if one.survey is self.survey and (self.reference is not None or self.raw is not None):
+            why = "made again from the raw lines" if self.reference is None else "corrected by a reference sensor"
+            return Comparison(None, f"not compared: {why}")
+        return one.compared(self.several)
 
 
 def replay_bag(
@@ -102,52 +419,52 @@ def replay_bag(
         configuration = next(filter(None, map(configuration_of, [bag, *bags_of(bag)])), None)
         survey, remarks = robot_survey(bag, configuration, chosen)
         require_crs(chosen.crs, survey.field.frame)
-        content = _read(reader, survey, chosen, configuration, remarks)
+        recording = _Recording(reader, survey, chosen, configuration, remarks)
+        properties, missions = recording.properties(), recording.missions()
+        simulated = recording.simulated
     for one_bag in bags_of(bag):
         lost_messages = "; ".join(f"{name}: {value}" for name, value in recorder_notes(one_bag).items())
         if lost_messages:
             remarks.append(Note(NoteCode.LOST_MESSAGES, f"The recorder noted of {one_bag.name}: {lost_messages}."))
-    survey = content.survey
-    first, raw, reference = content.properties[0], content.raw, content.reference
+    first, raw, reference = properties[0], recording.raw, recording.reference
     lost = loss_rows(raw.problems if raw else ())
-    about = (bag, _files(bag), first, content.missions, configuration)
+    files = _files(bag)
+    without_map = partial(no_map, bag, files, first, missions, configuration, losses=lost, simulated=simulated)
     if not first.states:
-        raise no_map(*about, losses=lost, simulated=content.simulated)
+        raise without_map()
     progress("mapping", 0.0)
-    mapped = []
-    for one in content.properties:
+    mapped: list[tuple[ReplayedProperty, MapRun]] = []
+    for one in properties:
         try:
             run = one.survey.run(one.survey.map.snapshot())
-            run = run if reference is None or one.survey is not survey else with_reference(run, reference)
         except (InputError, IllConditionedError) as error:
             if one is first:
-                raise no_map(*about, losses=lost, simulated=content.simulated, error=error) from error
+                raise without_map(error=error) from error
             remarks.append(Note(NoteCode.NOT_MAPPED, f"{one.name} is not mapped: {error}."))
             continue
+        if reference is not None and one.survey is recording.survey:
+            run = with_reference(run, reference)
         label = one.name if one.truth is None else one.truth.title
         mapped.append((one, replace(run, name=one.name, label=label, truth_rate=one.truth_rate)))
     properties = [one for one, _ in mapped]
     run, *others = (run for _, run in mapped)
     run = replace(
         run,
-        inputs=[*(input_file(path, "bag") for path in _files(bag)), *run.inputs],
+        inputs=[*(input_file(path, "bag") for path in files), *run.inputs],
         notes=[*run.notes, *remarks],
         losses=_losses(lost, run.losses),
         logger_format=raw.format_title if raw else "",
-        simulated=run.simulated or content.simulated or any(one.truth is not None for one in properties),
+        simulated=run.simulated or simulated or any(one.truth is not None for one in properties),
         others=others,
     )
-    if content.missions:
-        mission = replay_mission(properties, content.missions, configuration, progress)
+    if missions:
+        mission = replay_mission(properties, missions, configuration, progress)
         maps = [
             replace(one, soil_map=its.soil_map)
             for one, its in zip(mission.properties, run.properties, strict=True)
         ]
         run = replace(run, mission=replace(mission, properties=maps))
-    return Replay(
-        run,
-        [_compared(one, content, one.survey is survey) for one in properties],
-    )
+    return Replay(run, [recording.compared(one) for one in properties])
 
 
 def _losses(of_lines: Sequence[LossRow], of_map: Sequence[LossRow]) -> list[LossRow]:
@@ -156,123 +473,10 @@ def _losses(of_lines: Sequence[LossRow], of_map: Sequence[LossRow]) -> list[Loss
     return [*of_lines, *(row for row in of_map if not (row.consequence == "quarantined" and row.kind in known))]
 
 
-def _compared(one: ReplayedProperty, content: _Content, own: bool) -> Comparison:
-    if own and content.reference is not None:
-        return Comparison(None, "not compared: corrected by a reference sensor")
-    if own and content.raw is not None:
-        return Comparison(None, "not compared: made again from the raw lines")
-    return one.compared(content.several)
-
-
-def _read(
-    reader: BagReader,
-    survey: FieldSurvey,
-    chosen: ReplaySettings,
-    configuration: Path | None,
-    remarks: list[Note],
-) -> _Content:
-    """Read all data that the replay needs.
-
-    :param survey: the map of the robot's own records, without records
-    :param remarks: called with each remark for the user
-    """
-    raw = None
-    frame = str(read_parameters(configuration, "mapper").get("frame", ""))  # the mapper skips counts of others
-    places = recorded_places(configuration, survey.field)
-    robots: list[RunTopics] = []
-    others, missed = list[str](), list[str]()
-    if chosen.from_lines:
-        robots = [
-            RunTopics.of_counts(reader, f"{logger_topic(reader, chosen.logger_topic).rpartition('/')[0]}/counts")
-            if chosen.logger_topic
-            else RunTopics.of_raw_lines(reader, chosen.counts_topic)
-        ]
-        arms = LeverArms.of(read_parameters(configuration, "sensor_driver"))
-        raw = read_raw(
-            robots[0], survey.site, survey.field.frame, chosen.logger, arms, chosen.logger_topic, chosen.fix_topic,
-            chosen.gnss_shift_s,
-        )  # fmt: skip
-        counted = [(robots[0].counts, record) for record in raw.records]
-        remarks += [Note(NoteCode.POSITIONS, f"{one}.") for one in position_notes(raw.position_problems, None)]
-    else:
-        if "/" not in chosen.counts_topic:
-            together = read_parameters(configuration, "mapper").get("others", ())
-            robots = RunTopics.of_team(reader, chosen.counts_topic, together)
-        robots = robots or [RunTopics.of_counts(reader, reader.find_topic(chosen.counts_topic, CLOUD))]
-        others, missed = _of_others(robots, configuration)
-        counted = reader.read_counts_of([*missed, *(robot.counts for robot in robots), *others], frame)
-        placed = places.records([record for _, record in counted])
-        counted = [(name, record) for (name, _), record in zip(counted, placed, strict=True)]
-        if missed:
-            counted = _in_order(counted, missed, survey)
-    doubts = {name: places.doubts(reader, name) for name in {name for name, _ in counted}}
-    counted = [
-        (name, placed_of_any(record, doubts.values()) if name in missed else doubts[name].placed(record))
-        for name, record in counted
-    ]
-    records = [record for _, record in counted]
-    reference = None
-    if chosen.reference is not None and (good := [record for record in records if not record.quarantine]):
-        reference = read_reference(chosen.reference, survey.site, good, survey.field.frame)
-        records = reference.corrected(records)
-        survey = survey.with_reference_error(reference_error(reference))
-        counted = [(name, record) for (name, _), record in zip(counted, records, strict=True)]
-    found = team_properties(robots, configuration)
-    wanted = chosen_properties(found, chosen.properties, reader.path)
-    truths = named_truths(found, chosen.truths, reader.path)
-    properties: list[ReplayedProperty] = []
-    for one in wanted:
-        own = one.counts == tuple(robot.counts for robot in robots)
-        try:
-            its = records if own else places.trusted_records(reader, one.counts, frame)
-        except InputError as error:
-            if one.weight or one.name in chosen.properties:
-                raise
-            remarks.append(Note(NoteCode.NOT_MAPPED, f"{', '.join(one.counts)} is not mapped: {error}."))
-            continue
-        if not its and not own:
-            continue
-        mapped = survey if own else property_survey(one, reader.path, configuration, chosen)
-        truth = truths.get(one.name)
-        states = [mapped.map.state for record in its if mapped.map.add(record) is None]
-        published = read_published_map(_mapper_topics(one, robots, own))
-        known = None if truth is None else surrogate_field(truth)
-        properties.append(ReplayedProperty(one.name, one.weight, mapped, its, states, published, known))
-    if not properties:
-        raise InputError("has no records of these properties", "choose others, or none for all", reader.path)
-    loggers = [logger for robot in robots if (logger := robot.find("raw/logger", TEXT)) is not None]
-    simulated = any(says_simulated(reader, logger) for logger in loggers)
-    missions = []
-    for number, robot in enumerate(robots, 1):
-        its = [record for name, record in counted if name == robot.counts and not record.quarantine]
-        if statuses := last_mission(read_statuses(robot)):
-            visits = places.visits(mission_visits(statuses, read_visits(robot, number), its))
-            missions.append(RobotMission(number, read_planner(configuration, robot), statuses, visits, its))
-    return _Content(survey, raw, len(robots) > 1 or bool(others), missions, simulated, properties, reference)
-
-
-def _of_others(robots: Sequence[RunTopics], configuration: Path | None) -> tuple[list[str], list[str]]:
-    """Topics of other robots that the mapper of the only robot has mapped: counts, and counts sent again."""
-    space, _, last = robots[0].counts.rpartition("/")
-    topics = robots[0].reader.topics
-    if len(robots) > 1 or not space or topics.get(f"{space}/soil_map") != CLOUD:
-        return [], []
-    names = [f"/{name.strip('/')}" for name in read_parameters(configuration, "mapper").get("others", ())]
-    found = [
-        [f"{name}/{topic}" for name in names if name != space and topics.get(f"{name}/{topic}") == CLOUD]
-        for topic in (last, MISSED)
-    ]
-    return found[0], found[1]
-
-
 def _in_order(
     counted: Sequence[tuple[str, CountRecord]], missed: Sequence[str], survey: FieldSurvey
 ) -> list[tuple[str, CountRecord]]:
-    """Records in the order in which the mapper added them, each once.
-
-    :param counted: records in the order of recording, each with its topic
-    :param missed: topics with records that mappers have sent again
-    """
+    """Records in the order in which the mapper added them, each once."""
     records, topics = MapRecords(survey.map, TEAM_S), dict[bytes, str]()
     for again, some in groupby(counted, key=lambda each: each[0] in missed):
         part = list(some)
@@ -299,3 +503,94 @@ def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -
 def _files(bag: Path) -> list[Path]:
     """The files with the messages of a bag, or of the bags in a folder."""
     return [path for one in (bags_of(bag) if bag.is_dir() else [bag]) for path in message_files(one)]
+
+
+def no_map(
+    bag: Path,
+    files: Sequence[Path],
+    first: ReplayedProperty,
+    missions: Sequence[RobotMission],
+    configuration: Path | None,
+    *,
+    losses: Sequence[LossRow] = (),
+    simulated: bool = False,
+    error: SoilmoistError | None = None,
+) -> NoMapError:
+    """The error for a run without a map, with all that its report shows."""
+    survey = first.survey
+    snapshot = survey.map.snapshot()
+    mission = replay_mission([first], missions, configuration, lambda step, share: None) if missions else None
+    troubles = read_troubles(bag)
+    mistake = _mistake(first, troubles, bag, error)
+    return NoMapError(
+        FailedRun(
+            why=" ".join(filter(None, [_sentence(mistake.message), _end(mission)])),
+            todo=[*filter(None, [_sentence(mistake.remedy)]), _REPLAY],
+            created_utc=datetime.now(UTC),
+            track=sorted(first.records, key=lambda record: record.stamp_s),
+            site=survey.site.name,
+            field_name=survey.field.name,
+            inputs=[
+                *(input_file(path, "bag") for path in files),
+                *(input_file(path, role) for role, path in survey.files),
+            ],
+            losses=[*losses, *loss_rows_of(snapshot)],
+            troubles=troubles,
+            mission=mission,
+            simulated=simulated or survey.simulated,
+        )
+    )
+
+
+def _mistake(
+    first: ReplayedProperty, troubles: Sequence[Trouble], bag: Path, error: SoilmoistError | None
+) -> Mistake:
+    """The cause, the first that applies: no records, none in the field, too few, or a failure of the map."""
+    if not first.records:
+        said = next((f"; {trouble.name}: {trouble.message}" for trouble in troubles if trouble.error), "")
+        return Mistake(
+            f"The sensor sent no record that could be used, the counts have no messages{said}",
+            "check that the driver ran, the link to the neutron logger and its format: soilmoist check --logger",
+        )
+    if all(record.quarantine for record in first.records):
+        kinds = Counter(reason_text(record.quarantine) for record in first.records)
+        causes = ", ".join(f"{text} ({count})" for text, count in kinds.most_common())
+        return Mistake(
+            f"All {len(first.records)} records are quarantined: {causes}",
+            "check the tubes of the detector, its high voltage and its weather sensors",
+        )
+    if not first.states:
+        return why_nothing(first.survey, first.records, bag).mistakes[0]
+    records, samples = len(first.states), len(first.survey.map.samples)
+    count = f"{records} record{'s' * (records != 1)} at {samples} place{'s' * (samples != 1)}"
+    if isinstance(error, InputError):
+        return Mistake(f"{count}: {error.mistakes[0].message}", "give the mission more time, or shorter stops")
+    return Mistake(f"{count}: {error}", "try another variogram model or fit")
+
+
+def _end(mission: MissionResult | None) -> str:
+    """How the mission ended, in a sentence; empty without a mission."""
+    if mission is None or not mission.series:
+        return ""
+    end = mission.series[-1]
+    stops = f"{end.samples or 'no'} finished stop{'s' * (end.samples != 1)}"
+    return f"The mission ended after {duration(end.time_s)} with {stops}: {mission.ended}."
+
+
+def read_troubles(bag: Path) -> list[Trouble]:
+    """Warnings and errors that the nodes of a recording reported, errors first, then the most frequent."""
+    found: Counter[tuple[str, str, bool]] = Counter()
+    with BagReader(bag) as reader:
+        topics = [name for name, kind in reader.topics.items() if kind == DIAGNOSTICS]
+        for message in reader.messages(topics) if topics else ():
+            for status in reader.decode(message).status:
+                level = status.level if isinstance(status.level, int) else ord(status.level)
+                if level and status.message:
+                    found[status.name, status.message, level >= _ERROR] += 1
+    order = sorted(found.items(), key=lambda item: (not item[0][2], -item[1]))
+    return [Trouble(name, message, count, error) for (name, message, error), count in order[:MAX_TROUBLES]]
+
+
+def _sentence(text: str) -> str:
+    """A message with a capital letter and a full stop."""
+    return f"{text[0].upper()}{text[1:].rstrip('.')}." if text else ""

@@ -22,14 +22,16 @@ from soilmoist_ros.foundation import (
     LocalFrame,
     Mistake,
     SoilmoistError,
+    area,
     distance_text,
+    duration,
     listing,
     place_text,
     town_distance_m,
     town_text,
 )
 from soilmoist_ros.mapping import Field, PositionSource, read_covariates, require_near
-from soilmoist_ros.reporting import EARLIEST_STAMP_S, area, duration
+from soilmoist_ros.pipeline.run import EARLIEST_STAMP_S
 from soilmoist_ros.sensing import (
     CorrectionSettings,
     Kind,
@@ -403,11 +405,7 @@ _NOTED = (Kind.ASSUMED_TIME, Kind.CHOSEN_POSITIONS, Kind.DOUBTFUL_POSITIONS, Kin
 
 
 def position_notes(problems: Sequence[Problem], track: Track | None) -> list[str]:
-    """What was chosen or assumed for positions, and which of them are not of satellites.
-
-    :param problems: problems in their files
-    :param track: the positions, if there are any
-    """
+    """What was chosen or assumed for positions, and which of them are not of satellites."""
     said = [str(one) for one in problems if not one.lost and one.kind in _NOTED]
     if track is not None and track.heard.odd:
         said.append(f"Of the positions, {track.heard.odd}")
@@ -537,7 +535,6 @@ def far_from_site(site: Site, places: NDArray[np.float64], source: PositionSourc
     """The contradiction between the place of a site and records that all lie elsewhere; empty if there is none.
 
     :param places: latitude and longitude of the records, shape (n, 2) [deg]
-    :param source: where the places come from
     """
     if site.location is None:
         return ()

@@ -7,16 +7,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration import Visit, forecast_from_text
+from soilmoist_ros.mapping import MappingSettings
+from soilmoist_ros.pipeline.bag_lines import STATUS, RunTopics
 from soilmoist_ros.pipeline.properties import ReplayedProperty
-from soilmoist_ros.pipeline.statuses import Status
-from soilmoist_ros.recording import read_parameters
+from soilmoist_ros.recording import VISIT, read_parameters
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation import (
     MapErrors,
@@ -27,6 +29,167 @@ from soilmoist_ros.simulation import (
     SeriesRow,
     TimedForecast,
 )
+
+_CLOCK_S = 1e-3
+_WITHOUT_TIME = {"idle", "finished"}
+
+
+class Status(NamedTuple):
+    """The mission at one time; the fields are named like the values of the message.
+
+    :param state: phase of the mission
+    :param reason: reason for people
+    :param target: name of the stop, empty without one
+    :param target_x_m: east [m], NaN without a stop
+    :param target_y_m: north [m], NaN without a stop
+    :param elapsed_dwell_s: time spent counting at the stop so far [s]
+    :param time_used_s: time since the start of the mission [s]
+    :param time_left_s: remaining budget [s]
+    :param distance_m: distance travelled [m]
+    :param samples: number of finished stops
+    :param counting_s: time spent counting at all stops [s]
+    :param raw_counts: counts at the stop so far
+    :param stamp_s: time of the status [s]
+    :param last_command: last command of an operator, with its answer; empty without one
+    :param last_command_s: its time, on the clock of ``stamp_s`` [s]; NaN without one
+    :param forecast_data: the last forecast as JSON; empty without one
+    """
+
+    state: str
+    reason: str
+    target: str
+    target_x_m: float
+    target_y_m: float
+    elapsed_dwell_s: float
+    time_used_s: float
+    time_left_s: float
+    distance_m: float
+    samples: int
+    counting_s: float
+    raw_counts: int
+    stamp_s: float
+    last_command: str = ""
+    last_command_s: float = math.nan
+    forecast_data: str = ""
+
+
+_MAY_BE_UNKNOWN = {"target_x_m", "target_y_m", "stamp_s", "last_command_s"}
+_OF_LATER_VERSIONS = {name: str(value) for name, value in Status._field_defaults.items()}
+
+
+def read_statuses(topics: RunTopics) -> list[Status]:
+    """Statuses of a robot's missions in order; empty if the bag has no mission.
+
+    The order is that of writing: times go back where the clock was set.
+    """
+    name = topics.find("mission", STATUS)
+    found = [
+        _status({item.key: item.value for item in topics.reader.decode(message).values})
+        for message in (topics.reader.messages([name], by_time=False) if name else ())
+    ]
+    return [status for status in found if status is not None]
+
+
+def last_mission(statuses: Sequence[Status]) -> list[Status]:
+    """Statuses of the last started mission; empty if none was started."""
+    missions: list[list[Status]] = [[]]
+    for status in statuses:
+        if missions[-1] and status.time_used_s < missions[-1][-1].time_used_s:
+            missions.append([])
+        missions[-1].append(status)
+    started = [mission for mission in missions if any(status.time_used_s > 0 for status in mission)]
+    return started[-1] if started else []
+
+
+def _status(values: dict[str, str]) -> Status | None:
+    """The status of a message; ``None`` if the message lacks a value: another node may use the topic."""
+    try:
+        values = {**_OF_LATER_VERSIONS, **values}
+        status = Status(**{name: kind(values[name]) for name, kind in get_type_hints(Status).items()})
+    except (KeyError, ValueError):
+        return None
+    numbers = {name: value for name, value in status._asdict().items() if isinstance(value, float)}
+    known = all(math.isfinite(value) for name, value in numbers.items() if name not in _MAY_BE_UNKNOWN)
+    return status if known else None
+
+
+def read_visits(topics: RunTopics, robot: int = 1) -> list[Visit] | None:
+    """The visits that a robot's planner published; ``None`` if the bag lacks the topic.
+
+    :raises InputError: if the topic contains other messages
+    """
+    name = topics.find("visits", VISIT)
+    return None if name is None else topics.reader.read_visits(name, robot)
+
+
+def mission_visits(
+    statuses: Sequence[Status], visits: Sequence[Visit] | None, records: Sequence[CountRecord]
+) -> list[Visit]:
+    """The visits of one mission, in order.
+
+    :param visits: visits of all missions in the bag, ``None`` if the bag lacks them
+    """
+    if visits is None:
+        return estimate_visits(statuses, records)
+    # Where the clock was set, the mission has a start on each clock. Its time stands still before and after it.
+    began_s = {round(one.stamp_s - one.time_used_s, 3) for one in statuses if one.state not in _WITHOUT_TIME}
+    return [
+        visit
+        for visit in visits
+        if any(abs(visit.arrival_stamp_s - visit.arrived_s - start_s) <= _CLOCK_S for start_s in began_s)
+    ]
+
+
+def estimate_visits(statuses: Sequence[Status], records: Sequence[CountRecord]) -> list[Visit]:
+    """Estimate the visits of one mission from its statuses, in order."""
+    visits: list[Visit] = []
+    stop: list[Status] = []
+    chosen_because = ""
+    before = statuses[0]
+    for status in statuses:
+        if status.samples > before.samples and stop:
+            visits.append(_visit(stop, status, chosen_because, records))
+        if status.state == "travelling":  # it may end a stop too: its reason is about the next stop
+            chosen_because = status.reason.partition(": ")[2] or status.reason
+        if status.state == "counting":
+            stop = [*stop, status] if stop and stop[-1].target == status.target else [status]
+        elif status.state != "paused":  # a pause does not end a stop
+            stop = []
+        before = status
+    return visits
+
+
+def _visit(stop: Sequence[Status], done: Status, reason: str, records: Sequence[CountRecord]) -> Visit:
+    first, last = stop[0], stop[-1]
+    return Visit(
+        last.target,
+        last.target_x_m,
+        last.target_y_m,
+        first.time_used_s - first.elapsed_dwell_s,
+        last.elapsed_dwell_s + done.counting_s - last.counting_s,
+        _raw_counts(last, done, first.stamp_s - first.elapsed_dwell_s, records),
+        reason,
+    )
+
+
+def _raw_counts(last: Status, done: Status, arrived_s: float, records: Sequence[CountRecord]) -> int:
+    """Counts of a stop: the counts of its last status plus the counts of later records.
+
+    The last record ends a stop at once, so no status at the stop includes its counts. A record with an earlier
+    stamp than the last status may arrive later. Counts, not stamps, therefore decide which records the status
+    includes. After a pause the stop has more records than the mission counted, and stamps decide.
+    """
+    there = [
+        record
+        for record in records
+        if record.stamp_s <= done.stamp_s and record.stamp_s - record.exposure_s >= arrived_s - _CLOCK_S
+    ]
+    sums = list(accumulate((record.raw_counts for record in there), initial=0))
+    if last.raw_counts in sums:
+        later = there[sums.index(last.raw_counts) :]
+    else:
+        later = [record for record in there if record.stamp_s > last.stamp_s]
+    return last.raw_counts + sum(record.raw_counts for record in later)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +236,7 @@ def replay_mission(
 ) -> MissionResult:
     """The mission with the map errors after each visit; without the maps.
 
-    :param properties: the mapped properties
     :param robots: the robots of the mission, one at least; the mission starts with the first of them
-    :param configuration: folder with the parameters of the nodes, if any
-    :param progress: called during the work
     """
     began_s = min(robot.began_s for robot in robots)
     later_s = [robot.began_s - began_s for robot in robots]
@@ -136,7 +296,6 @@ def _forecasts(course: Sequence[tuple[float, str]]) -> Iterator[TimedForecast]:
 def mission_log(robots: Sequence[RobotMission], later_s: Sequence[float]) -> list[str]:
     """Lines of the mission log: changes of the state, and who commanded what when.
 
-    :param robots: the robots of the mission
     :param later_s: start of each after the start of the first [s]
     """
     lines = []
@@ -164,10 +323,7 @@ def _mapped(one: ReplayedProperty, title: str) -> MappedProperty:
 def _row(
     time_s: float, stamp_s: float, latest: Sequence[Status], properties: Sequence[ReplayedProperty]
 ) -> SeriesRow:
-    """The mission at a time, with the errors of maps of all records up to this time.
-
-    :param latest: latest status of each robot
-    """
+    """The mission at a time, with the errors of maps of all records up to this time."""
     return SeriesRow(
         time_s,
         sum(status.distance_m for status in latest),
@@ -181,7 +337,7 @@ def _settings(
     configuration: Path | None, had: Mapping[str, Any], last: Status, others: Sequence[ReplayedProperty]
 ) -> MissionSettings:
     """The settings of the mission that the planner's parameters contain."""
-    mapper = read_parameters(configuration, "mapper")
+    made = MappingSettings().values(read_parameters(configuration, "mapper"))
     usual = MissionSettings()
     return replace(
         usual,
@@ -192,11 +348,7 @@ def _settings(
         seed=int(had.get("seed", 0)),
         target=had.get("target", usual.target),
         preset=had.get("preset", usual.preset),
-        model=mapper.get("model", "matern32"),
-        fit=mapper.get("fit", "reml"),
-        noise=mapper.get("noise", "mean"),
-        local=mapper.get("local", "off"),
-        drift_model=mapper.get("drift_model", "off"),
+        **{name: made[name] for name in ("model", "fit", "noise", "local", "drift_model")},
         travel="free" if had.get("graph") == "free" else "graph",
         until_sd=float(had.get("until_sd", 0.0)),
         until_gain=float(had.get("until_gain", 0.0)),

@@ -4,25 +4,39 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.exploration import property_weights
-from soilmoist_ros.foundation import IllConditionedError, InputError, finite_number
-from soilmoist_ros.mapping import MapState
-from soilmoist_ros.pipeline.comparison import Comparison, PublishedMap, compare
-from soilmoist_ros.pipeline.topics import CLOUD, STATUS, TEXT, RunTopics
-from soilmoist_ros.recording import read_parameters
-from soilmoist_ros.reporting import FieldSurvey
-from soilmoist_ros.sensing import CountRecord
+from soilmoist_ros.exploration import Visit, property_weights
+from soilmoist_ros.foundation import IllConditionedError, InputError, LocalFrame, Mistake, finite_number, resource
+from soilmoist_ros.mapping import Field, FieldMap, MapState, PositionSource, SoilMap, load_field, require_near
+from soilmoist_ros.pipeline.bag_lines import (
+    CLOUD,
+    STATUS,
+    TEXT,
+    RunTopics,
+    fix_topic,
+    read_fixes,
+    unread_positions,
+)
+from soilmoist_ros.pipeline.field_survey import FieldSurvey
+from soilmoist_ros.recording import BagReader, points, read_parameters
+from soilmoist_ros.sensing import DOUBTS, CountRecord, Doubt, Doubts, Heard
 from soilmoist_ros.simulation import MapErrors, SurrogateField, map_errors
 
+_OF_RATE = ("rate", "rate_sd")
+_OF_MOISTURE = ("vwc", "vwc_sd", "vwc_p05", "vwc_p95")
+"""Compared if the map has all of them: in earlier versions moisture had no limits and no quantiles."""
+_ROUNDING = 1e-4
+"""Relative difference below which maps differ only by rounding."""
 Array = NDArray[np.float64]
 
 FIRST = "moisture"
@@ -30,6 +44,264 @@ FIRST = "moisture"
 _NUMBERS: Final = ("hours", "seed", "until_sd", "until_gain")
 _TEXTS: Final = ("target", "preset")
 """Parameters of a planner that a report shows."""
+
+
+@dataclass(frozen=True)
+class RecordedPlaces:
+    """The plane of a recording, and the field to which its places are converted.
+
+    :param recorded: plane of the recorded places
+    :param field: the field that is mapped
+    """
+
+    recorded: LocalFrame
+    field: Field
+
+    def latlon(self, xy_m: ArrayLike) -> NDArray[np.float64]:
+        """Latitude and longitude of recorded places, shape (n, 2) [deg]."""
+        return self.recorded.to_geographic(np.asarray(xy_m, float).reshape(-1, 2))
+
+    def records(self, records: Sequence[CountRecord]) -> list[CountRecord]:
+        """Records with their places in the plane of the field.
+
+        :raises InputError: if all lie on the other side of the earth
+        """
+        if self.recorded == self.field.frame or not records:
+            return list(records)
+        recorded = [(record.x_m, record.y_m) for record in records]
+        xy = self._to_field(recorded)
+        if np.isfinite(recorded).all(axis=1).any() and not np.isfinite(xy).any():
+            require_near(self.field, self.latlon(recorded), 0.0, PositionSource("the recording"))
+        return [replace(record, x_m=x, y_m=y) for record, (x, y) in zip(records, xy, strict=True)]
+
+    def doubts(self, reader: BagReader, counts: str) -> Doubts:
+        """Doubts of the planner of a robot about its place; empty if the bag has none."""
+        doubts, above = Doubts(), counts
+        while above:
+            above = above.rpartition("/")[0]
+            if reader.topics.get(f"{above}/{DOUBTS}") == TEXT:
+                for text in reader.read_texts(f"{above}/{DOUBTS}"):
+                    with suppress(ValueError):
+                        doubt = Doubt.from_text(text)
+                        for x, y in (("x_m", "y_m"), ("before_x_m", "before_y_m")):
+                            place = getattr(doubt, x), getattr(doubt, y)
+                            if self.recorded != self.field.frame and math.isfinite(place[0]):
+                                [(x_m, y_m)] = self._to_field([place])
+                                moved: dict[str, Any] = {x: x_m, y: y_m}
+                                doubt = replace(doubt, **moved)
+                        doubts.take(doubt)
+                break
+        return doubts
+
+    def trusted_records(self, reader: BagReader, counts: Sequence[str], frame: str) -> list[CountRecord]:
+        """Records of topics in the plane of the field, as far as their places are trusted."""
+        doubts = {name: self.doubts(reader, name) for name in counts}
+        found = reader.read_counts_of(counts, frame)
+        moved = self.records([record for _, record in found])
+        return [doubts[name].placed(record) for (name, _), record in zip(found, moved, strict=True)]
+
+    def visits(self, visits: Sequence[Visit]) -> list[Visit]:
+        """Visits with their places in the plane of the field."""
+        if self.recorded == self.field.frame or not visits:
+            return list(visits)
+        stood = self._to_field([(visit.x_m, visit.y_m) for visit in visits])
+        planned = self._to_field([(visit.stop_x_m, visit.stop_y_m) for visit in visits])
+        return [
+            replace(visit, x_m=x, y_m=y, stop_x_m=stop_x, stop_y_m=stop_y)
+            for visit, (x, y), (stop_x, stop_y) in zip(visits, stood, planned, strict=True)
+        ]
+
+    def _to_field(self, xy_m: ArrayLike) -> list[list[float]]:
+        """Places in the plane of the field [m]; NaN stays NaN."""
+        xy = np.asarray(xy_m, float)
+        known = np.isfinite(xy).all(axis=1)
+        moved = np.full_like(xy, np.nan)
+        moved[known] = self.field.frame.to_local(*self.latlon(xy[known]).T)
+        return [[float(x), float(y)] for x, y in moved]
+
+
+def recorded_places(configuration: Path | None, field: Field) -> RecordedPlaces:
+    """The plane of a recording, by the field file of its driver; that of the field if it is unknown."""
+    for node in ("sensor_driver", "mapper"):
+        named: Mapping[str, Any] = read_parameters(configuration, node)
+        if named.get("field"):
+            try:
+                return RecordedPlaces(load_field(resource("fields", str(named["field"]))).frame, field)
+            except InputError:
+                continue
+    return RecordedPlaces(field.frame, field)
+
+
+def _why_unplaced(records: Sequence[CountRecord], path: Path) -> Mistake | None:
+    """Why no record of a recording has a place, from its positions; ``None`` if these do not say."""
+    heard = Heard()
+    try:
+        with BagReader(path) as reader:
+            if (topic := fix_topic(reader)) is None:
+                unread = unread_positions(reader)
+                return unread[0].mistake if unread else None
+            for fix in read_fixes(reader, topic)[0]:
+                heard.add(fix)
+    except InputError:
+        return None  # of several robots, or damaged
+    stamps = [record.stamp_s for record in records]
+    return heard.why_not_at(min(stamps), max(stamps)) if stamps else heard.why_none()
+
+
+def why_nothing(survey: FieldSurvey, records: Sequence[CountRecord], path: Path) -> InputError:
+    """Why none of the records is in the map: they lie elsewhere, or have other faults."""
+    places = [(record.x_m, record.y_m) for record in records if np.isfinite(record.x_m + record.y_m)]
+    field = survey.field
+    if not places and (why := _why_unplaced(records, path)) is not None:
+        return InputError([why])
+    if places:
+        try:
+            source = PositionSource("the recording", field_file=dict(survey.files).get("field"))
+            require_near(field, field.frame.to_geographic(places), survey.map.settings.margin_m, source)
+        except InputError as error:
+            return error
+    reasons = [
+        f"{entry.count} {reason.value} (the last: {entry.example})" for reason, entry in survey.map.skipped.items()
+    ]
+    message = f"not one of {len(records)} records is in the field {field.name!r}: {'; '.join(reasons)}"
+    return InputError(message, "check the field file and the GNSS", path)
+
+
+@dataclass(frozen=True, eq=False)
+class PublishedMap:
+    """The last map that the mapper published.
+
+    :param stamp_s: end of the last record in it [s since 1970-01-01 UTC]; 0 without records
+    :param cells: its cells, shape (ny, nx)
+    :param raw_counts: counts of all records in it, ``None`` if the bag has no samples of that time
+    :param was_reset: whether an empty map came after another one
+    """
+
+    stamp_s: float
+    cells: NDArray[Any]
+    raw_counts: float | None
+    was_reset: bool
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Comparison of a replayed map with the last map that its mapper published.
+
+    :param same: whether the maps are equal, bit for bit; ``None`` if they were not compared
+    :param message: result and reason, for people
+    :param difference: largest difference as a share of the largest value of its band; NaN if there are no
+        values to compare
+    """
+
+    same: bool | None
+    message: str
+    difference: float = math.nan
+
+    @property
+    def is_rounding(self) -> bool:
+        """Whether the maps differ at most by rounding, as on another processor."""
+        return self.difference < _ROUNDING
+
+
+def read_published_map(topics: RunTopics) -> PublishedMap | None:
+    """The last map in a bag, ``None`` if there is none.
+
+    :raises InputError: if it cannot be read
+    """
+    name = topics.find("soil_map", CLOUD)
+    if name is None:
+        return None
+    reader = topics.reader
+    last, mapped, was_reset = None, False, False
+    for message in reader.messages([name]):
+        last = reader.decode(message)
+        empty = _stamp_s(last) == 0
+        was_reset |= empty and mapped
+        mapped |= not empty
+    if last is None:
+        return None
+    try:
+        cells = points(last)
+        raw_counts = _raw_counts(topics, _stamp_s(last))
+    except (KeyError, ValueError) as error:
+        raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", reader.path) from None
+    return PublishedMap(_stamp_s(last), cells, raw_counts, was_reset)
+
+
+def compare(
+    field_map: FieldMap, states: Sequence[MapState], last: PublishedMap | None, several: bool = False
+) -> Comparison:
+    """Compare the replayed map with the last published map.
+
+    Recorder and mapper begin and end at different times, so the replayed map uses the records up to the last
+    record of the published map.
+
+    :param several: whether several robots sent the records; mapper and recorder may receive them in different
+        orders
+    """
+    if last is None:
+        return Comparison(None, "not compared: the bag has no map")
+    if last.stamp_s == 0:
+        reset = ", it was reset" if last.was_reset else ""
+        return Comparison(None, f"not compared: the robot's last map is empty{reset}")
+    # Records of several robots may have the same stamp; the counts say how many of these are in the map.
+    same_time = [state for state in states if state.stamp_s == last.stamp_s]
+    if not same_time:
+        return Comparison(None, "not compared: the robot's last map ends with a record that is not in the bag")
+    alike = [state for state in same_time if last.raw_counts in (None, float(state.samples.counts.sum()))]
+    if not alike or (last.was_reset and last.raw_counts is None):
+        return Comparison(
+            None,
+            "not compared: the robot's last map was made of other records than those in the bag up to then "
+            "(it was reset, or began before the recording)",
+        )
+    return _compare_bands(field_map.compute(alike[-1]), last.cells, several)
+
+
+def _compare_bands(soil_map: SoilMap | None, cells: NDArray[Any], several: bool) -> Comparison:
+    differs = "differs from the robot's last one: "
+    known_bands = cells.dtype.names or ()
+    if any(name not in known_bands for name in _OF_RATE):
+        return Comparison(False, f"{differs}that lacks bands")
+    shape = np.shape(cells) if soil_map is None else soil_map.rate.shape
+    if shape != cells.shape:
+        sizes = f"it has {shape[0]} x {shape[1]} cells, not {cells.shape[0]} x {cells.shape[1]}"
+        return Comparison(False, f"{differs}{sizes}")
+    largest = 0.0
+    moisture = all(name in known_bands for name in _OF_MOISTURE)
+    for name in (*_OF_RATE, *_OF_MOISTURE) if moisture else _OF_RATE:
+        there = cells[name]
+        here = np.full(shape, np.nan) if soil_map is None else np.asarray(getattr(soil_map, name))
+        here = here.astype(there.dtype)
+        if not np.array_equal(np.isnan(here), np.isnan(there)):
+            return Comparison(False, f"{differs}other cells have a {name}")
+        known = ~np.isnan(there)
+        if known.any():
+            error = np.abs(here[known].astype(float) - there[known])
+            largest = max(largest, float(error.max()) / max(float(np.abs(there[known]).max()), 1e-30))
+    if largest == 0:
+        return Comparison(True, "equals the robot's last one, bit for bit", 0.0)
+    why = ""
+    if largest < _ROUNDING:
+        why = ": rounding, as on another processor or with more threads"
+    elif several:
+        why = ": records of several robots reach mapper and recorder in different orders"
+    return Comparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}", largest)
+
+
+def _raw_counts(topics: RunTopics, stamp_s: float) -> float | None:
+    """Counts of all samples in the map of this time."""
+    name = topics.find("samples", CLOUD)
+    found = None
+    for message in topics.reader.messages([name]) if name else ():
+        cloud = topics.reader.decode(message)
+        if _stamp_s(cloud) == stamp_s:
+            found = float(points(cloud)["raw_counts"].sum())
+    return found
+
+
+def _stamp_s(cloud: Any) -> float:
+    return float(cloud.header.stamp.sec + cloud.header.stamp.nanosec * 1e-9)
 
 
 @dataclass(frozen=True)
@@ -51,8 +323,6 @@ class PropertyTopic:
 def team_properties(robots: Sequence[RunTopics], configuration: Path | None) -> list[PropertyTopic]:
     """The properties that robots measured together, see :func:`property_topics`.
 
-    :param robots: topics of each robot, one at least
-    :param configuration: folder with the parameters of their nodes, if any
     :raises InputError: if the properties of a planner are damaged
     """
     merged: dict[str, PropertyTopic] = {}
@@ -68,8 +338,6 @@ def property_topics(topics: RunTopics, configuration: Path | None) -> list[Prope
 
     A topic ``counts`` in a namespace below the robot's is a property, unless the namespace is another robot.
 
-    :param topics: topics of the robot
-    :param configuration: folder with the parameters of its nodes, if any
     :raises InputError: if the planner's properties are damaged
     """
     space, _, last = topics.counts.rpartition("/")
@@ -97,7 +365,6 @@ def read_planner(configuration: Path | None, topics: RunTopics) -> dict[str, Any
     """Parameters of the planner of a robot, empty if there are none.
 
     :param configuration: folder of the configuration; the planner is named with or without its namespace
-    :param topics: topics of the robot
     :raises InputError: if a parameter that the replay shows is not a number or text as planners have it
     """
     for node in (f"{topics.namespace}planner", "planner"):
@@ -161,10 +428,7 @@ class ReplayedProperty:
         return None if self.truth is None else self.survey.map.grid.to_raster(self.true_rate)
 
     def compared(self, several: bool = False) -> Comparison:
-        """Comparison with the map that the mapper published.
-
-        :param several: whether several robots sent the records
-        """
+        """Comparison with the map that the mapper published."""
         return compare(self.survey.map, self.states, self.published, several)
 
     def errors_at(self, stamp_s: float) -> MapErrors:
@@ -188,7 +452,6 @@ class ReplayedProperty:
 def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag: Path) -> list[PropertyTopic]:
     """The properties of these names in the order of the bag; all properties without names.
 
-    :param bag: path for the message
     :raises InputError: if a name is not a property
     """
     for name in names:
@@ -199,8 +462,6 @@ def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag:
 def named_truths(found: Sequence[PropertyTopic], truths: Mapping[str | int, str], bag: Path) -> dict[str, str]:
     """The truths by the names of their properties.
 
-    :param truths: by name, or by the index of the property in the list, from 0
-    :param bag: path for the message
     :raises InputError: if there is no such property
     """
     named = {}

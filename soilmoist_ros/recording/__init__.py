@@ -19,46 +19,51 @@ from soilmoist_ros.foundation import open_door
 if TYPE_CHECKING:
     from soilmoist_ros.recording.bag.info import BagInfo as BagInfo
     from soilmoist_ros.recording.bag.info import bag_info as bag_info
+    from soilmoist_ros.recording.bag.info import info_table as info_table
+    from soilmoist_ros.recording.bag.info import plain_text as plain_text
+    from soilmoist_ros.recording.bag.info import print_plain as print_plain
+    from soilmoist_ros.recording.bag.info import recovery_table as recovery_table
+    from soilmoist_ros.recording.bag.info import verified_table as verified_table
+    from soilmoist_ros.recording.bag.messages import QUARANTINED as QUARANTINED
+    from soilmoist_ros.recording.bag.messages import REASON as REASON
+    from soilmoist_ros.recording.bag.messages import REASONS as REASONS
+    from soilmoist_ros.recording.bag.messages import STAMP_OFFSET as STAMP_OFFSET
+    from soilmoist_ros.recording.bag.messages import count_records as count_records
+    from soilmoist_ros.recording.bag.messages import points as points
+    from soilmoist_ros.recording.bag.messages import quarantined_topic as quarantined_topic
+    from soilmoist_ros.recording.bag.messages import visit_of as visit_of
+    from soilmoist_ros.recording.bag.metadata import Definition as Definition
+    from soilmoist_ros.recording.bag.metadata import Qos as Qos
+    from soilmoist_ros.recording.bag.metadata import Request as Request
+    from soilmoist_ros.recording.bag.metadata import Topic as Topic
+    from soilmoist_ros.recording.bag.metadata import find_definition as find_definition
+    from soilmoist_ros.recording.bag.metadata import request_for as request_for
     from soilmoist_ros.recording.bag.playback import INPUTS as INPUTS
     from soilmoist_ros.recording.bag.playback import Pacer as Pacer
     from soilmoist_ros.recording.bag.playback import Playback as Playback
-    from soilmoist_ros.recording.bag.point_cloud import QUARANTINED as QUARANTINED
-    from soilmoist_ros.recording.bag.point_cloud import REASON as REASON
-    from soilmoist_ros.recording.bag.point_cloud import REASONS as REASONS
-    from soilmoist_ros.recording.bag.point_cloud import STAMP_OFFSET as STAMP_OFFSET
-    from soilmoist_ros.recording.bag.point_cloud import count_records as count_records
-    from soilmoist_ros.recording.bag.point_cloud import points as points
-    from soilmoist_ros.recording.bag.point_cloud import quarantined_topic as quarantined_topic
+    from soilmoist_ros.recording.bag.playback import TopicChoice as TopicChoice
     from soilmoist_ros.recording.bag.reader import VISIT as VISIT
     from soilmoist_ros.recording.bag.reader import BagReader as BagReader
     from soilmoist_ros.recording.bag.reader import bags_of as bags_of
     from soilmoist_ros.recording.bag.recorder import BagRecorder as BagRecorder
+    from soilmoist_ros.recording.bag.recorder import SequenceGaps as SequenceGaps
     from soilmoist_ros.recording.bag.recorder import check_name as check_name
     from soilmoist_ros.recording.bag.recorder import free_bytes as free_bytes
     from soilmoist_ros.recording.bag.recorder import next_bag as next_bag
-    from soilmoist_ros.recording.bag.recorder_health import SequenceGaps as SequenceGaps
-    from soilmoist_ros.recording.bag.recorder_health import recorder_health as recorder_health
-    from soilmoist_ros.recording.bag.recovery import RecoveredBag as RecoveredBag
-    from soilmoist_ros.recording.bag.recovery import recover_bag as recover_bag
+    from soilmoist_ros.recording.bag.recorder import recorder_health as recorder_health
     from soilmoist_ros.recording.bag.retention import CLOSED_S as CLOSED_S
+    from soilmoist_ros.recording.bag.retention import ClockWatch as ClockWatch
     from soilmoist_ros.recording.bag.retention import Excess as Excess
     from soilmoist_ros.recording.bag.retention import Limits as Limits
     from soilmoist_ros.recording.bag.retention import delete_bags as delete_bags
     from soilmoist_ros.recording.bag.retention import excess_text as excess_text
     from soilmoist_ros.recording.bag.retention import find_excess as find_excess
+    from soilmoist_ros.recording.bag.retention import is_synchronised as is_synchronised
     from soilmoist_ros.recording.bag.storage import recorder_notes as recorder_notes
-    from soilmoist_ros.recording.bag.tables import info_table as info_table
-    from soilmoist_ros.recording.bag.tables import plain_text as plain_text
-    from soilmoist_ros.recording.bag.tables import print_plain as print_plain
-    from soilmoist_ros.recording.bag.tables import recovery_table as recovery_table
-    from soilmoist_ros.recording.bag.tables import verified_table as verified_table
-    from soilmoist_ros.recording.bag.topic_choice import TopicChoice as TopicChoice
+    from soilmoist_ros.recording.bag.verify import RecoveredBag as RecoveredBag
+    from soilmoist_ros.recording.bag.verify import recover_bag as recover_bag
     from soilmoist_ros.recording.bag.verify import verify_bag as verify_bag
-    from soilmoist_ros.recording.bag.visit import visit_of as visit_of
     from soilmoist_ros.recording.bag.writer import BagWriter as BagWriter
-    from soilmoist_ros.recording.clock_watch import ClockWatch as ClockWatch
-    from soilmoist_ros.recording.clock_watch import is_synchronised as is_synchronised
-    from soilmoist_ros.recording.earlier_records import read_earlier as read_earlier
     from soilmoist_ros.recording.journal import Journal as Journal
     from soilmoist_ros.recording.journal import load_journal as load_journal
     from soilmoist_ros.recording.map_records import HELD as HELD
@@ -72,65 +77,48 @@ if TYPE_CHECKING:
     from soilmoist_ros.recording.map_records import MapRecords as MapRecords
     from soilmoist_ros.recording.map_records import RecordExchange as RecordExchange
     from soilmoist_ros.recording.map_records import record_key as record_key
+    from soilmoist_ros.recording.map_sources import DRIVER as DRIVER
     from soilmoist_ros.recording.map_sources import MapSources as MapSources
-    from soilmoist_ros.recording.mcap.definitions import Definition as Definition
-    from soilmoist_ros.recording.mcap.definitions import find_definition as find_definition
-    from soilmoist_ros.recording.mcap.metadata import Qos as Qos
-    from soilmoist_ros.recording.mcap.metadata import Request as Request
-    from soilmoist_ros.recording.mcap.metadata import Topic as Topic
-    from soilmoist_ros.recording.mcap.metadata import request_for as request_for
-    from soilmoist_ros.recording.record_log import DRIVER as DRIVER
-    from soilmoist_ros.recording.record_log import RecordLog as RecordLog
-    from soilmoist_ros.recording.record_table import COLUMNS as COLUMNS
-    from soilmoist_ros.recording.record_table import RECORDS as RECORDS
-    from soilmoist_ros.recording.record_table import read_records as read_records
-    from soilmoist_ros.recording.record_table import write_records as write_records
-    from soilmoist_ros.recording.run_configuration import RunConfiguration as RunConfiguration
+    from soilmoist_ros.recording.map_sources import RecordLog as RecordLog
     from soilmoist_ros.recording.run_folder import CONFIGURATION as CONFIGURATION
     from soilmoist_ros.recording.run_folder import SUMMARY as SUMMARY
+    from soilmoist_ros.recording.run_folder import RunConfiguration as RunConfiguration
     from soilmoist_ros.recording.run_folder import bag_of as bag_of
     from soilmoist_ros.recording.run_folder import configuration_of as configuration_of
     from soilmoist_ros.recording.run_folder import copy_configuration as copy_configuration
     from soilmoist_ros.recording.run_folder import is_bag as is_bag
     from soilmoist_ros.recording.run_folder import message_files as message_files
     from soilmoist_ros.recording.run_folder import read_parameters as read_parameters
+    from soilmoist_ros.recording.run_folder import sync_file as sync_file
+    from soilmoist_ros.recording.run_folder import sync_folder as sync_folder
     from soilmoist_ros.recording.run_folder import write_parameters as write_parameters
-    from soilmoist_ros.recording.stored_counts import quarantine_reasons as quarantine_reasons
+    from soilmoist_ros.recording.run_folder import write_whole as write_whole
     from soilmoist_ros.recording.stored_mission import StoredMission as StoredMission
-    from soilmoist_ros.recording.whole_file import sync_file as sync_file
-    from soilmoist_ros.recording.whole_file import sync_folder as sync_folder
-    from soilmoist_ros.recording.whole_file import write_whole as write_whole
+    from soilmoist_ros.recording.stored_records import COLUMNS as COLUMNS
+    from soilmoist_ros.recording.stored_records import RECORDS as RECORDS
+    from soilmoist_ros.recording.stored_records import quarantine_reasons as quarantine_reasons
+    from soilmoist_ros.recording.stored_records import read_earlier as read_earlier
+    from soilmoist_ros.recording.stored_records import read_records as read_records
+    from soilmoist_ros.recording.stored_records import write_records as write_records
 
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "bag.info": "BagInfo bag_info",
-        "bag.playback": "INPUTS Pacer Playback",
-        "bag.point_cloud": "QUARANTINED REASON REASONS STAMP_OFFSET count_records points quarantined_topic",
+        "bag.info": "BagInfo bag_info info_table plain_text print_plain recovery_table verified_table",
+        "bag.messages": "QUARANTINED REASON REASONS STAMP_OFFSET count_records points quarantined_topic visit_of",
+        "bag.metadata": "Definition Qos Request Topic find_definition request_for",
+        "bag.playback": "INPUTS Pacer Playback TopicChoice",
         "bag.reader": "BagReader VISIT bags_of",
-        "bag.recorder": "BagRecorder check_name free_bytes next_bag",
-        "bag.recorder_health": "SequenceGaps recorder_health",
-        "bag.recovery": "RecoveredBag recover_bag",
-        "bag.retention": "CLOSED_S Excess Limits delete_bags excess_text find_excess",
+        "bag.recorder": "BagRecorder SequenceGaps check_name free_bytes next_bag recorder_health",
+        "bag.retention": "CLOSED_S ClockWatch Excess Limits delete_bags excess_text find_excess is_synchronised",
         "bag.storage": "recorder_notes",
-        "bag.tables": "info_table plain_text print_plain recovery_table verified_table",
-        "bag.topic_choice": "TopicChoice",
-        "bag.verify": "verify_bag",
-        "bag.visit": "visit_of",
+        "bag.verify": "RecoveredBag recover_bag verify_bag",
         "bag.writer": "BagWriter",
-        "clock_watch": "ClockWatch is_synchronised",
-        "earlier_records": "read_earlier",
         "journal": "Journal load_journal",
         "map_records": "HELD LIST_S MAX_RECORDS MISSED MapRecords RECEIVED RecordExchange START TEAM TEAM_S record_key",
-        "map_sources": "MapSources",
-        "mcap.definitions": "Definition find_definition",
-        "mcap.metadata": "Qos Request Topic request_for",
-        "record_log": "DRIVER RecordLog",
-        "record_table": "COLUMNS RECORDS read_records write_records",
-        "run_configuration": "RunConfiguration",
-        "run_folder": "CONFIGURATION SUMMARY bag_of configuration_of copy_configuration is_bag message_files read_parameters write_parameters",
-        "stored_counts": "quarantine_reasons",
+        "map_sources": "DRIVER MapSources RecordLog",
+        "run_folder": "CONFIGURATION RunConfiguration SUMMARY bag_of configuration_of copy_configuration is_bag message_files read_parameters sync_file sync_folder write_parameters write_whole",
         "stored_mission": "StoredMission",
-        "whole_file": "sync_file sync_folder write_whole",
+        "stored_records": "COLUMNS RECORDS quarantine_reasons read_earlier read_records write_records",
     },
 )

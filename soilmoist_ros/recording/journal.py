@@ -6,17 +6,23 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import json
 import math
 import os
+import re
+import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, NamedTuple, Self
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.journal_lines import Entry, Lines, decode, encode
-from soilmoist_ros.recording.whole_file import sync_folder, write_whole
+from soilmoist_ros.recording.run_folder import sync_folder, write_whole
 
+_CHECKSUM: Final = re.compile(rb',"crc":"([0-9a-f]{8})"\}')
+_TAIL_LENGTH: Final = len(b',"crc":"00000000"}')
+_MAX_PROBLEMS: Final = 100
 ENTRIES: Final = "journal.jsonl"
 """Name of the file with the entries; it identifies the folder of a journal."""
 _SNAPSHOT: Final = "snapshot.json"
@@ -24,6 +30,86 @@ _BEFORE: Final = "journal_before.jsonl"
 """Name of the file with the entries before the last :meth:`Journal.turn_over`."""
 _COMPLETE: Final = "complete"
 """Name of an empty file next to a snapshot while no later entry was refused: a full disk lets it be deleted."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An entry of a journal.
+
+    :param seq: its number; consecutive entries have consecutive numbers
+    :param kind: kind of the entry
+    :param payload: plain data
+    """
+
+    seq: int
+    kind: str
+    payload: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Lines:
+    """The content of a journal's file.
+
+    :param entries: whole entries in the order of the file
+    :param problems: problems of the file, in words
+    :param good_bytes: bytes up to the end of the last whole line [bytes], where writing may continue
+    """
+
+    entries: tuple[Entry, ...]
+    problems: tuple[str, ...]
+    good_bytes: int
+
+
+def encode(entry: Entry) -> bytes:
+    r"""The line of an entry.
+
+    >>> encode(Entry(1, "event", {"verb": "start"}))
+    b'{"seq":1,"kind":"event","data":{"verb":"start"},"crc":"6a3a3378"}\n'
+
+    :raises TypeError: if the payload is not plain data
+    """
+    content = {"seq": entry.seq, "kind": entry.kind, "data": entry.payload}
+    body = json.dumps(content, separators=(",", ":")).encode()[:-1]
+    return b'%b,"crc":"%08x"}\n' % (body, zlib.crc32(body))
+
+
+def decode(data: bytes, name: str = "journal") -> Lines:
+    """Read lines back; a damaged line is skipped.
+
+    An incomplete last line is dropped: it was never confirmed.
+    """
+    entries: list[Entry] = []
+    problems: list[str] = []
+    *lines, rest = data.split(b"\n")
+    for number, line in enumerate(lines, 1):
+        entry = _parse(line)
+        if entry is None:
+            problems.append(f"{name}, line {number}: is damaged and was skipped")
+        else:
+            entries.append(entry)
+    good_bytes = len(data) - len(rest)
+    entry = _parse(rest)
+    if entry is not None:  # only its newline is missing
+        entries.append(entry)
+        good_bytes = len(data)
+    elif rest:
+        number = len(lines) + 1
+        problems.append(f"{name}, line {number}: cut off after {len(rest)} bytes; it was never confirmed")
+    if len(problems) > _MAX_PROBLEMS:
+        problems[_MAX_PROBLEMS:] = [f"{name}: {len(problems) - _MAX_PROBLEMS} further lines are damaged"]
+    return Lines(tuple(entries), tuple(problems), good_bytes)
+
+
+def _parse(line: bytes) -> Entry | None:
+    """The entry of a whole and undamaged line."""
+    match = _CHECKSUM.fullmatch(line, max(0, len(line) - _TAIL_LENGTH))
+    if match is None or zlib.crc32(line[: match.start()]) != int(match[1], 16):
+        return None
+    try:
+        content = json.loads(line)
+        return Entry(int(content["seq"]), str(content["kind"]), dict(content["data"]))
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+        return None
 
 
 class LoadedJournal(NamedTuple):
@@ -210,6 +296,8 @@ def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
         raise InputError(message, "check the disk and permissions", folder) from None
     earlier, found = _earlier(folder, lines.entries), list(lines.entries)
     entries: list[Entry] = []
+    refused = snapshot is not None and not (folder / _COMPLETE).exists()
+    complete = not refused
     seq = earlier[-1].seq if earlier else 0
     if whole:
         seq, found = (earlier[0].seq - 1, earlier + found) if earlier else (0, found)
@@ -219,13 +307,13 @@ def load_journal(folder: Path, *, whole: bool = False) -> LoadedJournal:
             continue
         if entry.seq > seq + 1:
             problems.append(f"{ENTRIES}: {_span(seq + 1, entry.seq - 1)} missing")
+            complete = complete and entry.seq <= snapshot_seq + 1
         seq = entry.seq
         if whole or seq > snapshot_seq:
             entries.append(entry)
     if seq < snapshot_seq:
         problems.append(f"{ENTRIES}: {_span(seq + 1, snapshot_seq)} missing, but the snapshot includes them")
-    complete = snapshot is None or (folder / _COMPLETE).exists()
-    if not complete:
+    if refused:
         problems.append(f"{ENTRIES}: the disk has refused entries since the snapshot")
     return LoadedJournal(snapshot, tuple(entries), tuple(problems), complete)
 

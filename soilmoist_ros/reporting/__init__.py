@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Runs and their outputs: report, GeoTIFF, GeoJSON, tables and summary."""
+"""Outputs of runs: report, GeoTIFF, GeoJSON, tables and summary."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -21,26 +21,12 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.colours import data_uri as data_uri
     from soilmoist_ros.reporting.colours import palette_png as palette_png
     from soilmoist_ros.reporting.colours import robust_range as robust_range
-    from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun as EarlierRun
-    from soilmoist_ros.reporting.earlier.earlier_runs import Target as Target
-    from soilmoist_ros.reporting.earlier.earlier_runs import read_earlier_runs as read_earlier_runs
-    from soilmoist_ros.reporting.earlier.earlier_runs import require_other as require_other
-    from soilmoist_ros.reporting.earlier.earlier_runs import same_survey as same_survey
-    from soilmoist_ros.reporting.earlier.mission_earlier import mission_earlier as mission_earlier
-    from soilmoist_ros.reporting.earlier.results import read_summary as read_summary
-    from soilmoist_ros.reporting.earlier.run_change import run_change as run_change
-    from soilmoist_ros.reporting.earlier.run_records import find_runs as find_runs
     from soilmoist_ros.reporting.exports.registry import EXPORTS as EXPORTS
     from soilmoist_ros.reporting.exports.registry import Export as Export
     from soilmoist_ros.reporting.exports.registry import export_kind as export_kind
     from soilmoist_ros.reporting.exports.registry import export_run as export_run
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings
     from soilmoist_ros.reporting.exports.source import RunSource as RunSource
-    from soilmoist_ros.reporting.failed_run import FailedRun as FailedRun
-    from soilmoist_ros.reporting.failed_run import NoMapError as NoMapError
-    from soilmoist_ros.reporting.failed_run import Trouble as Trouble
-    from soilmoist_ros.reporting.field_survey import FieldSurvey as FieldSurvey
-    from soilmoist_ros.reporting.field_survey import open_survey as open_survey
     from soilmoist_ros.reporting.geotiff import write_geotiff as write_geotiff
     from soilmoist_ros.reporting.layouts import write_layouts as write_layouts
     from soilmoist_ros.reporting.live_view import DRY_TO_WET as DRY_TO_WET
@@ -48,9 +34,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.live_view import LiveMission as LiveMission
     from soilmoist_ros.reporting.live_view import LiveRobot as LiveRobot
     from soilmoist_ros.reporting.live_view import render as render
-    from soilmoist_ros.reporting.map_run import input_file as input_file
-    from soilmoist_ros.reporting.map_run import loss_rows_of as loss_rows_of
-    from soilmoist_ros.reporting.map_run import make_run as make_run
     from soilmoist_ros.reporting.moisture_steps import at_one_place as at_one_place
     from soilmoist_ros.reporting.moisture_steps import moisture_of_all as moisture_of_all
     from soilmoist_ros.reporting.moisture_steps import moisture_series as moisture_series
@@ -58,7 +41,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.opened_run import open_run as open_run
     from soilmoist_ros.reporting.output_folder import earlier_outputs as earlier_outputs
     from soilmoist_ros.reporting.output_folder import remove_earlier as remove_earlier
-    from soilmoist_ros.reporting.output_folder import require_crs as require_crs
     from soilmoist_ros.reporting.output_folder import require_free as require_free
     from soilmoist_ros.reporting.output_folder import require_writable as require_writable
     from soilmoist_ros.reporting.output_folder import results_in as results_in
@@ -68,8 +50,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.outputs import write_outputs as write_outputs
     from soilmoist_ros.reporting.page.frame import render_page as render_page
     from soilmoist_ros.reporting.page.notes import notes as notes
-    from soilmoist_ros.reporting.page.numbers import area as area
-    from soilmoist_ros.reporting.page.numbers import duration as duration
     from soilmoist_ros.reporting.page.numbers import dwell_text as dwell_text
     from soilmoist_ros.reporting.page.numbers import length as length
     from soilmoist_ros.reporting.page.numbers import number as number
@@ -89,19 +69,11 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.paper_figures import run_figures as run_figures
     from soilmoist_ros.reporting.paper_figures import season_figures as season_figures
     from soilmoist_ros.reporting.paper_figures import write_figures as write_figures
-    from soilmoist_ros.reporting.run import REFERENCE as REFERENCE
-    from soilmoist_ros.reporting.run import CorrectionRow as CorrectionRow
-    from soilmoist_ros.reporting.run import InputFile as InputFile
-    from soilmoist_ros.reporting.run import LossRow as LossRow
-    from soilmoist_ros.reporting.run import MapRun as MapRun
-    from soilmoist_ros.reporting.run import Note as Note
-    from soilmoist_ros.reporting.run import NoteCode as NoteCode
     from soilmoist_ros.reporting.run_summary import summary as summary
     from soilmoist_ros.reporting.season import SeasonSettings as SeasonSettings
     from soilmoist_ros.reporting.season import make_season as make_season
     from soilmoist_ros.reporting.season_outputs import estimate_text as estimate_text
     from soilmoist_ros.reporting.season_outputs import write_season as write_season
-    from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S as EARLIEST_STAMP_S
     from soilmoist_ros.reporting.text_files import dumps as dumps
     from soilmoist_ros.reporting.text_files import jsonable as jsonable
     from soilmoist_ros.reporting.text_files import write_samples as write_samples
@@ -110,42 +82,34 @@ _open, __dir__, __all__ = open_door(
     __name__,
     {
         "colours": "BLUE FAINT INK ORANGE Picture RATE SOFT UNCERTAIN between colour_ramp data_uri palette_png robust_range",
-        "earlier.earlier_runs": "EarlierRun Target read_earlier_runs require_other same_survey",
-        "earlier.mission_earlier": "mission_earlier",
-        "earlier.results": "read_summary",
-        "earlier.run_change": "run_change",
-        "earlier.run_records": "find_runs",
         "exports.registry": "EXPORTS Export export_kind export_run",
         "exports.source": "ExportSettings RunSource",
-        "failed_run": "FailedRun NoMapError Trouble",
-        "field_survey": "FieldSurvey open_survey",
         "geotiff": "write_geotiff",
         "layouts": "write_layouts",
         "live_view": "DRY_TO_WET LiveMap LiveMission LiveRobot render",
-        "map_run": "input_file loss_rows_of make_run",
         "moisture_steps": "at_one_place moisture_of_all moisture_series",
         "opened_run": "OpenedRun open_run",
-        "output_folder": "earlier_outputs remove_earlier require_crs require_free require_writable results_in",
+        "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",
         "outputs": "mission_run write_failed write_mission write_outputs",
         "page.frame": "render_page",
         "page.notes": "notes",
-        "page.numbers": "area duration dwell_text length number percent plain strategy_text strategy_traits",
+        "page.numbers": "dwell_text length number percent plain strategy_text strategy_traits",
         "page.report": "write_report",
         "page.sections": "change_amount change_since change_summary dated relations",
         "page.statistics": "covariate_importance mean_moisture truth_score",
         "paper_figures": "run_figures season_figures write_figures",
-        "run": "CorrectionRow InputFile LossRow MapRun Note NoteCode REFERENCE",
         "run_summary": "summary",
         "season": "SeasonSettings make_season",
         "season_outputs": "estimate_text write_season",
-        "survey_times": "EARLIEST_STAMP_S",
         "text_files": "dumps jsonable write_samples",
     },
 )
 
 
 def __getattr__(name: str) -> object:
-    """Name of this door; campaigns have moved to ``soilmoist_ros.lab``, and are found here for one release."""
-    if name in ("write_campaign_report",):
+    """Name of this door; what has moved to another one is found here for one release."""
+    if name in ("FieldSurvey", "MapRun", "open_survey"):
+        return getattr(import_module("soilmoist_ros.pipeline"), name)
+    if name == "write_campaign_report":
         return getattr(import_module("soilmoist_ros.lab"), name)
     return _open(name)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping import common_rate_sd
-from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.sensing import MoistureCurve
 
 Array = NDArray[np.float64]

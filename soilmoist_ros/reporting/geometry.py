@@ -1,16 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Geometry of the outputs in local metres: the field's polygon and the robot's track."""
+"""Geometry of the outputs in local metres: the field's polygon."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from soilmoist_ros.sensing import CountRecord
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap
@@ -59,31 +56,11 @@ def inside_field(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.boo
     return np.asarray(contains_xy(polygon, xy_m[:, 0], xy_m[:, 1]), bool)
 
 
-def inside_boundary(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each point (n, 2) lies within the boundary of the field, its holes and its edge included."""
-    from shapely import Polygon, intersects_xy, union_all
-
-    area = union_all([Polygon(ring) for ring in soil_map.grid.polygons])
-    return np.asarray(intersects_xy(area, xy_m[:, 0], xy_m[:, 1]), bool)
-
-
 def distances_m(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distance of each point (n, 2) from the boundary of the field [m], shape (n,); 0 inside."""
     from shapely import Polygon, distance, points, union_all
 
     return np.asarray(distance(union_all([Polygon(ring) for ring in soil_map.grid.polygons]), points(xy_m)), float)
-
-
-def track_xy(track: Sequence[CountRecord]) -> NDArray[np.float64]:
-    """Places of the records in order, without records that have none, shape (n, 2) [m]."""
-    xy = np.array([(r.x_m, r.y_m) for r in track], float).reshape(-1, 2)
-    return np.asarray(xy[np.isfinite(xy).all(axis=1)])
-
-
-def distance_m(track: Sequence[CountRecord]) -> float:
-    """Length of the line through the records' places [m]."""
-    steps = np.diff(track_xy(track), axis=0)
-    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
 def map_extent(soil_map: SoilMap) -> tuple[float, float, float, float]:

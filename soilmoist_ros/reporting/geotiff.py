@@ -92,7 +92,7 @@ def write_geotiff(
     """
     known = tags or {}
     names = [name for name in BANDS if soil_map.curve is not None or name.startswith("rate")]
-    target = target_cells(soil_map, frame, export_crs(frame, crs))
+    target = target_cells(soil_map, frame, frame.export_crs(crs))
     layers = np.full((len(names), target.y.size * target.x.size), np.nan, np.float32)
     for start in range(0, layers.shape[1], CELLS_AT_ONCE):
         local = target.local(start, start + CELLS_AT_ONCE)
@@ -158,23 +158,6 @@ def _write(
             raster.update_tags(number, long_name=band.meaning, units=band.unit, **band_tags)
         raster.update_tags(**tags)
     return path
-
-
-def export_crs(frame: LocalFrame, crs: CRS | str | int | None = None) -> CRS:
-    """The requested coordinate reference system, by default the UTM zone of the datum.
-
-    :raises InputError: if pyproj does not know it
-    """
-    import pyproj
-
-    if crs is None:
-        return frame.export_crs()
-    try:
-        return pyproj.CRS.from_user_input(crs)
-    except pyproj.exceptions.CRSError:
-        raise InputError(
-            f"'{crs}' is not a coordinate reference system", "give one as an EPSG code, e.g. EPSG:25832"
-        ) from None
 
 
 def model_parameters(soil_map: SoilMap) -> dict[str, str | float]:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping import Bands, make_bands
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import calibration_of
-from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
 
 STEP_COUNTS = 10_000

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration import Visit, VisitEnd
 from soilmoist_ros.foundation import InputError, Mistake, optional_module, text_of_csv
 from soilmoist_ros.mapping import opened_raster
+from soilmoist_ros.pipeline import REMEDY, read_features, read_summary
 from soilmoist_ros.recording import COLUMNS, SUMMARY, read_records
-from soilmoist_ros.reporting.earlier.results import REMEDY, read_features, read_summary
 
 if TYPE_CHECKING:
     import geopandas

@@ -15,15 +15,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from soilmoist_ros.foundation import InputError, LocalFrame, install, is_installed, read_json
+from soilmoist_ros.foundation import InputError, install, is_installed, read_json
 from soilmoist_ros.recording import SUMMARY, sync_file, sync_folder
 
 PROJECT_NAME = "soilmoist.qgs"
 NAMES = (SUMMARY, "map.tif", "samples.geojson", "report.html", "records.csv", PROJECT_NAME)
 MISSION_NAMES = ("series.csv", "visits.csv")
 SERIES_NAME = "moisture.csv"
-MAX_BEYOND_AREA_DEG = 6.0
-"""Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
 _NEEDS = {
     ".tif": ("pyproj", "rasterio"),
     ".qgs": ("pyproj", "rasterio", "jinja2"),
@@ -99,35 +97,6 @@ def require_free(folder: Path, overwrite: bool = False) -> None:
     if held and not overwrite:
         raise InputError(
             f"has {held}", "choose another output folder, or give --overwrite to replace them", folder
-        )
-
-
-def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
-    """Check a coordinate reference system before the work.
-
-    :param crs: anything that pyproj accepts; ``None`` for the default
-    :param frame: plane of the field; ``None`` if it is not known yet
-    :raises InputError: if pyproj does not know it, it has no plane or longitudes, or it is for another region
-    """
-    if crs is None:
-        return
-    from soilmoist_ros.reporting.geotiff import export_crs
-
-    target = export_crs(frame or LocalFrame(0.0, 0.0), crs)
-    if not (target.is_projected or target.is_geographic):
-        raise InputError(
-            f"'{crs}' ({target.name}) is not a projection", "give one as an EPSG code, e.g. EPSG:25832"
-        )
-    area = target.area_of_use
-    if frame is None or area is None:
-        return
-    east = (frame.longitude_deg - area.west) % 360 - (area.east - area.west) % 360
-    beyond_east_deg = min(max(east, 0.0), (area.west - frame.longitude_deg) % 360)
-    beyond_deg = max(area.south - frame.latitude_deg, frame.latitude_deg - area.north, beyond_east_deg)
-    if (area.east - area.west) % 360 and beyond_deg > MAX_BEYOND_AREA_DEG:
-        raise InputError(
-            f"'{crs}' ({target.name}) is for {area.name.split(' - ')[0]}, {beyond_deg:.0f} deg from the field",
-            "choose one for this region, or none for the UTM zone of the field",
         )
 
 

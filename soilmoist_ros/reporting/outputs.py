@@ -16,15 +16,21 @@ import numpy as np
 from soilmoist_ros.exploration import property_name
 from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import FieldChange, FieldMap, FieldMapSettings
+from soilmoist_ros.pipeline import (
+    EARLIER,
+    EarlierRun,
+    FailedRun,
+    LossRow,
+    MapRun,
+    RunChange,
+    run_change,
+    simulated_runs,
+)
 from soilmoist_ros.recording import RECORDS, SUMMARY, write_records
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_of
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
-from soilmoist_ros.reporting.earlier.mission_earlier import EARLIER, simulated_runs
-from soilmoist_ros.reporting.earlier.run_change import RunChange, run_change
 from soilmoist_ros.reporting.exports.qgis import write_run_project
 from soilmoist_ros.reporting.exports.source import PropertyMap
-from soilmoist_ros.reporting.failed_run import FailedRun
-from soilmoist_ros.reporting.geotiff import CellBand, export_crs, write_cell_raster, write_geotiff
+from soilmoist_ros.reporting.geotiff import CellBand, write_cell_raster, write_geotiff
 from soilmoist_ros.reporting.moisture_steps import at_one_place, write_moisture
 from soilmoist_ros.reporting.opened_run import OpenedRun
 from soilmoist_ros.reporting.output_folder import (
@@ -37,7 +43,6 @@ from soilmoist_ros.reporting.output_folder import (
 )
 from soilmoist_ros.reporting.page.report import render_failed, write_report
 from soilmoist_ros.reporting.page.statistics import resolution_m
-from soilmoist_ros.reporting.run import LossRow, MapRun
 from soilmoist_ros.reporting.run_summary import (
     failed_summary,
     settings_summary,
@@ -81,7 +86,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     names += tuple(name for other in run.others for name in property_names(other.name))
     names += tuple(_change_name(run, one) for one in run.properties if one.change is not None)
     names = writable(names)
-    target = export_crs(run.frame, crs) if "map.tif" in names else None
+    target = run.frame.export_crs(crs) if "map.tif" in names else None
     with replaced_together(folder, names) as workshop:
         for number, one in enumerate(run.properties):
             of_map, of_samples, of_records = property_names(one.name if number else "")

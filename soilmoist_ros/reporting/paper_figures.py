@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, optional_module
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.colours import (
     BLUE,
@@ -28,7 +29,6 @@ from soilmoist_ros.reporting.colours import (
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.moisture_steps import at_one_place, interrupted, moisture_series
 from soilmoist_ros.reporting.page.variogram_charts import mean_spread, model_curve, sample_variogram
-from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.reporting.season import Season
 from soilmoist_ros.simulation import MissionResult
 

@@ -17,9 +17,8 @@ import numpy as np
 from soilmoist_ros.exploration import LearnedMotion, polyline_length_m
 from soilmoist_ros.foundation import __version__, shown_path
 from soilmoist_ros.mapping import Drift, Estimate, FieldChange
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
-from soilmoist_ros.reporting.failed_run import FailedRun
-from soilmoist_ros.reporting.geometry import field_polygon, track_xy
+from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, NoteCode, track_xy
+from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.page.irrigation import absolute_limits, has_level, irrigation
 from soilmoist_ros.reporting.page.notes import notes
@@ -41,7 +40,6 @@ from soilmoist_ros.reporting.page.statistics import (
     uncertain_share,
     undefined_share,
 )
-from soilmoist_ros.reporting.run import MapRun, NoteCode
 from soilmoist_ros.reporting.text_files import jsonable, write_json
 from soilmoist_ros.simulation import PropertySettings, achieved, mission_efficiency, reported
 

@@ -34,17 +34,22 @@ from soilmoist_ros.mapping import (
     mean_places,
     moisture_slope,
 )
-from soilmoist_ros.recording import SUMMARY, bag_of, configuration_of, read_parameters
-from soilmoist_ros.reporting.earlier.doubts import doubts, mean_rate
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun, Target, date_text, read_earlier_runs
-from soilmoist_ros.reporting.earlier.results import (
+from soilmoist_ros.pipeline import (
+    EarlierRun,
+    Target,
     curve_of,
+    date_text,
+    earlier_doubts,
+    find_runs,
     is_illustrative,
+    mean_rate,
+    read_earlier_runs,
     read_features,
+    read_run,
     read_summary,
     shape_of,
 )
-from soilmoist_ros.reporting.earlier.run_records import find_runs, read_run
+from soilmoist_ros.recording import SUMMARY, bag_of, configuration_of, read_parameters
 from soilmoist_ros.sensing import MoistureCurve, load_site
 
 Array = NDArray[np.float64]
@@ -209,7 +214,7 @@ def _notes(runs: Sequence[EarlierRun], now: datetime, illustrative: bool) -> Ite
         yield "The calibration is illustrative: patterns and changes are real, the level of the moisture is not."
     typical = float(np.median([mean_rate(run.survey.samples) for run in runs]))
     for run in runs:
-        for doubt in doubts(run, typical, now):
+        for doubt in earlier_doubts(run, typical, now):
             yield f"The survey {run.survey.name} {doubt}"
     informed = [run.survey.name for run in runs if _has_covariates(run.path)]
     if informed:

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import __version__, csv_text
 from soilmoist_ros.mapping import Estimate, FieldChange
+from soilmoist_ros.pipeline import EarlierRun, local_time
 from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
 from soilmoist_ros.reporting.netcdf import CLOCK, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.output_folder import replaced_together
 from soilmoist_ros.reporting.page import numbers
@@ -39,7 +39,6 @@ from soilmoist_ros.reporting.page.viewer import (
     thinning,
 )
 from soilmoist_ros.reporting.season import Season, SeasonSurvey
-from soilmoist_ros.reporting.survey_times import local_time
 from soilmoist_ros.reporting.text_files import write_json
 
 Array = NDArray[np.float64]

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import LocalFrame, csv_text
 from soilmoist_ros.mapping import make_bands
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import calibration_of
 from soilmoist_ros.reporting.geometry import field_polygon, right_handed, rings
-from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation import MissionResult
 
 DIGITS = 7

@@ -20,11 +20,10 @@ from rehearsal.judge import Judge, Limits, Violation
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase, Verb
 from soilmoist_ros.mapping.samples import Samples
+from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.map_records import MapRecords
-from soilmoist_ros.recording.map_sources import OWN
-from soilmoist_ros.recording.record_log import DRIVER, RecordTail
-from soilmoist_ros.recording.stored_counts import stored_counts
-from soilmoist_ros.reporting.field_survey import open_survey
+from soilmoist_ros.recording.map_sources import DRIVER, OWN, RecordTail
+from soilmoist_ros.recording.stored_records import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
 
 ANSWER_S = 40.0

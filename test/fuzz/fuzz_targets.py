@@ -70,15 +70,13 @@ from soilmoist_ros.mapping.covariates import CovariateSource, read_covariates
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.pipeline.bag_lines import fix_topic, logger_topic, read_fixes, text_lines
-from soilmoist_ros.pipeline.bag_map import replay_bag
-from soilmoist_ros.pipeline.replay_settings import ReplaySettings
+from soilmoist_ros.pipeline.bag_map import ReplaySettings, replay_bag
+from soilmoist_ros.pipeline.earlier_runs import read_run
 from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.recovery import recover_bag
-from soilmoist_ros.recording.bag.verify import verify_bag
+from soilmoist_ros.recording.bag.verify import recover_bag, verify_bag
 from soilmoist_ros.recording.journal import ENTRIES, load_journal
-from soilmoist_ros.recording.record_table import read_records
-from soilmoist_ros.reporting.earlier.run_records import read_run
+from soilmoist_ros.recording.stored_records import read_records
 from soilmoist_ros.reporting.opened_run import open_run
 from soilmoist_ros.sensing.corrections.intensity import read_neutron_monitor
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format, logger_names

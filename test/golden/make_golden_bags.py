@@ -30,11 +30,10 @@ from msg_adapters.soil_map import soil_map_to_message
 from soilmoist_ros.exploration.mission.events import Action, Publish
 from soilmoist_ros.exploration.mission.types import MissionStatus
 from soilmoist_ros.mapping.field_map import FieldMap
+from soilmoist_ros.pipeline.field_survey import open_survey
+from soilmoist_ros.recording.bag.metadata import Qos, Topic, find_definition
 from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.mcap.definitions import find_definition
-from soilmoist_ros.recording.mcap.metadata import Qos, Topic
 from soilmoist_ros.recording.run_folder import write_parameters
-from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.sensing.formats.logger_reader import parse_log
 from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.position.track import Track

@@ -27,7 +27,7 @@ from msg_adapters.counts import (
 from msg_adapters.point_cloud import OtherFrameError, points_to_message, require_frame, to_seconds
 from soilmoist_ros.mapping import Samples
 from soilmoist_ros.mapping.samples import path_spread
-from soilmoist_ros.recording.bag.point_cloud import UNKNOWN_REASON
+from soilmoist_ros.recording.bag.messages import UNKNOWN_REASON
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord
 

@@ -27,7 +27,7 @@ from soilmoist_ros.exploration.control.operator_request import Reply, ReplyCode
 from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED
-from soilmoist_ros.recording.record_log import RecordTail
+from soilmoist_ros.recording.map_sources import RecordTail
 from soilmoist_ros.simulation.robot.scenario import Scenario
 
 TIME_FACTOR = 20.0

@@ -35,12 +35,11 @@ from soilmoist_ros.mapping.soil_map import map_cells
 from soilmoist_ros.nodes.command_nodes import Monitor, on_space
 from soilmoist_ros.nodes.topics import CLOCK, LATCHED, RECORDS, SENSOR, published_qos
 from soilmoist_ros.pipeline import replay_bag
+from soilmoist_ros.pipeline.field_survey import open_survey
+from soilmoist_ros.recording.bag.metadata import Qos, Topic, find_definition
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.mcap.definitions import find_definition
-from soilmoist_ros.recording.mcap.metadata import Qos, Topic
 from soilmoist_ros.recording.run_folder import read_parameters
-from soilmoist_ros.reporting.field_survey import open_survey
 from soilmoist_ros.reporting.live_view import LiveMap, LiveMission
 from soilmoist_ros.sensing.records import CountRecord
 

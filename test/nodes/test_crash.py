@@ -26,13 +26,13 @@ from soilmoist_ros.cli.main import main
 from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS
 from soilmoist_ros.pipeline import replay_bag
+from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.recovery import recover_bag
-from soilmoist_ros.recording.journal_lines import decode
-from soilmoist_ros.recording.mcap.scan import McapScan
-from soilmoist_ros.recording.record_log import DRIVER, RecordLog
-from soilmoist_ros.reporting.field_survey import open_survey
+from soilmoist_ros.recording.bag.scan import McapScan
+from soilmoist_ros.recording.bag.verify import recover_bag
+from soilmoist_ros.recording.journal import decode
+from soilmoist_ros.recording.map_sources import DRIVER, RecordLog
 
 # rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

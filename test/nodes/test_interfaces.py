@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from soilmoist_ros.recording.mcap.definitions import find_definition
+from soilmoist_ros.recording.bag.metadata import find_definition
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGES = sorted(folder for folder in (ROOT / "interfaces").iterdir() if folder.is_dir())

@@ -21,9 +21,9 @@ from visualization_msgs.msg import MarkerArray
 
 from soilmoist_ros.nodes import recorder
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.recovery import recover_bag
+from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.storage import recorder_notes
-from soilmoist_ros.recording.mcap.scan import McapScan
+from soilmoist_ros.recording.bag.verify import recover_bag
 from soilmoist_ros.recording.run_folder import read_parameters
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -259,7 +259,7 @@ def skipped(message):
 WITHOUT_MARKERS = """
 import sys
 from pathlib import Path
-import soilmoist_ros.recording.mcap.definitions as definitions
+import soilmoist_ros.recording.bag.metadata as definitions
 definitions.search_prefixes = lambda: [Path({prefix!r})]
 from soilmoist_ros.nodes.recorder import main
 main()

@@ -30,7 +30,7 @@ from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.nodes.sensor_driver import NAME, StoredHeader
 from soilmoist_ros.nodes.topics import CLOCK, DEFAULT, LATCHED, RECORDS, SENSOR, VISITS
-from soilmoist_ros.recording.record_log import DRIVER, RecordTail
+from soilmoist_ros.recording.map_sources import DRIVER, RecordTail
 from soilmoist_ros.sensing.formats.log_layout import Header
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus, fix_from_message

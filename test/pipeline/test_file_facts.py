@@ -21,7 +21,7 @@ from soilmoist_ros.pipeline.file_facts import (
     logger_findings,
     site_findings,
 )
-from soilmoist_ros.pipeline.log_map import log_positions, read_logs
+from soilmoist_ros.pipeline.logs import log_positions, read_logs
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.moisture.site import Site, load_site
 

@@ -17,10 +17,11 @@ from soilmoist_ros.mapping.covariates import CovariateSource
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging
 from soilmoist_ros.pipeline import MapSettings, map_logs
-from soilmoist_ros.pipeline.log_map import loss_rows, require_standing
+from soilmoist_ros.pipeline.log_map import loss_rows
+from soilmoist_ros.pipeline.logs import require_standing
+from soilmoist_ros.pipeline.run import NoteCode
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import mean_sd
-from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import Position

@@ -21,8 +21,8 @@ from rosbags.rosbag2 import Writer as FolderWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.cli.main import main
-from soilmoist_ros.pipeline.recorded_place import why_nothing
-from soilmoist_ros.reporting.field_survey import open_survey
+from soilmoist_ros.pipeline.field_survey import open_survey
+from soilmoist_ros.pipeline.properties import why_nothing
 from soilmoist_ros.sensing.formats.log_values import nmea_checksum
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord

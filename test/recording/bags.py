@@ -7,9 +7,8 @@ from pathlib import Path
 
 from rosbags.typesys import Stores, get_typestore
 
+from soilmoist_ros.recording.bag.metadata import Definition, Qos, Topic
 from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.mcap.definitions import Definition
-from soilmoist_ros.recording.mcap.metadata import Qos, Topic
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START_NS = 1_780_000_000_000_000_000

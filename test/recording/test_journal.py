@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The journal survives every cut and flipped bit: journal.py and journal_lines.py."""
+"""The journal survives every cut, and skips damaged lines."""
 
 import errno
 import json
@@ -10,16 +10,13 @@ import signal
 import subprocess
 import sys
 import textwrap
-import zlib
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording import journal_lines
-from soilmoist_ros.recording.journal import Journal, load_journal
-from soilmoist_ros.recording.journal_lines import Entry, decode, encode
+from soilmoist_ros.recording.journal import Entry, Journal, decode, encode, load_journal
 
 PLAIN = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
@@ -66,22 +63,6 @@ def test_a_cut_at_any_byte_costs_only_the_entry_that_was_being_written(tmp_path)
         assert again.entries[:-1] == loaded.entries
 
 
-@pytest.mark.slow
-def test_every_flipped_bit_is_named_and_repaired(tmp_path):
-    path = written(tmp_path / "a", 3)
-    whole = path.read_bytes()
-    entries = load_journal(path.parent).entries
-    for byte in range(len(whole)):
-        for bit in range(8):
-            damaged = bytearray(whole)
-            damaged[byte] ^= 1 << bit
-            lines = decode(bytes(damaged), "journal.jsonl")
-            assert lines.entries == entries, (byte, bit)
-            line = whole[:byte].count(b"\n") + 1
-            assert len(lines.problems) == 1
-            assert lines.problems[0].startswith(f"journal.jsonl, line {line}: a flipped bit")
-
-
 def test_worse_damage_is_named_and_costs_only_its_lines(tmp_path):
     path = written(tmp_path / "a", 4)
     lines = path.read_bytes().splitlines(keepends=True)
@@ -105,37 +86,11 @@ def test_worse_damage_is_named_and_costs_only_its_lines(tmp_path):
         b"\n" * 100_000,
     ],
 )
-@pytest.mark.slow
-def test_a_damaged_line_of_a_megabyte_costs_no_more_work_than_its_length(damage, monkeypatch):
-    # The work is counted in bytes given to checksums and parsers, each byte a few hundred times.
-    work = 0
-    real_crc32, real_loads = zlib.crc32, json.loads
-
-    def crc32(data, *more):
-        nonlocal work
-        work += len(data)
-        return real_crc32(data, *more)
-
-    def loads(data):
-        nonlocal work
-        work += len(data)
-        return real_loads(data)
-
+def test_a_damaged_line_is_skipped_whatever_it_holds(damage):
     first, last = encode(Entry(1, "event", {"n": 1})), encode(Entry(2, "event", {"n": 2}))
-    monkeypatch.setattr(journal_lines.zlib, "crc32", crc32)
-    monkeypatch.setattr(journal_lines.json, "loads", loads)
     lines = decode(first + damage + b"\n" + last)
     assert [entry.seq for entry in lines.entries] == [1, 2]
     assert 1 <= len(lines.problems) <= 101
-    assert work < 500 * len(damage)
-
-
-def test_a_flipped_bit_of_a_long_line_is_repaired_by_its_checksum():
-    whole = encode(Entry(1, "event", {"text": "x" * 200_000}))
-    for place in (0, 7, 100_000, len(whole) - 30, len(whole) - 10):
-        damaged = bytearray(whole)
-        damaged[place] ^= 4
-        assert decode(bytes(damaged)).entries == decode(whole).entries
 
 
 def test_only_entries_after_the_snapshot_are_left_to_replay(tmp_path):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The map after any sequence of kills equals the map of everything that was published.
 
-Tests map_sources.py, map_records.py and record_log.py with real files, without processes.
+Tests map_sources.py and map_records.py with real files, without processes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_earlier_records import write_bag
+from test_stored_records import write_bag
 
 from soilmoist_ros.exploration.mission.events import Command, Moved, RecordArrived
 from soilmoist_ros.exploration.mission.journal import MissionJournal
@@ -34,9 +34,16 @@ from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.recording import map_sources
 from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
-from soilmoist_ros.recording.map_sources import OWN, SESSION, MapSources, open_session
-from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail
-from soilmoist_ros.recording.stored_counts import stored_counts
+from soilmoist_ros.recording.map_sources import (
+    DRIVER,
+    OWN,
+    SESSION,
+    MapSources,
+    RecordLog,
+    RecordTail,
+    open_session,
+)
+from soilmoist_ros.recording.stored_records import stored_counts
 from soilmoist_ros.sensing.records import CountRecord
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=10.0)

@@ -1,14 +1,29 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import math
+import os
 import string
+import subprocess
+import sys
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from soilmoist_ros.foundation.configuration import config_folder
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.run_folder import bag_of, configuration_of, read_parameters, write_parameters
+from soilmoist_ros.mapping.field import load_field
+from soilmoist_ros.pipeline.bag_map import ReplaySettings, robot_survey
+from soilmoist_ros.recording.run_folder import (
+    RunConfiguration,
+    bag_of,
+    configuration_of,
+    copy_configuration,
+    read_parameters,
+    write_parameters,
+    write_whole,
+)
+from soilmoist_ros.sensing.moisture.site import load_site
 
 TEXTS = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=20)
 VALUES = st.one_of(
@@ -116,3 +131,178 @@ def test_the_bag_of_a_run(tmp_path):
     assert bag_of(run) == run / "bag"
     assert bag_of(run / "bag") == run / "bag"
     assert bag_of(tmp_path / "none") == tmp_path / "none"
+
+
+def test_a_file_is_replaced_wholly(tmp_path):
+    path = tmp_path / "state"
+    write_whole(path, b"one")
+    write_whole(path, b"two")
+    assert path.read_bytes() == b"two"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_file_before_stays_if_the_new_one_does_not_reach_the_disk(tmp_path, monkeypatch):
+    path = tmp_path / "state"
+    write_whole(path, b"one")
+
+    def full(descriptor):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="no space"):
+        write_whole(path, b"two")
+    assert path.read_bytes() == b"one"
+
+
+SQUARE = "name: {name}\ndatum: {{latitude_deg: 53.2, longitude_deg: -0.5}}\npolygon: [[0, 0], [9, 0], [9, 9]]\n"
+SITE = """
+# ours
+corrections:
+  intensity:
+    reference: 150.0   # of the year
+    file: {file}
+"""
+MONITOR = "2026-06-01 06:00,151\n2026-06-01 07:00,152\n"
+GEOJSON = '{"type": "Polygon", "coordinates": [[[-0.5, 53.2], [-0.49, 53.2], [-0.49, 53.21], [-0.5, 53.2]]]}'
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Files of a user: a field and a site that name other files elsewhere."""
+    folder = tmp_path / "mine"
+    (folder / "data").mkdir(parents=True)
+    (folder / "data" / "monitor.csv").write_text(MONITOR)
+    (folder / "data" / "edge.geojson").write_text(GEOJSON)
+    (folder / "site.yaml").write_text(SITE.format(file="data/monitor.csv"))
+    (folder / "farm.yaml").write_text("name: farm\ngeojson: data/edge.geojson\n")
+    (folder / "other.yaml").write_text(SQUARE.format(name="other"))
+    return folder
+
+
+def test_a_recording_holds_all_that_its_nodes_were_set_up_with(files, tmp_path):
+    bag = tmp_path / "recordings" / "run"
+    bag.mkdir(parents=True)
+    configuration = RunConfiguration()
+    values = {"field": str(files / "farm.yaml"), "site": str(files / "site.yaml"), "cell_m": 2.0}
+    configuration.take("mapper", values)
+    configuration.take("planner", {"field": str(files / "farm.yaml"), "graph": "topic", "seed": 3})
+    assert configuration.write(bag) == ["mapper", "planner"]
+    assert configuration.write(bag) == []
+    for path in sorted(files.rglob("*"), reverse=True):
+        path.rmdir() if path.is_dir() else path.unlink()
+    moved = (tmp_path / "recordings").rename(tmp_path / "moved") / "run"
+
+    folder = configuration_of(moved)
+    mapper, planner = read_parameters(folder, "mapper"), read_parameters(folder, "planner")
+    assert (mapper["cell_m"], planner["graph"], planner["seed"]) == (2.0, "topic", 3)
+    assert planner["field"] == mapper["field"]
+    assert load_field(folder / mapper["field"]).name == "farm"
+    site = load_site(folder / mapper["site"])
+    assert site.corrections.intensity.file.read_text() == MONITOR
+    assert site.corrections.intensity.file.parent == folder
+    assert "# of the year" in (folder / "site.yaml").read_text()
+
+    copy_configuration(moved, tmp_path / "again")
+    assert read_parameters(configuration_of(tmp_path / "again"), "planner")["seed"] == 3
+
+
+def test_files_of_the_same_name_do_not_meet(files, tmp_path):
+    configuration = RunConfiguration()
+    configuration.take("sensor_driver", {"field": "example", "site": "example", "logger_format": "finapp"})
+    configuration.take("mapper", {"field": str(files / "other.yaml"), "site": "example"})
+    configuration.write(tmp_path / "run")
+    folder = tmp_path / "run" / "configuration"
+    driver, mapper = read_parameters(folder, "sensor_driver"), read_parameters(folder, "mapper")
+    assert load_field(folder / mapper["field"]).name == "other"
+    assert (folder / driver["field"]).read_bytes() == (config_folder() / "fields" / "example.yaml").read_bytes()
+    assert (folder / driver["site"]).read_bytes() == (config_folder() / "sites" / "example.yaml").read_bytes()
+    assert driver["site"] == mapper["site"]
+    assert (folder / driver["logger_format"]).is_file()
+
+
+def test_changes_and_new_bags_are_written_what_others_wrote_is_left_alone(files, tmp_path):
+    configuration = RunConfiguration()
+    configuration.take("mapper", {"field": str(files / "other.yaml"), "cell_m": 1.0})
+    first, second = tmp_path / "run" / "bag", tmp_path / "run" / "bag_2"
+    first.mkdir(parents=True)
+    (tmp_path / "run" / "configuration").mkdir()
+    (tmp_path / "run" / "configuration" / "planner.yaml").write_text("mine")
+    configuration.take("planner", {"hours": 1.0})
+    assert configuration.write(first) == ["mapper"]
+    assert configuration_of(first) == tmp_path / "run" / "configuration"
+    (files / "other.yaml").write_text(SQUARE.format(name="changed"))
+    configuration.take("mapper", {"field": str(files / "other.yaml"), "cell_m": 2.0})
+    configuration.take("planner", {"hours": 2.0})
+    assert configuration.write(first) == ["mapper"]
+    mapper = read_parameters(configuration_of(first), "mapper")
+    assert mapper["cell_m"] == 2.0
+    assert load_field(configuration_of(first) / mapper["field"]).name == "changed"
+    assert (tmp_path / "run" / "configuration" / "planner.yaml").read_text() == "mine"
+    second.mkdir()
+    assert configuration.write(second) == ["mapper", "planner"]
+    assert read_parameters(configuration_of(second), "planner") == {"hours": 2.0}
+
+
+def test_names_of_files_of_another_computer_are_kept_as_they_are(tmp_path):
+    configuration = RunConfiguration()
+    values = {"field": "/nowhere/field.yaml", "site": "", "graph": "free", "name": "example"}
+    configuration.take("mapper", values)
+    configuration.write(tmp_path)
+    assert read_parameters(tmp_path / "configuration", "mapper") == values
+
+
+def test_what_cannot_be_written_is_reported_and_retried(files, tmp_path):
+    configuration = RunConfiguration()
+    configuration.take("mapper", {"field": str(files / "other.yaml")})
+    (tmp_path / "configuration").write_text("in the way")
+    for _ in range(2):
+        with pytest.raises(InputError, match="cannot be written"):
+            configuration.write(tmp_path)
+    (tmp_path / "configuration").unlink()
+    assert configuration.write(tmp_path) == ["mapper"]
+
+
+def test_the_field_that_an_operator_chooses_is_kept_with_what_others_wrote(files, tmp_path):
+    bag = tmp_path / "run" / "bag"
+    (tmp_path / "run" / "configuration").mkdir(parents=True)
+    (tmp_path / "run" / "configuration" / "mapper.yaml").write_text("/**:\n  ros__parameters: {field: x}\n")
+    configuration = RunConfiguration()
+    for name, written in (("farm", []), ("farm", []), ("other", ["mapper"]), ("other", [])):
+        configuration.take("mapper", {"field": str(files / f"{name}.yaml")})
+        assert configuration.write(bag) == written
+    folder = configuration_of(bag)
+    assert load_field(folder / read_parameters(folder, "mapper")["field"]).name == "other"
+
+
+def test_defaults_that_the_nodes_had_are_added_to_what_others_wrote(files, tmp_path):
+    """A replay would take a file without the choice of a drift for one of an earlier version, which had none."""
+    bag = tmp_path / "run" / "bag"
+    bag.mkdir(parents=True)
+    write_parameters(bag.parent, "mapper", {"field": str(files / "other.yaml"), "model": "matern52"})
+    configuration = RunConfiguration()
+    had = {"field": "elsewhere", "model": "matern52", "local": "auto", "drift_model": "auto", "site": "example"}
+    configuration.take("mapper", had)
+    assert configuration.write(bag) == ["mapper"]
+    assert configuration.write(bag) == []
+    folder = configuration_of(bag)
+    found = read_parameters(folder, "mapper")
+    assert found["field"] == str(files / "other.yaml")
+    assert (found["model"], found["local"], found["drift_model"]) == ("matern52", "auto", "auto")
+    assert (folder / found["site"]).is_file()
+    survey, _ = robot_survey(bag, folder, ReplaySettings())
+    assert (survey.map.settings.drift_model, survey.map.settings.local) == ("auto", "auto")
+
+
+def test_a_recorder_stores_configurations_without_the_models_of_files(tmp_path):
+    code = """
+import sys
+from pathlib import Path
+from soilmoist_ros.recording.run_folder import RunConfiguration
+configuration = RunConfiguration()
+configuration.take("sensor_driver", {"field": "example", "site": "example", "logger_format": "thorvald_crs"})
+print(configuration.write(Path(sys.argv[1])), "pydantic" in sys.modules)
+"""
+    result = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, text=True, timeout=60)
+    assert result.stdout == "['sensor_driver'] False\n", result.stderr
+    stored = {path.name for path in (tmp_path / "configuration").iterdir()}
+    assert stored == {"sensor_driver.yaml", "field.yaml", "site.yaml", "logger_format.yaml"}

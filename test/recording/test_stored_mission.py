@@ -18,7 +18,7 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.recording.journal import ENTRIES, Journal
-from soilmoist_ros.recording.stored_mission import StoredMission
+from soilmoist_ros.recording.stored_mission import MARK, MAX_CRASHES, WINDOW_S, ProcessMark, StoredMission
 
 RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60"))
 STARTED = (Moved(1.0, 0.0, 0.0), Command(2.0, Verb.START))
@@ -177,3 +177,52 @@ def test_without_a_journal_nothing_is_found():
     stored = StoredMission(None, RULES, "auto", 60.0)
     assert (stored.mission, stored.resumes, stored.starts) == (None, False, True)
     stored.close()
+
+
+NOW_S, LIMIT_S = 1.78e9, 60.0
+
+
+@pytest.fixture
+def marked(tmp_path):
+    """Starts a process at a time [s]; the journal was written last at another."""
+
+    def make(after_s, wrote_s=None, boot="b1", limit_s=LIMIT_S):
+        journal = tmp_path / ENTRIES
+        journal.touch()
+        wrote_s = NOW_S + (after_s - 1.0 if wrote_s is None else wrote_s)
+        os.utime(journal, (wrote_s, wrote_s))
+        mark = ProcessMark(tmp_path, limit_s, NOW_S + after_s, boot)
+        mark.begin()
+        return mark
+
+    return make
+
+
+def test_the_first_start_is_after_no_crash(marked):
+    assert not marked(0.0).after_crash
+
+
+def test_a_crash_is_recognised_until_the_limit(marked):
+    marked(0.0)
+    assert marked(20.0, wrote_s=15.0).after_crash
+    assert not marked(200.0, wrote_s=130.0).after_crash
+
+
+@pytest.mark.parametrize(("end", "boot", "limit_s"), [(True, "b1", 60.0), (False, "b2", 60.0), (False, "b1", 0.0)])
+def test_ends_on_request_power_cuts_and_no_limit_are_no_crashes(marked, end, boot, limit_s):
+    first = marked(0.0)
+    if end:
+        first.end()
+    assert not marked(10.0, boot=boot, limit_s=limit_s).after_crash
+
+
+def test_a_process_that_crashes_again_and_again_is_not_trusted(marked):
+    marked(0.0)
+    assert [marked(10.0 * number).after_crash for number in range(1, 6)] == [True] * MAX_CRASHES + [False] * 2
+    assert marked(60.0 + WINDOW_S).after_crash
+
+
+def test_a_damaged_mark_is_no_crash(marked, tmp_path):
+    for text in ("", "{", "[1]"):
+        (tmp_path / MARK).write_text(text)
+        assert not marked(5.0).after_crash

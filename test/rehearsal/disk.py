@@ -17,14 +17,12 @@ from rosbags.typesys import Stores, get_typestore
 from soilmoist_ros.exploration.mission.journal import EVENT
 from soilmoist_ros.mapping.field_map import FieldMap
 from soilmoist_ros.recording import journal as journal_files
+from soilmoist_ros.recording.bag.metadata import Definition, Topic
 from soilmoist_ros.recording.bag.recorder import BagRecorder, next_bag
 from soilmoist_ros.recording.journal import Journal, load_journal
 from soilmoist_ros.recording.map_records import MapRecords
-from soilmoist_ros.recording.map_sources import MapSources, open_session
-from soilmoist_ros.recording.mcap.definitions import Definition
-from soilmoist_ros.recording.mcap.metadata import Topic
-from soilmoist_ros.recording.record_log import DRIVER, RecordLog, RecordTail
-from soilmoist_ros.recording.stored_counts import stored_counts
+from soilmoist_ros.recording.map_sources import DRIVER, MapSources, RecordLog, RecordTail, open_session
+from soilmoist_ros.recording.stored_records import stored_counts
 from soilmoist_ros.sensing.position.place_doubt import Doubt
 from soilmoist_ros.sensing.records import CountRecord
 

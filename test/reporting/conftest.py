@@ -12,8 +12,8 @@ import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping import FieldGrid, Samples, SoilMap, Variogram, make_soil_map
+from soilmoist_ros.pipeline.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.reporting.outputs import write_mission
-from soilmoist_ros.reporting.run import CalibrationInfo, CorrectionRow, InputFile, LossRow, MapRun, Note, NoteCode
 from soilmoist_ros.reporting.season import SeasonSettings, make_season
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, MoistureCurve
 from soilmoist_ros.sensing.moisture.footprint import SensedSoil

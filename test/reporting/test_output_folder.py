@@ -11,10 +11,10 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
+from soilmoist_ros.pipeline.field_survey import require_crs
 from soilmoist_ros.reporting.output_folder import (
     earlier_outputs,
     remove_earlier,
-    require_crs,
     require_free,
     results_in,
     writable,

@@ -7,20 +7,27 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
 
+from soilmoist_ros.foundation import printable
+from soilmoist_ros.recording.bag.metadata import Extent, joined
 from soilmoist_ros.recording.bag.storage import recorder_notes
-from soilmoist_ros.recording.bag.verify import verify_bag
-from soilmoist_ros.recording.mcap.metadata import Extent, joined
+from soilmoist_ros.recording.bag.verify import RecoveredBag, Verified, verify_bag
+from soilmoist_ros.sensing import reason_text
 
 _REGULAR_FROM: Final = 10
 _REGULAR_SHARE: Final = 0.8
 _GAP_FACTOR: Final = 5.0
 _MIN_GAP_S: Final = 1.0
+_PLAIN_WIDTH: Final = 240
 
 
 @dataclass(frozen=True)
@@ -151,3 +158,117 @@ def _topics(
         extent = Extent(len(stamps), int(stamps_ns[0]), int(stamps_ns[-1]))
         topics.append(TopicInfo(name, type_name, extent, sizes[name, type_name], interval_s, find_gaps(seconds)))
     return tuple(topics)
+
+
+def info_table(info: BagInfo, quarantined: Mapping[str, Mapping[str, int]] | None = None) -> RenderableType:
+    """The result of :func:`bag_info` as a table.
+
+    :param quarantined: number of quarantined records, by topic and code of the reason
+    """
+    head = plain_text(
+        f"{info.path}  {info.storage}, {size_text(info.size_bytes)}, {_extent_text(info.extent)}", no_wrap=True
+    )
+    table = Table("topic", "type", box=None, pad_edge=False)
+    for title in ("messages", "every", "size", "gaps"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for topic in info.topics:
+        table.add_row(
+            plain_text(topic.name),
+            plain_text(topic.type_name),
+            str(topic.extent.messages),
+            "" if topic.interval_s is None else _seconds_text(topic.interval_s),
+            size_text(topic.size_bytes),
+            _gaps_text(topic),
+        )
+    bad = [
+        plain_text(f"{name}: quarantined records: {_reasons_text(reasons)}", style="yellow")
+        for name, reasons in (quarantined or {}).items()
+    ]
+    bad += [plain_text(f"{name}: {value}", style="yellow") for name, value in info.notes.items()]
+    if info.recording:
+        verdict = Text("being recorded now", style="yellow")
+    elif info.whole:
+        verdict = Text("whole", style="green")
+    else:
+        verdict = plain_text("\n".join(info.problems) + f"\n-> {info.remedy}", style="red")
+    return Group(head, table, *bad, verdict)
+
+
+def recovery_table(bag: RecoveredBag) -> RenderableType:
+    """The result of :func:`recover_bag` as a table."""
+    table = Table("topic", box=None, pad_edge=False)
+    table.add_column("messages", justify="right")
+    for name, count in sorted(bag.counts.items()):
+        table.add_row(plain_text(name), str(count))
+    problems = plain_text("\n".join(bag.problems) or f"{bag.source} was whole", "yellow" if bag.problems else "")
+    return Group(
+        problems, plain_text(f"recovered to {bag.folder}: {_extent_text(bag.extent)}", no_wrap=True), table
+    )
+
+
+def verified_table(bag: Verified) -> RenderableType:
+    """The result of :func:`verify_bag`."""
+    messages = sum(file.extent.messages for file in bag.files)
+    number, right = len(bag.files), bag.checksums
+    kind = "MCAP" if bag.storage == "mcap" else bag.storage
+    files = f"{number} {kind} file{'s' * (number != 1)}, {messages} messages"
+    sums = f"right checksums of {right} file{'s' * (right != 1)}" if right else "without checksums"
+    head = plain_text(f"{bag.bag}  {files}, {sums}", no_wrap=True)
+    if bag.problems:
+        return Group(head, plain_text("\n".join(bag.problems) + f"\n-> {bag.remedy}", style="red"))
+    return Group(head, Text("whole", style="green"))
+
+
+def plain_text(text: str, style: str = "", *, no_wrap: bool = False) -> Text:
+    """A text with words of files in it: rich would read a ``str`` as markup."""
+    return Text(printable(text), style, no_wrap=no_wrap)
+
+
+def print_plain(console: Console, content: RenderableType) -> None:
+    """Print; outside a terminal, long names are not truncated."""
+    if not console.is_terminal:
+        console = Console(file=console.file, width=_PLAIN_WIDTH)
+    console.print(content, highlight=False, crop=False)
+
+
+def size_text(size_bytes: int) -> str:
+    """A size for people.
+
+    >>> size_text(1234567)
+    '1.23 MB'
+    """
+    size = float(size_bytes)
+    for unit in ("B", "kB", "MB"):
+        if size < 1000:
+            return f"{size:.3g} {unit}"
+        size /= 1000
+    return f"{size:.3g} GB"
+
+
+def _reasons_text(reasons: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {reason_text(code)}" for code, count in reasons.items())
+
+
+def _extent_text(extent: Extent) -> str:
+    if not extent.messages:
+        return "no messages"
+    start = datetime.fromtimestamp(extent.start_ns * 1e-9, UTC)
+    return (
+        f"{extent.messages} messages in {_seconds_text(extent.duration_ns * 1e-9)} from {start:%Y-%m-%d %H:%M:%S}Z"
+    )
+
+
+def _gaps_text(topic: TopicInfo) -> str:
+    if not topic.gaps:
+        return ""
+    longest = max(topic.gaps, key=lambda gap: gap.duration_s)
+    start = datetime.fromtimestamp(longest.start_s, UTC)
+    return f"{len(topic.gaps)}, longest {_seconds_text(longest.duration_s)} at {start:%H:%M:%S}Z"
+
+
+def _seconds_text(time_s: float) -> str:
+    if time_s < 60:
+        return f"{time_s:.3g} s"
+    minutes, seconds = divmod(round(time_s), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {seconds:02} s"

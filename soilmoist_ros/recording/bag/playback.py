@@ -5,14 +5,15 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Final
 
 from soilmoist_ros.foundation import InputError
+from soilmoist_ros.recording.bag.metadata import Qos
 from soilmoist_ros.recording.bag.reader import BagMessage, BagReader
-from soilmoist_ros.recording.bag.topic_choice import TopicChoice
-from soilmoist_ros.recording.mcap.metadata import Qos
 
+_ACTION_STATUS = "/_action/status"
 INPUTS: Final = (
     ".*/(counts|quarantined_counts|missed_counts|place_doubts|fix|pressure|temperature|relative_humidity|raw/logger"
     "|raw/gnss"
@@ -21,6 +22,45 @@ INPUTS: Final = (
 """Inputs of mapper and planner, and the raw lines; without the topics that the nodes publish."""
 CLOCK: Final = "rosgraph_msgs/msg/Clock"
 _MAX_STEP_S: Final = 0.1
+
+
+class TopicChoice:
+    """Topics chosen by regular expressions.
+
+    Hidden topics, with a part of the name that begins with ``_``, are excluded. The states of actions are
+    included, since they show the outcome of the goals.
+
+    >>> TopicChoice(exclude="/camera/.*").wanted("/camera/image")
+    False
+
+    :param include: expression that must match the full name
+    :param exclude: expression that must not match it; excludes nothing if empty
+    :raises InputError: if one is not a regular expression
+    """
+
+    def __init__(self, include: str = ".*", exclude: str = "") -> None:
+        self._include = _compiled("include", include)
+        self._exclude = _compiled("exclude", exclude) if exclude else None
+
+    def wanted(self, name: str) -> bool:
+        """Whether to record a topic.
+
+        :param name: its full name
+        """
+        if "/_" in name and not name.endswith(_ACTION_STATUS):
+            return False
+        if self._exclude is not None and self._exclude.fullmatch(name):
+            return False
+        return self._include.fullmatch(name) is not None
+
+
+def _compiled(what: str, pattern: str) -> re.Pattern[str]:
+    try:
+        return re.compile(pattern)
+    except re.error as error:
+        raise InputError(
+            f"{what}: {pattern!r} is not a regular expression: {error}", "an example is '/robot1/.*|/diagnostics'"
+        ) from None
 
 
 class Playback:

@@ -17,13 +17,11 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.point_cloud import count_records, quarantined_topic
+from soilmoist_ros.recording.bag.chunks import Allowance, TooMuchError
+from soilmoist_ros.recording.bag.messages import count_records, quarantined_topic, visit_of
+from soilmoist_ros.recording.bag.metadata import Definition, Extent, Qos, joined, require_small
+from soilmoist_ros.recording.bag.ros1 import ROS1, Message
 from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Storage, open_storages, remedy_of
-from soilmoist_ros.recording.bag.visit import visit_of
-from soilmoist_ros.recording.mcap.chunks import Allowance, TooMuchError
-from soilmoist_ros.recording.mcap.definitions import Definition, require_small
-from soilmoist_ros.recording.mcap.metadata import Extent, Qos, joined
-from soilmoist_ros.recording.ros1.bag_file import ROS1, Message
 from soilmoist_ros.recording.run_folder import BAG_FILES
 from soilmoist_ros.sensing import CountRecord
 

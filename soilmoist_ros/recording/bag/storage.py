@@ -8,19 +8,18 @@ import contextlib
 import sqlite3
 import tempfile
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import Any, Final, Protocol
 
 import zstandard
 
 from soilmoist_ros.foundation import InputError
+from soilmoist_ros.recording.bag.chunks import MAX_CHUNK_BYTES, Allowance, TooMuchError
+from soilmoist_ros.recording.bag.metadata import Content, Definition, Extent, Topic, qos_from_yaml
 from soilmoist_ros.recording.bag.retention import CLOSED_S, NUMBER
-from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES, Allowance, TooMuchError
-from soilmoist_ros.recording.mcap.definitions import Definition
-from soilmoist_ros.recording.mcap.metadata import Extent, Topic, qos_from_yaml
-from soilmoist_ros.recording.mcap.scan import McapScan
-from soilmoist_ros.recording.ros1.bag_file import ROS1, Connection, Message, Ros1File, converted
+from soilmoist_ros.recording.bag.ros1 import ROS1, Connection, Message, Ros1File, converted
+from soilmoist_ros.recording.bag.scan import McapScan
 
 TOO_MUCH: Final = "unpacks to far more than a recording of its size can: it is damaged, or was made to do harm"
 _PIECE: Final = 1 << 20
@@ -36,20 +35,6 @@ _REMEDIES: Final = {
 }
 _MAX_DEFAULT: Final = 100
 """Longest default of a column of SQLite: rows that lack the column do not store it, however long it is."""
-
-
-@dataclass
-class Content:
-    """What a file has.
-
-    :param topics: its topics
-    :param counts: number of messages of each topic, by name
-    :param extent: all messages
-    """
-
-    topics: list[Topic] = field(default_factory=list)
-    counts: dict[str, int] = field(default_factory=dict)
-    extent: Extent = field(default_factory=Extent)
 
 
 class Storage(Protocol):
@@ -72,7 +57,6 @@ class Storage(Protocol):
 def open_storages(path: Path) -> tuple[list[Storage], contextlib.ExitStack]:
     """The files of a bag in the order of recording, and what closes them.
 
-    :param path: folder of a bag, or one of its files
     :raises InputError: if there is no bag
     :raises ValueError: if it is damaged
     """
@@ -82,7 +66,7 @@ def open_storages(path: Path) -> tuple[list[Storage], contextlib.ExitStack]:
         for file in files:
             one: Storage
             if file.suffix == ".bag":
-                one = _Ros1(file)
+                one = Ros1File(file)
             else:
                 one = SqliteFile(file) if file.suffix == ".db3" else _Mcap(file)
             stack.callback(one.close)
@@ -310,27 +294,6 @@ def _time_ns(value: Any) -> int:
     if type(value) is not int or value < 0:
         raise ValueError(f"a message has the time {value!r:.30}")
     return value
-
-
-class _Ros1:
-    """A bag of ROS 1. Its messages become those of ROS 2.
-
-    Its messages come in the order of time only: no recorder of this package has written it.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._file = Ros1File(path)
-        kinds = {one.topic: one for one in self._file.connections.values()}
-        topics = [Topic(name, Definition(one.type_name, one.definition, ROS1), ()) for name, one in kinds.items()]
-        total, times = sum(self._file.counts.values()), self._file.extent_ns
-        extent = Extent() if times is None or not total else Extent(total, *times)
-        self.content = Content(topics, dict(self._file.counts), extent)
-
-    def messages(self, topics: Collection[str], by_time: bool = True) -> Iterator[Message]:
-        return self._file.messages(topics)
-
-    def close(self) -> None:
-        self._file.close()
 
 
 FAULTS: Final = (

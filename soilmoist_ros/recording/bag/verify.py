@@ -6,29 +6,33 @@ from __future__ import annotations
 
 import hashlib
 import re
+import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path, PurePath
 from typing import Final
 
 from soilmoist_ros.foundation import InputError
+from soilmoist_ros.recording.bag.chunks import MAX_CHUNK_BYTES
+from soilmoist_ros.recording.bag.metadata import BagFile, Extent, joined
+from soilmoist_ros.recording.bag.retention import NUMBER, next_number
+from soilmoist_ros.recording.bag.ros1 import ROS1, Ros1File
+from soilmoist_ros.recording.bag.scan import McapScan, ScannedMessage
 from soilmoist_ros.recording.bag.storage import (
     FAULTS,
     TOO_MUCH,
     SqliteFile,
     inside,
+    plain_message,
     read_metadata,
     remedy_of,
     unpacked,
 )
-from soilmoist_ros.recording.bag.writer import CHECKSUMS, is_being_written
-from soilmoist_ros.recording.mcap.chunks import MAX_CHUNK_BYTES
-from soilmoist_ros.recording.mcap.metadata import BagFile, Extent, joined
-from soilmoist_ros.recording.mcap.scan import McapScan
-from soilmoist_ros.recording.ros1.bag_file import Ros1File
+from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagWriter, is_being_written
 
 METADATA: Final = "metadata.yaml"
 _PATTERNS: Final = ("*.bag", "*.mcap", "*.mcap.zstd", "*.db3", "*.db3.zstd")
@@ -69,7 +73,6 @@ class Verified:
 def mcap_files(path: Path) -> list[Path]:
     """MCAP files of a bag in the order of recording.
 
-    :param path: folder of a bag, or one of its files
     :raises InputError: if there are none, or one is a link to a file outside of the folder
     """
     if path.is_file() and path.suffix == ".mcap":
@@ -137,11 +140,6 @@ def compared(
 
     The numbers of messages by topic decide. What recorders are known to write wrongly does not: numbers by file,
     and the duration of a split bag.
-
-    :param bag: folder of the bag
-    :param files: the files that are there
-    :param counts: number of messages of each topic in them
-    :param required: whether ``metadata.yaml`` must be there
     """
     right, problems = _checked_sums(bag)
     if not (bag / METADATA).is_file():
@@ -241,11 +239,11 @@ def _read(file: Path, counts: Counter[str], note: Note) -> tuple[Extent, list[st
                     take(name, kind, log_ns, len(data))
         else:
             with closing(Ros1File(file)) as bag:
-                for name, kind, log_ns, data in bag.messages(bag.counts, convert=False):
+                for name, kind, log_ns, data in bag.messages(bag.content.counts, convert=False):
                     take(name, kind, log_ns, len(data))
                 problems = [
                     f"{name} has {here[name]} messages, and the index of {file.name} says {count}"
-                    for name, count in bag.counts.items()
+                    for name, count in bag.content.counts.items()
                     if here[name] != count
                 ]
     finally:
@@ -302,3 +300,74 @@ def _text(error: BaseException) -> str:
 def _split_number(path: Path) -> tuple[int, str]:
     match = re.search(r"_(\d+)$", path.stem)
     return (int(match[1]) if match else -1, path.name)
+
+
+@dataclass(frozen=True)
+class RecoveredBag:
+    """Result of a recovery.
+
+    :param source: the bag that was read
+    :param folder: the bag that was written
+    :param extent: the messages in it
+    :param counts: number of messages of each topic
+    :param problems: problems of the source, in words
+    """
+
+    source: Path
+    folder: Path
+    extent: Extent
+    counts: dict[str, int]
+    problems: tuple[str, ...]
+
+
+def recover_bag(path: Path, out: Path) -> RecoveredBag:
+    """Write every complete message of a bag into a new bag that any reader accepts.
+
+    :param path: folder of a bag, or an MCAP file; only read
+    :param out: folder to make; must not exist
+    :raises InputError: if nothing can be read, or the new bag cannot be written
+    """
+    scans = [McapScan(file) for file in mcap_files(path)]
+    extents, found = [Extent()] * len(scans), Counter[str]()
+
+    def readable(number: int) -> Iterator[ScannedMessage]:
+        for message in _readable(scans[number]):
+            extents[number] = extents[number].with_message(message.log_ns)
+            found[message.topic.name] += 1
+            yield message
+
+    messages = chain.from_iterable(map(readable, range(len(scans))))
+    first = next(messages, None)
+    if first is None:
+        raise InputError("holds no complete message", "nothing can be recovered: remove it", path)
+    try:
+        notes = {NUMBER: str(next_number(out.parent))}  # or a recorder would delete it as the oldest
+    except OSError:  # no recorder can record in a folder that cannot be listed
+        notes = {}
+    writer = BagWriter(out, notes=notes)
+    try:
+        with writer:
+            for message in chain([first], messages):
+                data = message.data if message.topic.definition.encoding == ROS1 else plain_message(message.data)
+                writer.write(message.topic, message.log_ns, message.publish_ns, data)
+    except InputError:
+        shutil.rmtree(out, ignore_errors=True)
+        raise
+    except OSError as error:
+        shutil.rmtree(out, ignore_errors=True)
+        raise InputError(f"cannot be written: {error.strerror}", "choose a disk with more space", out) from None
+    problems = [text for scan in scans for text in findings(scan)]
+    if path.is_dir() and not any(is_being_written(scan.path) for scan in scans):
+        files = [BagFile(scan.path.name, extent) for scan, extent in zip(scans, extents, strict=True)]
+        problems += compared(path, files, found)[1]
+    counts = {topic.name: count for topic, count in writer.counts.items()}
+    return RecoveredBag(path, out, writer.extent, counts, tuple(problems))
+
+
+def _readable(scan: McapScan) -> Iterator[ScannedMessage]:
+    try:
+        yield from scan.messages()
+    except OSError as error:
+        raise InputError(
+            f"cannot be read: {error.strerror}", "check the disk and permissions", scan.path
+        ) from None

@@ -19,8 +19,8 @@ from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.mcap.metadata import BagFile, Extent, Topic, bag_metadata, joined, to_yaml
-from soilmoist_ros.recording.whole_file import sync_folder, write_whole
+from soilmoist_ros.recording.bag.metadata import BagFile, Extent, Topic, bag_metadata, joined, to_yaml
+from soilmoist_ros.recording.run_folder import sync_folder, write_whole
 
 _WRITE_AT: Final = 1 << 20
 _CHUNK_BYTES: Final = 16 << 10

@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError, LocalFrame, optional_module
+from soilmoist_ros.pipeline import EARLIEST_STAMP_S
 from soilmoist_ros.reporting.exports.source import MOISTURE, ROOT_DEPTH_MM, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.zones import Zone, contour_lines, management_zones
-from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
 if TYPE_CHECKING:
     from pyproj import CRS

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import __version__
+from soilmoist_ros.pipeline import EARLIEST_STAMP_S
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
 from soilmoist_ros.reporting.colours import colour_ramp
 from soilmoist_ros.reporting.exports.layers import to_crs
@@ -24,7 +25,6 @@ from soilmoist_ros.reporting.geotiff import BANDS
 from soilmoist_ros.reporting.netcdf import CLOCK, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.page.frame import fill_template
 from soilmoist_ros.reporting.page.numbers import round_step
-from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 
 NODATA, MAX_VALUE = 255, 254
 """Pixel without a value, and largest value, of a coloured GeoTIFF."""

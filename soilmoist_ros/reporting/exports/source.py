@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame, install
+from soilmoist_ros.pipeline import EARLIEST_STAMP_S, curve_of, is_illustrative, shape_of
 from soilmoist_ros.reporting.certainty import CALIBRATION_TAG, ILLUSTRATIVE, calibration_state, class_probability
-from soilmoist_ros.reporting.earlier.results import curve_of, is_illustrative, shape_of
 from soilmoist_ros.reporting.opened_run import Columns, OpenedRun
-from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 from soilmoist_ros.sensing import MoistureCurve
 
 if TYPE_CHECKING:

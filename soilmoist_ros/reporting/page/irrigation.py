@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from soilmoist_ros.pipeline import IrrigationLimits, MapRun
 from soilmoist_ros.reporting.certainty import CERTAIN, Certainty, absolute, certainty, class_probability
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.numbers import part_of_area, percent, volume
 from soilmoist_ros.reporting.page.statistics import calibration_sd, is_usable, mean_moisture, unusable_share
-from soilmoist_ros.reporting.run import IrrigationLimits, MapRun
 
 Array = NDArray[np.float64]
 

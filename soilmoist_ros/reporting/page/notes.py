@@ -11,8 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soilmoist_ros.reporting.earlier.doubts import MAX_AHEAD_S, doubts, mean_rate
-from soilmoist_ros.reporting.geometry import distances_m, track_xy
+from soilmoist_ros.pipeline import (
+    EARLIEST_STAMP_S,
+    MAX_AHEAD_S,
+    MapRun,
+    Note,
+    NoteCode,
+    earlier_doubts,
+    mean_rate,
+    track_xy,
+)
+from soilmoist_ros.reporting.geometry import distances_m
 from soilmoist_ros.reporting.moisture_steps import at_one_place
 from soilmoist_ros.reporting.page.numbers import percent, volume
 from soilmoist_ros.reporting.page.statistics import (
@@ -21,8 +30,6 @@ from soilmoist_ros.reporting.page.statistics import (
     implausible_shares,
     undefined_share,
 )
-from soilmoist_ros.reporting.run import MapRun, Note, NoteCode
-from soilmoist_ros.reporting.survey_times import EARLIEST_STAMP_S
 from soilmoist_ros.sensing import n0_in_other_time, reason_text, unusual_factors
 
 if TYPE_CHECKING:
@@ -202,7 +209,7 @@ def _on_earlier(run: MapRun) -> Iterator[Note]:
     """Notes on earlier surveys whose date or count rate can hardly be right."""
     rate = mean_rate(run.soil_map.samples)
     for one in run.earlier:
-        for doubt in doubts(one, rate, run.created_utc, run.survey_end_utc):
+        for doubt in earlier_doubts(one, rate, run.created_utc, run.survey_end_utc):
             yield Note(NoteCode.DOUBTFUL_EARLIER, f"The earlier survey {one.survey.name} {doubt}")
 
 

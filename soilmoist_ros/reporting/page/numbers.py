@@ -7,19 +7,10 @@ from __future__ import annotations
 import math
 
 from soilmoist_ros.exploration import DWELL_RULES, STRATEGIES, StrategyKind
-from soilmoist_ros.foundation import InputError
-
-HECTARE_M2 = 1e4
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """A number with this many significant digits, without an exponent if possible; a dash if undefined."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    if value != 0 and not 1e-4 <= abs(value) < 1e7:
-        return f"{value:.{digits - 1}e}"
-    decimals = max(digits - 1 - (math.floor(math.log10(abs(value))) if value else 0), 0)
-    return f"{value:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
+from soilmoist_ros.foundation import HECTARE_M2, InputError, area_unit
+from soilmoist_ros.foundation import area as area
+from soilmoist_ros.foundation import duration as duration
+from soilmoist_ros.foundation import number as number
 
 
 def plain(value: object) -> str:
@@ -73,19 +64,13 @@ def round_step(least: float) -> float:
     return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= least * (1 - 1e-9))
 
 
-def area(area_m2: float) -> tuple[str, str]:
-    """An area and its unit: hectares, square kilometres if very large."""
-    size, unit = _area_unit(area_m2)
-    return number(area_m2 / size, 2 if size == HECTARE_M2 > area_m2 else 3), unit
-
-
 def part_of_area(part_m2: float, whole_m2: float) -> str:
     """A part of an area in the unit and with the decimals of the whole, so that the parts of a table compare.
 
     >>> part_of_area(1_200, 80_000), part_of_area(12, 80_000), part_of_area(0, 80_000)
     ('0.12 ha', '< 0.01 ha', '0 ha')
     """
-    size, unit = _area_unit(whole_m2)
+    size, unit = area_unit(whole_m2)
     digits = 1 if size == HECTARE_M2 > whole_m2 else 2
     decimals = max(digits - math.floor(math.log10(max(whole_m2, 1e-9) / size)), 0)
     if 0 < part_m2 < 0.5 * size * 10**-decimals:
@@ -93,31 +78,9 @@ def part_of_area(part_m2: float, whole_m2: float) -> str:
     return f"{part_m2 / size:,.{decimals}f}".replace(",", "\u202f") + f" {unit}" if part_m2 > 0 else f"0 {unit}"
 
 
-def _area_unit(area_m2: float) -> tuple[float, str]:
-    """Size [m^2] and name of the unit in which an area is shown."""
-    if area_m2 >= 5e7:
-        return 1e6, "km²"
-    return (HECTARE_M2, "ha") if area_m2 >= 500 else (1.0, "m²")
-
-
 def length(metres: float) -> tuple[str, str]:
     """A length and its unit."""
     return (number(metres / 1000), "km") if metres >= 2000 else (f"{metres:.0f}", "m")
-
-
-def duration(seconds: float) -> str:
-    """A duration in words, rounded to a suitable unit."""
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    if minutes < 60:
-        return f"{minutes} min"
-    if minutes < 2880:
-        return f"{minutes // 60} h {minutes % 60:02d} min"
-    return f"{minutes / 1440:.1f} days"
-
-
-# Names of strategies and dwell rules for readers ----------------------------------------------------------------
 
 
 def strategy_text(strategy: str) -> str:

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from soilmoist_ros.foundation import __version__
+from soilmoist_ros.pipeline import FailedRun, MapRun, track_xy
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
-from soilmoist_ros.reporting.failed_run import FailedRun
-from soilmoist_ros.reporting.geometry import track_xy
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page import charts as survey_charts
 from soilmoist_ros.reporting.page import numbers, wording
@@ -26,7 +25,6 @@ from soilmoist_ros.reporting.page.statistics import TruthScore, covariate_import
 from soilmoist_ros.reporting.page.variogram_charts import variogram_charts
 from soilmoist_ros.reporting.page.viewer import pictures, viewer_data
 from soilmoist_ros.reporting.page.wording import Fact
-from soilmoist_ros.reporting.run import MapRun
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
 MAX_VISITS = 100

@@ -13,12 +13,10 @@ import numpy as np
 
 from soilmoist_ros.exploration import Visit, polyline_length_m
 from soilmoist_ros.mapping import Estimate, FieldChange, possible_moisture
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
-from soilmoist_ros.reporting.earlier.run_change import RunChange
+from soilmoist_ros.pipeline import EarlierRun, MapRun, RunChange
 from soilmoist_ros.reporting.page import numbers
 from soilmoist_ros.reporting.page.charts import Chart, Dots, Line, forecast_chart, limits_of
 from soilmoist_ros.reporting.page.numbers import duration, dwell_text, length, number, percent, strategy_text
-from soilmoist_ros.reporting.run import MapRun
 from soilmoist_ros.simulation import MissionResult, SeriesRow, forecast_text, mission_efficiency, series_columns
 
 MAX_VISITS = 100

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.mapping import Effect, SoilMap, moisture_terms, possible_moisture
-from soilmoist_ros.reporting.run import MapRun
+from soilmoist_ros.pipeline import MapRun
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import PoissonKriging, SoilMap

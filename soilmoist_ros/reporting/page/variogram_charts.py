@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.mapping import Samples, Supports, Variogram, default_edges, sample_correlation
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, Mark
 from soilmoist_ros.reporting.page.numbers import number, percent
-from soilmoist_ros.reporting.run import MapRun
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import LocalFrame
 from soilmoist_ros.mapping import FieldChange, FieldGrid
+from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import CERTAIN, ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.colours import (
     DIFFERENCE,
@@ -36,7 +37,6 @@ from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts import round_ticks
 from soilmoist_ros.reporting.page.irrigation import Irrigation, has_level
 from soilmoist_ros.reporting.page.numbers import percent, plain, round_step
-from soilmoist_ros.reporting.run import MapRun
 
 Array = NDArray[np.float64]
 

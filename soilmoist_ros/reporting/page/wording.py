@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from soilmoist_ros.mapping import Bands
-from soilmoist_ros.reporting.failed_run import FailedRun
+from soilmoist_ros.pipeline import FailedRun, MapRun, local_time
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
 from soilmoist_ros.reporting.page.numbers import area, duration, length, percent, volume
@@ -25,8 +25,6 @@ from soilmoist_ros.reporting.page.statistics import (
     unusable_share,
 )
 from soilmoist_ros.reporting.page.statistics import mean_moisture as field_moisture
-from soilmoist_ros.reporting.run import MapRun
-from soilmoist_ros.reporting.survey_times import local_time
 
 _CHECK_ALL = "Check N0 and whether all tubes were counted."
 _UNFIT = (

@@ -7,9 +7,8 @@ from bags import MODEL, NOTES, START_NS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.recording.bag.playback import INPUTS, Pacer, Playback
+from soilmoist_ros.recording.bag.playback import INPUTS, Pacer, Playback, TopicChoice
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.topic_choice import TopicChoice
 
 
 @pytest.mark.slow

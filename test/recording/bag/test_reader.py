@@ -17,14 +17,12 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.info import bag_info
-from soilmoist_ros.recording.bag.point_cloud import count_records, points
+from soilmoist_ros.recording.bag.info import bag_info, info_table
+from soilmoist_ros.recording.bag.messages import count_records, points
+from soilmoist_ros.recording.bag.metadata import Definition, Extent, Topic
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.tables import info_table
 from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.mcap.definitions import Definition
-from soilmoist_ros.recording.mcap.metadata import Extent, Topic
-from soilmoist_ros.recording.stored_counts import quarantine_reasons, stored_counts
+from soilmoist_ros.recording.stored_records import quarantine_reasons, stored_counts
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 COUNTS = np.dtype(
@@ -308,7 +306,7 @@ def test_a_small_bag_does_not_become_many_records(tmp_path, monkeypatch, caplog)
             writer.write(make_topic("/counts", CLOUD), START_NS + number, START_NS, message)
     with BagReader(tmp_path / "bag") as reader:
         assert len(reader.read_counts()) == 15_000
-        monkeypatch.setattr("soilmoist_ros.recording.mcap.chunks._FREE_RECORDS", 0)
+        monkeypatch.setattr("soilmoist_ros.recording.bag.chunks._FREE_RECORDS", 0)
         with pytest.raises(InputError, match="far more than a recording of its size"):
             reader.read_counts()
     assert len(stored_counts(tmp_path / "bag", ["/counts"], "")) < 15_000

@@ -18,15 +18,21 @@ from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.recording.bag.info import bag_info
+from soilmoist_ros.recording.bag.metadata import Extent
+from soilmoist_ros.recording.bag.playback import TopicChoice
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.recorder import BagRecorder, RecorderState, check_name, free_bytes, next_bag
-from soilmoist_ros.recording.bag.recorder_health import SequenceGaps, recorder_health
-from soilmoist_ros.recording.bag.recovery import recover_bag
-from soilmoist_ros.recording.bag.topic_choice import TopicChoice
-from soilmoist_ros.recording.bag.verify import verify_bag
+from soilmoist_ros.recording.bag.recorder import (
+    BagRecorder,
+    RecorderState,
+    SequenceGaps,
+    check_name,
+    free_bytes,
+    next_bag,
+    recorder_health,
+)
+from soilmoist_ros.recording.bag.scan import McapScan
+from soilmoist_ros.recording.bag.verify import recover_bag, verify_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
-from soilmoist_ros.recording.mcap.metadata import Extent
-from soilmoist_ros.recording.mcap.scan import McapScan
 
 DATA = text_message("x" * 90)
 

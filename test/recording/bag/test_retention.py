@@ -9,8 +9,17 @@ import pytest
 from bags import NOTES, START_NS, text_message
 
 from soilmoist_ros.recording.bag.recorder import next_bag
-from soilmoist_ros.recording.bag.recovery import recover_bag
-from soilmoist_ros.recording.bag.retention import CLOSED_S, Excess, Limits, delete_bags, excess_text, find_excess
+from soilmoist_ros.recording.bag.retention import (
+    CLOSED_S,
+    ClockWatch,
+    Excess,
+    Limits,
+    delete_bags,
+    excess_text,
+    find_excess,
+    is_synchronised,
+)
+from soilmoist_ros.recording.bag.verify import recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
 
 NOW_S = 1_780_000_000.0
@@ -135,3 +144,40 @@ def test_what_is_beyond_the_limits_is_said_in_words(tmp_path):
     assert text.startswith("the recordings take 2 MB more than keep_gb: move some")
     assert excess_text(Excess((), -2e6), drops=True) == ""
     assert "1 bags seem older than keep_days" in excess_text(Excess(undated=(tmp_path,)), drops=True)
+
+
+CLOCK_NOW_S = 1_780_000_000.0
+
+
+@pytest.fixture
+def watch():
+    """A watch that has seen a synchronised clock for an hour."""
+    seen = ClockWatch()
+    for minute in range(61):
+        seen.look(CLOCK_NOW_S + 60 * minute, 60.0 * minute, synchronised=minute == 0)
+    return seen
+
+
+def test_a_clock_that_nobody_keeps_is_not_trusted():
+    watch = ClockWatch()
+    for minute in range(100):
+        watch.look(CLOCK_NOW_S + 60 * minute, 60.0 * minute, synchronised=False)
+        assert (watch.right, watch.settled) == (False, False)
+
+
+def test_a_clock_is_settled_after_an_hour_and_needs_no_network_then(watch):
+    assert (watch.right, watch.settled) == (True, True)
+    watch.look(CLOCK_NOW_S + 3661.0, 3660.0, synchronised=False)  # it has drifted
+    assert (watch.right, watch.settled) == (True, True)
+
+
+@pytest.mark.parametrize("step_s", [366 * 86_400.0, -86_400.0])
+def test_a_clock_that_was_set_is_not_settled(watch, step_s):
+    watch.look(CLOCK_NOW_S + 3660.0 + step_s, 3660.0, synchronised=False)
+    assert (watch.right, watch.settled) == (False, False)
+    watch.look(CLOCK_NOW_S + 3720.0, 3720.0, synchronised=True)  # and back again
+    assert (watch.right, watch.settled) == (True, False)
+
+
+def test_the_kernel_is_asked():
+    assert is_synchronised() in (True, False)

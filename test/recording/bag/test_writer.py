@@ -15,9 +15,9 @@ from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.recovery import recover_bag
+from soilmoist_ros.recording.bag.scan import McapScan
+from soilmoist_ros.recording.bag.verify import recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter, is_being_written
-from soilmoist_ros.recording.mcap.scan import McapScan
 
 HERE = str(Path(__file__).parents[1])
 

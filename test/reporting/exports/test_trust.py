@@ -14,11 +14,11 @@ import pytest
 import rasterio
 from scipy.io import netcdf_file
 
+from soilmoist_ros.pipeline.run import CalibrationInfo, IrrigationLimits
 from soilmoist_ros.reporting import open_run, write_outputs
 from soilmoist_ros.reporting.exports.registry import EXPORTS, export_run
 from soilmoist_ros.reporting.exports.source import ExportSettings
 from soilmoist_ros.reporting.page.irrigation import irrigation
-from soilmoist_ros.reporting.run import CalibrationInfo, IrrigationLimits
 
 pytestmark = pytest.mark.slow  # runs are written and exported
 

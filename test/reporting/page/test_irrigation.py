@@ -12,10 +12,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from soilmoist_ros.pipeline.run import CalibrationInfo, IrrigationLimits
 from soilmoist_ros.reporting.moisture_steps import moisture_series
 from soilmoist_ros.reporting.page.irrigation import BY_PLANT, BY_USER, RELATIVE, irrigation, stress_point
 from soilmoist_ros.reporting.page.statistics import mean_moisture
-from soilmoist_ros.reporting.run import CalibrationInfo, IrrigationLimits
 from soilmoist_ros.sensing.records import CountRecord
 
 

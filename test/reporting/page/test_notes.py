@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.mapping.drift import Change, Drift, Jump
+from soilmoist_ros.pipeline.run import CorrectionRow, Note, NoteCode
 from soilmoist_ros.reporting.page.notes import notes
-from soilmoist_ros.reporting.run import CorrectionRow, Note, NoteCode
 
 
 def codes(run):

@@ -20,14 +20,14 @@ import pytest
 from reporting.packed import unpack
 from soilmoist_ros.mapping import Variogram, make_soil_map
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.reporting.map_run import input_file
+from soilmoist_ros.pipeline.field_survey import input_file
+from soilmoist_ros.pipeline.run import InputFile, IrrigationLimits, LossRow, Note, NoteCode
 from soilmoist_ros.reporting.page import report
 from soilmoist_ros.reporting.page.frame import _text
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.reporting.page.wording import survey_time
-from soilmoist_ros.reporting.run import InputFile, IrrigationLimits, LossRow, Note, NoteCode
 from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurve
 

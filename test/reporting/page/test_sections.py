@@ -13,15 +13,14 @@ from soilmoist_ros.mapping.knowledge import EarlierSurvey
 from soilmoist_ros.mapping.samples import Samples
 from soilmoist_ros.mapping.several_surveys import Estimate
 from soilmoist_ros.mapping.soil_map import make_soil_map
-from soilmoist_ros.reporting.earlier.earlier_runs import EarlierRun
-from soilmoist_ros.reporting.earlier.run_change import MAX_SAMPLES, RunChange, run_change
+from soilmoist_ros.pipeline.earlier_runs import MAX_SAMPLES, run_change
+from soilmoist_ros.pipeline.run import EarlierRun, NoteCode, RunChange
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.sections import change_text, earlier_part
 from soilmoist_ros.reporting.page.viewer import viewer_data
-from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.reporting.run_summary import summary
 
 NOW_S = 1.77e9

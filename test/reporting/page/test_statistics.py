@@ -21,6 +21,7 @@ from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Amplitude
 from soilmoist_ros.mapping.variogram.support import Supports
+from soilmoist_ros.pipeline.run import NoteCode
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.statistics import (
@@ -37,7 +38,6 @@ from soilmoist_ros.reporting.page.statistics import (
     uncertain_share,
     undefined_share,
 )
-from soilmoist_ros.reporting.run import NoteCode
 from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field

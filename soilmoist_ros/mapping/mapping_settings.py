@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a user chooses for a map. Command line, logs, replay and mapper take their settings from this declaration.
+
+To add a setting, add a field to :class:`MappingSettings` and use it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Final
+
+from soilmoist_ros.foundation import InputError
+
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping.drift import DriftModel
+    from soilmoist_ros.mapping.variogram.fit import FitMethod, LocalModel, NoiseModel
+    from soilmoist_ros.mapping.variogram.model import ModelName
+
+_UNCHANGED: Final = object()
+
+
+def _choice(help: str, default: Any, *choices: str, before: Any = _UNCHANGED) -> Any:
+    """A field: its help, its default, all permitted values, and its value in versions before it was a choice."""
+    before = default if before is _UNCHANGED else before
+    return field(default=None, metadata={"help": help, "default": default, "choices": choices, "before": before})
+
+
+@dataclass(frozen=True, kw_only=True)
+class MappingSettings:
+    """Settings of a map; ``None`` for the default, or in a replay for that of the robot.
+
+    :param model: variogram model
+    :param fit: ``reml`` or ``soft_l1``
+    :param noise: rate in the Poisson noise, as :class:`FieldMapSettings`
+    :param local: whether the variance may differ from place to place, as :class:`FieldMapSettings`
+    :param drift_model: whether the mean rate may change during the survey, as :class:`FieldMapSettings`
+    :param keep_nugget: map the rate with its micro-scale variation, or the smooth part only
+    :param cell_m: cell size of the map [m]; by default that of the field, or one chosen from its extent
+    :param merge_radius_m: records closer together than this become one sample [m]; by default chosen from the
+        footprint
+    """
+
+    model: ModelName | None = _choice(
+        "Variogram model: gaussian, exponential, spherical, matern32, matern52, or that of a plug-in.", "matern32"
+    )
+    fit: FitMethod | None = _choice(
+        "Variogram fit: restricted maximum likelihood, or the published robust least squares.",
+        "reml", "reml", "soft_l1",
+    )  # fmt: skip
+    noise: NoiseModel | None = _choice(
+        "Rate in the Poisson noise of a sample: local to its place or the mean rate.",
+        "local", "local", "mean", before="mean",
+    )  # fmt: skip
+    local: LocalModel | None = _choice(
+        "Whether the variance may differ from place to place.", "auto", "auto", "off", before="off"
+    )
+    drift_model: DriftModel | None = _choice(
+        "Whether the mean rate may change during the survey.", "auto", "auto", "off", before="off"
+    )
+    keep_nugget: bool | None = _choice(
+        "Map the rate with its micro-scale variation (keep), or its smooth part only (filter).", True
+    )
+    cell_m: float | None = _choice("Cell size [m].", None)
+    merge_radius_m: float | None = _choice(
+        "Records within this radius become one sample [m]. Default: a quarter of the footprint.", None
+    )
+
+    def values(self, recorded: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Settings by name: what is chosen, else what was recorded, else the default.
+
+        :param recorded: parameters of a mapper, whose version may lack some; ``None`` for none
+        :raises InputError: if there is no such choice
+
+        >>> MappingSettings(fit="soft_l1").values({"model": "gaussian"})["noise"]
+        'mean'
+        """
+        from soilmoist_ros.mapping.variogram.model import VARIOGRAM_MODELS  # needs numpy, options do not
+
+        found = {}
+        for one in fields(MappingSettings):
+            value = getattr(self, one.name)
+            if value is None and recorded is not None:
+                value = recorded.get(one.name, one.metadata["before"])
+            value = one.metadata["default"] if value is None else value
+            known = VARIOGRAM_MODELS.names() if one.name == "model" else one.metadata["choices"]
+            if known and value not in known:
+                raise InputError(f"there is no {one.name} {value!r}", f"choose one of: {', '.join(known)}")
+            found[one.name] = value
+        return found

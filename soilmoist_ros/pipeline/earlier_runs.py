@@ -1,0 +1,490 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Finished runs as earlier surveys of the field that is being mapped (``--earlier RUN``)."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from soilmoist_ros.foundation import DAY_S, InputError, LocalFrame, Mistake, distance_text, resource
+from soilmoist_ros.mapping import (
+    EarlierSurvey,
+    Estimate,
+    FieldGrid,
+    FieldMapSettings,
+    JointKriging,
+    Persistence,
+    PoissonKriging,
+    Samples,
+    SoilMap,
+    default_merge_radius_m,
+    field_change,
+    load_field,
+    mean_places,
+    possible_moisture,
+    samples_at_end,
+    survey_samples,
+)
+from soilmoist_ros.pipeline.results import curve_of, read_summary
+from soilmoist_ros.pipeline.run import EarlierRun, RunChange
+from soilmoist_ros.recording import (
+    RECORDS,
+    SUMMARY,
+    bag_of,
+    configuration_of,
+    read_earlier,
+    read_parameters,
+    read_records,
+)
+from soilmoist_ros.sensing import CountRecord, MoistureCurve, load_site
+
+if TYPE_CHECKING:
+    from soilmoist_ros.simulation import MappedProperty, MissionSettings
+
+FIRST_NAMES = ("", "moisture")
+"""Names of the robot's own property, which is no name to compare."""
+SAME_RECORDS = 0.5
+"""Share of equal stamps and counts from which two runs are one survey; by chance it is a twentieth."""
+SAME_SENSOR = 0.01
+"""Relative difference of their rates over equal soil up to which two sensors are one."""
+MAX_AHEAD_S = DAY_S
+"""How far after the time of the report a record may be dated [s]: clocks of loggers are local."""
+MAX_RATE_RATIO = 2.0
+"""Largest ratio of the mean rates of two surveys without a doubt: dry to saturated soil (Desilets 2010)."""
+MAX_YEARS = 5.0
+"""Longest time between two surveys without a doubt."""
+_YEAR_S = 365.25 * DAY_S
+MAX_SAMPLES = 1500
+"""Number of samples of all surveys up to which a change is computed; the latest earlier surveys come first."""
+EARLIER = "earlier"
+"""Folder in the output of a mission with the runs of its simulated earlier surveys."""
+
+
+@dataclass(frozen=True)
+class RunRecords:
+    """The records of a finished run.
+
+    :param path: folder of the run, or its recording
+    :param frame: plane of the records
+    :param records: records in order of time, without quarantined ones
+    :param property_name: name of the property that they count; empty if the run does not name it
+    :param simulated: whether the counts are simulated
+    :param curve: calibration of the sensor, ``None`` without one
+    :param corrections: parameters of each applied correction by its name, ``None`` if the run does not say
+    """
+
+    path: Path
+    frame: LocalFrame
+    records: Sequence[CountRecord]
+    property_name: str = ""
+    simulated: bool = False
+    curve: MoistureCurve | None = None
+    corrections: Mapping[str, Mapping[str, Any]] | None = field(default=None)
+
+
+def find_runs(path: Path) -> list[Path]:
+    """The runs at a path: the path itself, or all runs in a folder of runs, by name.
+
+    :raises InputError: if there is none
+    """
+    whole = path.parent if path.name == RECORDS and (path.parent / SUMMARY).is_file() else path
+    if _is_run(whole):
+        return [whole]
+    inside = sorted(one for one in whole.iterdir() if _is_run(one)) if whole.is_dir() else []
+    if inside:
+        return inside
+    why = "does not exist" if not path.exists() else f"is neither a run ({SUMMARY} and {RECORDS}) nor a recording"
+    raise InputError(why, "give the folder that --out of a run named, a recording, or a folder of such", path)
+
+
+def _is_run(path: Path) -> bool:
+    if path.is_file():
+        return path.suffix in (".mcap", ".db3")
+    bag = bag_of(path)
+    return (path / SUMMARY).is_file() or (bag / "metadata.yaml").is_file() or any(bag.glob("*.mcap"))
+
+
+def read_run(path: Path, name: str = "", first: bool = True) -> RunRecords | None:
+    """The records of a run.
+
+    :param path: one of :func:`find_runs`
+    :param name: name of the property to read
+    :param first: whether it is the robot's own, which may be without a name
+    :returns: ``None`` if the run does not have this further property
+    :raises InputError: if the run has no records, not this property, or does not say where it was
+    """
+    if (path / SUMMARY).is_file():
+        return _of_folder(path, name, first)
+    return _of_bag(path, "" if first else name)
+
+
+def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
+    """Records of an output folder."""
+    about = read_summary(path)
+    datum = about.get("datum")
+    if datum is None:
+        raise InputError(
+            "is not the summary of a mapped run: datum is missing", "make the run again", path / SUMMARY
+        )
+    frame = LocalFrame(datum["latitude_deg"], datum["longitude_deg"])
+    names = [one.get("name", "") for one in about.get("properties") or ()]
+    first = names[0] if names else ""
+    if name in names[1:]:
+        table, found = path / f"records_{name}.csv", name
+    elif not own and name != first:
+        return None
+    else:
+        _require_same(name, first, names, path)
+        table, found = path / RECORDS, first
+    if not table.is_file():
+        raise InputError(
+            f"has no {table.name}", "make the run again with this version, or give its recording", path
+        )
+    rows = about.get("corrections") or ()
+    return RunRecords(
+        path,
+        frame,
+        _good(read_records(table), path),
+        found,
+        bool(about.get("simulated")),
+        curve_of(about, path) if found == first else None,
+        {row["name"]: row.get("parameters") or {} for row in rows} if rows else None,
+    )
+
+
+def _of_bag(path: Path, name: str) -> RunRecords | None:
+    """Records of a recording, in the plane of the field that its nodes had; the robot's own without a name."""
+    bag = bag_of(path)
+    configuration = configuration_of(bag)
+    mapper = read_parameters(configuration, f"{name.strip('/')}/mapper".strip("/"))
+    if name and not mapper:
+        return None
+    if not mapper.get("field"):
+        remedy = "map it with soilmoist replay --field, and give the folder of that"
+        raise InputError("does not say in which field it was recorded", remedy, path)
+    site = load_site(resource("sites", str(mapper["site"]))) if mapper.get("site") else None
+    return RunRecords(
+        path,
+        load_field(resource("fields", str(mapper["field"]))).frame,
+        _good(read_earlier(bag, name), path),
+        name,
+        bool(mapper.get("simulated")),
+        None if site is None else site.curve,
+    )
+
+
+def _good(records: Sequence[CountRecord], path: Path) -> list[CountRecord]:
+    """Records that a map can use."""
+    good = [
+        one
+        for one in records
+        if not one.quarantine
+        and 0 < one.effective_exposure_s < math.inf
+        and all(map(math.isfinite, (one.stamp_s, one.x_m, one.y_m)))
+    ]
+    if not good:
+        raise InputError(f"has no usable record among {len(records)}", "leave it out", path)
+    return sorted(good, key=lambda record: record.stamp_s)
+
+
+def _require_same(name: str, first: str, names: Sequence[str], path: Path) -> None:
+    """Check that a run's first property may be the one that is mapped."""
+    if name in FIRST_NAMES or first in FIRST_NAMES or name == first:
+        return
+    raise InputError(
+        f"is a run of the property {', '.join(map(repr, names))}, not of {name!r}",
+        "give a run of the same property: the pattern of another one is not that of this one",
+        path,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """What earlier surveys must fit: the map that is being made.
+
+    :param frame: plane of the field
+    :param grid: the field
+    :param settings: of its map
+    :param name: name of the property; may be empty for the robot's own
+    :param first: whether it is the robot's own; runs without a further property are left out
+    :param simulated: whether its counts are simulated, ``None`` if either may be
+    """
+
+    frame: LocalFrame
+    grid: FieldGrid
+    settings: FieldMapSettings
+    name: str = ""
+    first: bool = True
+    simulated: bool | None = None
+
+
+def read_earlier_runs(paths: Sequence[Path | str], target: Target) -> tuple[EarlierRun, ...]:
+    """Earlier surveys of a field from finished runs, in order of time.
+
+    Counts and effective exposures are taken, not the maps; records are merged as those of the present survey, and
+    moved to its plane if the datum differs. Where both sensors are calibrated, the exposures are scaled by the
+    ratio of the rates of both over the soil of the earlier survey: ``counts ~ Poisson(scale * rate * exposure)``,
+    so the rates are those that the present sensor would count, and the counts stay Poisson.
+
+    :param paths: output folders, recordings, or folders of such
+    :param target: what they must fit
+    :raises InputError: with all that cannot be used: no run, another property or field, a survey given twice
+    """
+    found: list[EarlierRun] = []
+    mistakes: list[Mistake] = []
+    for path in paths:
+        try:
+            runs = [read_run(one, target.name, target.first) for one in find_runs(Path(path).expanduser())]
+            found += [_earlier(run, target) for run in runs if run is not None]
+        except InputError as error:
+            mistakes += error.mistakes
+    for number, run in enumerate(found):
+        for other in found[:number]:
+            if same_survey(run.records, other.records):
+                mistakes.append(Mistake(f"is the same survey as {other.path}", "give it once", run.path))
+    if mistakes:
+        raise InputError(mistakes)
+    return tuple(sorted(_named(found), key=lambda run: run.survey.stamp_s))
+
+
+def require_other(runs: Sequence[EarlierRun], records: Sequence[CountRecord]) -> None:
+    """Check that no earlier survey is the present one: its counts would be used twice.
+
+    :raises InputError: if one is
+    """
+    for run in runs:
+        if same_survey(run.records, records):
+            message = "is the survey that is being mapped: its counts would be used twice"
+            raise InputError(message, "leave it out", run.path)
+
+
+def with_corrections(run: EarlierRun, applied: Mapping[str, Mapping[str, Any]]) -> EarlierRun:
+    """A run with a remark if its counts were corrected otherwise than those of the present survey."""
+    if run.corrections is None:
+        return run
+    names = sorted({*applied, *run.corrections})
+    other = [name for name in names if dict(applied.get(name, {})) != dict(run.corrections.get(name, {}))]
+    if not other:
+        return run
+    remark = f"Corrected otherwise: {', '.join(other)}. Its mean is free, but its pattern may differ a little."
+    return replace(run, remarks=(*run.remarks, remark))
+
+
+def same_survey(first: Sequence[CountRecord], second: Sequence[CountRecord]) -> bool:
+    """Whether most records of the shorter survey are in the other one: stamp, counts and exposure."""
+    keys = [
+        Counter((one.stamp_s, one.raw_counts, one.exposure_s) for one in records) for records in (first, second)
+    ]
+    shorter = min(len(first), len(second))
+    return shorter > 0 and (keys[0] & keys[1]).total() > SAME_RECORDS * shorter
+
+
+def _earlier(run: RunRecords, target: Target) -> EarlierRun:
+    """A run as an earlier survey.
+
+    :raises InputError: if it does not fit
+    """
+    if target.simulated is not None and run.simulated != target.simulated:
+        kinds = ("measured", "simulated")
+        message = f"its counts are {kinds[run.simulated]}, those of this survey {kinds[target.simulated]}"
+        raise InputError(message, "give runs of the same kind", run.path)
+    records, outside = _inside(run, target)
+    remarks = []
+    if outside:
+        remarks.append(f"{outside} of {len(run.records)} records lie outside the field and are left out.")
+    radius_m = target.settings.merge_radius_m
+    if radius_m is None:
+        radius_m = default_merge_radius_m(target.grid, target.settings.margin_m)
+    sizes = radius_m, target.settings.sample_radius_m
+    if target.settings.drift_model == "off":
+        samples = survey_samples(records, *sizes)
+    else:
+        samples = samples_at_end(records, *sizes, target.grid.extent_m)
+    scale = _scale(run.curve, target.settings.curve, samples)
+    if scale != 1.0:
+        samples = replace(samples, exposure_s=samples.exposure_s * scale)
+        remarks.append(
+            f"By the calibrations, its sensor counts {scale:.3g} times as much over equal soil; its exposures are "
+            "scaled. If it is the same sensor, map that survey again with the present site file."
+        )
+    stamp_s = records[-1].stamp_s
+    name = run.path.name or str(run.path)
+    survey = EarlierSurvey(name, stamp_s, samples)
+    begin_s = records[0].stamp_s - records[0].exposure_s
+    return EarlierRun(survey, run.path, begin_s, records, outside, scale, tuple(remarks), run.corrections)
+
+
+def _scale(its: MoistureCurve | None, curve: MoistureCurve | None, samples: Samples) -> float:
+    """Rate of a survey's sensor relative to that of the present one over the survey's mean moisture; 1 if unknown.
+
+    N0 alone does not compare sensors: it depends on the curve, and on the water terms of the soil.
+    """
+    if its is None or curve is None:
+        return 1.0
+    vwc = possible_moisture(its, samples.counts.sum() / samples.exposure_s.sum())
+    scale = float(its.rate_cps(vwc) / curve.rate_cps(vwc))
+    return 1.0 if abs(scale - 1) <= SAME_SENSOR else scale
+
+
+def _inside(run: RunRecords, target: Target) -> tuple[list[CountRecord], int]:
+    """Records in the field and its margin, in its plane, and the number of the others.
+
+    :raises InputError: if there is none
+    """
+    import shapely
+
+    xy = np.array([(record.x_m, record.y_m) for record in run.records])
+    moved = run.frame != target.frame
+    if moved:
+        xy = target.frame.to_local(*run.frame.to_geographic(xy).T)
+    area = shapely.union_all([shapely.Polygon(ring) for ring in target.grid.polygons])
+    with np.errstate(invalid="ignore"):
+        distance_m = np.nan_to_num(shapely.distance(area, shapely.points(xy)), nan=np.inf)
+    near = distance_m <= target.settings.margin_m
+    if not near.any():
+        least_m = float(distance_m.min())
+        how_far = f"{distance_text(least_m)} away" if np.isfinite(least_m) else "on the other side of the earth"
+        raise InputError(
+            f"does not overlap with the field: the nearest of its records lies {how_far}",
+            "give surveys of this field, or correct the datum of a field file",
+            run.path,
+        )
+    kept = [
+        replace(record, x_m=float(x), y_m=float(y)) if moved else record
+        for record, (x, y), wanted in zip(run.records, xy, near, strict=True)
+        if wanted
+    ]
+    return kept, len(run.records) - len(kept)
+
+
+def _named(runs: Sequence[EarlierRun]) -> list[EarlierRun]:
+    """Runs with names that differ: of equal ones, each gets the folder above it."""
+    counts = Counter(run.survey.name for run in runs)
+    named = []
+    for number, run in enumerate(runs, 1):
+        name = run.survey.name
+        if counts[name] > 1:
+            name = f"{run.path.absolute().parent.name}/{name}"
+            if sum(name == f"{one.path.absolute().parent.name}/{one.survey.name}" for one in runs) > 1:
+                name = f"{name} ({number})"
+        named.append(replace(run, survey=replace(run.survey, name=name)))
+    return named
+
+
+def earlier_doubts(run: EarlierRun, rate_cps: float, now: datetime, end: datetime | None = None) -> Iterator[str]:
+    """What can hardly be right with an earlier survey; each doubt is a sentence that follows its name.
+
+    :param run: the survey
+    :param rate_cps: mean rate of the survey that it is compared with, in counts of the same sensor [counts/s]
+    :param now: time of the report
+    :param end: end of the survey that it is compared with; ``None`` for any, or for a clock without a date
+    """
+    stamp_s = run.survey.stamp_s
+    years = 0.0 if end is None else abs(stamp_s - end.timestamp()) / _YEAR_S
+    if run.date and stamp_s - now.timestamp() > MAX_AHEAD_S:
+        yield f"is dated {run.date}, in the future: check the clock of its logger, or leave it out."
+    elif run.date and years > MAX_YEARS:
+        yield (
+            f"of {run.date} lies {years:.0f} years from this one: the pattern of the field may be another. The "
+            "counts decide how much of it the map uses."
+        )
+    ratio = mean_rate(run.survey.samples) / rate_cps if rate_cps > 0 else 1.0
+    if not 1 / MAX_RATE_RATIO <= ratio <= MAX_RATE_RATIO:
+        yield (
+            f"has {ratio:.2g} times the count rate of {'the others' if end is None else 'this one'}, more than "
+            "soil moisture can change: the sensors differ, or not all tubes were counted. Give each survey a site "
+            "file with its N0, or leave it out: its pattern and the change are wrong."
+        )
+
+
+def mean_rate(samples: Samples) -> float:
+    """Mean count rate over equal exposure [counts/s]."""
+    return float(samples.counts.sum() / samples.exposure_s.sum())
+
+
+def run_change(soil_map: SoilMap, stamp_s: float, earlier: Sequence[EarlierRun]) -> RunChange | None:
+    """The change since the latest earlier survey; ``None`` without one, or if there are too many samples.
+
+    :param soil_map: map of the present survey
+    :param stamp_s: end of the present survey [s]
+    :param earlier: earlier surveys
+    """
+    by_time = sorted(earlier, key=lambda run: (abs(stamp_s - run.survey.stamp_s), run.survey.name))
+    before = [run for run in by_time if run.survey.stamp_s <= stamp_s]
+    ordered = [*before, *(run for run in by_time if run not in before)]
+    used: list[EarlierRun] = []
+    count = len(soil_map.samples)
+    for run in ordered:
+        count += len(run.survey.samples)
+        if count > MAX_SAMPLES:
+            break
+        used.append(run)
+    if not used:
+        return None
+    surveys = [soil_map.samples, *(run.survey.samples for run in used)]
+    stamps = [stamp_s, *(run.survey.stamp_s for run in used)]
+    persistence = Persistence.estimate(soil_map.variogram, surveys, stamps)
+    kriging = JointKriging(soil_map.variogram, surveys, persistence.matrix(stamps))
+    # With a drift or a reference sensor, the samples are as at the end of the survey: but for a common error.
+    shared = soil_map.made_by.shared if isinstance(soil_map.made_by, PoissonKriging) else None
+    change = field_change(kriging, soil_map.grid, 0, 1, soil_map.curve, shared=shared)
+    means = {used[0].survey.name: change.mean_rate}
+    places, share = mean_places(soil_map.grid)
+    errors = np.zeros((len(places), 1)) if shared is None else shared(places)
+    for number, run in enumerate(used[1:], 2):
+        value, variance = kriging.mean(places, {0: share, number: -share})
+        means[run.survey.name] = Estimate(value, math.sqrt(variance + float(((share @ errors) ** 2).sum())))
+    alone = JointKriging(soil_map.variogram, surveys[:1], np.eye(1))
+    of_cell = (errors**2).sum(axis=1)
+    sd, sd_alone = (math.sqrt(float(share @ (one.predict(places, 0)[1] + of_cell))) for one in (kriging, alone))
+    return RunChange(used[0], change, persistence, means, sd, sd_alone, not before)
+
+
+def mission_earlier(settings: MissionSettings, paths: Sequence[Path]) -> Mapping[str, tuple[EarlierRun, ...]]:
+    """Finished runs as earlier surveys of each property of a simulated mission, by its name.
+
+    :param settings: the mission
+    :param paths: as :func:`read_earlier_runs`
+    :raises InputError: as :func:`read_earlier_runs`
+    """
+    from soilmoist_ros.simulation import mission_fields, mission_properties
+
+    if not paths:
+        return {}
+    fields = mission_fields(settings)
+    grid = fields[0].field.grid(settings.cell_m)
+    found = {}
+    for number, (one, wanted) in enumerate(zip(fields, mission_properties(settings), strict=True)):
+        curve = None if number else one.curve
+        choices = FieldMapSettings(fit=settings.fit, curve=curve, footprint_radius_m=settings.footprint_m)
+        found[wanted.name] = read_earlier_runs(
+            paths, Target(one.frame, grid, choices, wanted.name, number == 0, True)
+        )
+    return found
+
+
+def simulated_runs(mapped: MappedProperty, soil_map: SoilMap) -> tuple[EarlierRun, ...]:
+    """The series of surveys that a mission simulated, in order of time.
+
+    :param mapped: a property of the mission
+    :param soil_map: its map
+    """
+    radius_m = default_merge_radius_m(soil_map.grid, FieldMapSettings().margin_m)
+    runs = [
+        EarlierRun(
+            one.survey(radius_m, 0.0),
+            Path(EARLIER) / f"survey_{back}",
+            one.records[0].stamp_s - one.records[0].exposure_s,
+            one.records,
+        )
+        for back, one in enumerate(mapped.series, 1)
+    ]
+    return tuple(reversed(runs))

@@ -1,0 +1,465 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A map that grows, opened from the files of a field and a site, and saved as an output folder."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from soilmoist_ros.foundation import InputError, LocalFrame, __version__, resource, shown_path
+from soilmoist_ros.mapping import (
+    Covariates,
+    CovariateSource,
+    Drift,
+    Field,
+    FieldMap,
+    FieldMapSettings,
+    Knowledge,
+    MappingSettings,
+    Skip,
+    Snapshot,
+    SoilMap,
+    load_field,
+    read_covariates,
+)
+from soilmoist_ros.pipeline.earlier_runs import (
+    Target,
+    read_earlier_runs,
+    require_other,
+    run_change,
+    with_corrections,
+)
+from soilmoist_ros.pipeline.run import (
+    CalibrationInfo,
+    CorrectionRow,
+    EarlierRun,
+    InputFile,
+    IrrigationLimits,
+    LossRow,
+    MapRun,
+    Note,
+)
+from soilmoist_ros.sensing import (
+    Corrections,
+    CorrectionSettings,
+    CountRecord,
+    Footprint,
+    IntensityCorrection,
+    Kind,
+    NeutronMonitor,
+    SensedSoil,
+    Site,
+    intensity_source,
+    load_site,
+    read_data,
+    reason_text,
+    sensed_soil,
+)
+
+if TYPE_CHECKING:
+    from soilmoist_ros.pipeline.run import MapRun
+
+
+MAX_BEYOND_AREA_DEG = 6.0
+"""Largest distance of a field from the area of its reference system: one UTM zone [deg]."""
+
+
+@dataclass(frozen=True)
+class FieldSurvey:
+    """A field, the site of a sensor, and the map that grows with its records.
+
+    :param field: the field
+    :param site: the sensor and its soil
+    :param map: map that grows with the records
+    :param files: role and path of the files of field and site
+    :param simulated: the counts come from a simulation; every output says so
+    :param earlier: earlier surveys that inform the map
+    """
+
+    field: Field
+    site: Site
+    map: FieldMap
+    files: tuple[tuple[str, Path], ...] = ()
+    simulated: bool = False
+    earlier: tuple[EarlierRun, ...] = ()
+
+    def with_reference_error(self, error: Drift) -> FieldSurvey:
+        """The same, without records, for records that a reference sensor corrects."""
+        knowledge = replace(self.map.knowledge, reference=error)
+        return replace(self, map=FieldMap(self.map.grid, self.map.settings, knowledge))
+
+    def run(self, snapshot: Snapshot) -> MapRun:
+        """The run of a snapshot, for its outputs.
+
+        :raises InputError: if there are too few samples for a map
+        :raises IllConditionedError: as :meth:`FieldMap.compute`
+        """
+        require_other(self.earlier, snapshot.track)
+        soil_map = self.map.compute(snapshot.state)
+        if soil_map is None:
+            raise InputError("there are too few samples for a map", "wait for more records")
+        return make_run(
+            soil_map,
+            snapshot.track,
+            self.site,
+            self.field.frame,
+            field_name=self.field.name,
+            settings=settings_of(self.map, soil_map, self.map.merge_radius_m),
+            inputs=[input_file(path, role) for role, path in self.files],
+            losses=loss_rows_of(snapshot),
+            simulated=self.simulated,
+            covariates=self.map.knowledge.covariates,
+            earlier=self.earlier,
+        )
+
+
+def settings_of(field_map: FieldMap, soil_map: SoilMap, merge_radius_m: float) -> dict[str, object]:
+    """Settings of a map for the reader of its run."""
+    settings = field_map.settings
+    return {
+        "variogram_model": settings.model,
+        "variogram_fit": settings.fit,
+        "poisson_noise": settings.noise,
+        "local_variance": settings.local,
+        "drift_model": settings.drift_model,
+        "nugget": "kept" if settings.keep_nugget else "filtered",
+        "merge_radius_m": merge_radius_m,
+        "cell_m": field_map.grid.cell_m,
+        "deconvolved_footprint_m": soil_map.deconvolved_m,
+    }
+
+
+def open_survey(
+    field: str,
+    site: str = "",
+    *,
+    simulated: bool = False,
+    earlier: Sequence[Path | str] = (),
+    property_name: str = "",
+    covariates: Sequence[str] = (),
+    recorded: Mapping[str, Any] | None = None,
+    **chosen: Any,
+) -> FieldSurvey:
+    """A field survey without records.
+
+    :param field: field file, or the name of a shipped one
+    :param site: site file, or the name of a shipped one; empty for a rate map without a site
+    :param simulated: the counts come from a simulation
+    :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
+    :param property_name: name of the property in them; empty for the robot's own
+    :param covariates: files with covariates as FILE or FILE:BAND, in addition to those of the field
+    :param recorded: parameters of the mapper whose map is opened again
+    :param chosen: settings of :class:`MappingSettings`
+    :raises InputError: if a file cannot be used or the field cannot be gridded
+    """
+    values = MappingSettings(**chosen).values(recorded)
+    field_path = resource("fields", field)
+    the_field = load_field(field_path)
+    files = [("field", field_path)]
+    the_site = Site()
+    if site:
+        site_path = resource("sites", site)
+        the_site = load_site(site_path)
+        files.append(("site", site_path))
+    radius_m = the_site.footprint_radius_m
+    grid = the_field.grid(values["cell_m"] or None, radius_m)
+    settings = field_map_settings(
+        {**values, "merge_radius_m": values["merge_radius_m"] or None}, the_site, margin_m=radius_m
+    )
+    target = Target(the_field.frame, grid, settings, property_name, not property_name, simulated)
+    sources = (*the_field.covariates, *map(CovariateSource.parse, covariates))
+    files += [("covariate", path) for path in dict.fromkeys(one.path for one in sources)]
+    the_map, runs = open_map(target, earlier, sources)
+    return FieldSurvey(the_field, the_site, the_map, tuple(files), simulated, runs)
+
+
+def field_map_settings(values: Mapping[str, Any], site: Site, **more: Any) -> FieldMapSettings:
+    """Settings of the map of a sensor."""
+    return FieldMapSettings(
+        **{name: value for name, value in values.items() if name != "cell_m"},
+        curve=site.curve,
+        footprint_radius_m=site.known_footprint_m,
+        deconvolve=site.deconvolve_footprint,
+        **more,
+    )
+
+
+def open_map(
+    target: Target,
+    earlier: Sequence[Path | str],
+    covariates: Sequence[CovariateSource],
+    error: Drift | None = None,
+) -> tuple[FieldMap, tuple[EarlierRun, ...]]:
+    """A map without records, and the earlier surveys that inform it.
+
+    :param earlier: earlier runs of the field, see :func:`read_earlier_runs`
+    :raises InputError: if a file cannot be used
+    """
+    runs = read_earlier_runs(earlier, target) if earlier else ()
+    explained = read_covariates(covariates, target.frame, target.grid)
+    known = Knowledge(tuple(run.survey for run in runs), explained, error)
+    return FieldMap(target.grid, target.settings, known), runs
+
+
+def require_crs(crs: str | None, frame: LocalFrame | None = None) -> None:
+    """Check a coordinate reference system before the work.
+
+    :param crs: anything that pyproj accepts; ``None`` for the default
+    :param frame: plane of the field; ``None`` if it is not known yet
+    :raises InputError: if pyproj does not know it, it has no plane or longitudes, or it is for another region
+    """
+    if crs is None:
+        return
+    target = (frame or LocalFrame(0.0, 0.0)).export_crs(crs)
+    if not (target.is_projected or target.is_geographic):
+        raise InputError(
+            f"'{crs}' ({target.name}) is not a projection", "give one as an EPSG code, e.g. EPSG:25832"
+        )
+    area = target.area_of_use
+    if frame is None or area is None:
+        return
+    east = (frame.longitude_deg - area.west) % 360 - (area.east - area.west) % 360
+    beyond_east_deg = min(max(east, 0.0), (area.west - frame.longitude_deg) % 360)
+    beyond_deg = max(area.south - frame.latitude_deg, frame.latitude_deg - area.north, beyond_east_deg)
+    if (area.east - area.west) % 360 and beyond_deg > MAX_BEYOND_AREA_DEG:
+        raise InputError(
+            f"'{crs}' ({target.name}) is for {area.name.split(' - ')[0]}, {beyond_deg:.0f} deg from the field",
+            "choose one for this region, or none for the UTM zone of the field",
+        )
+
+
+def make_run(
+    soil_map: SoilMap,
+    records: Sequence[CountRecord],
+    site: Site,
+    frame: LocalFrame,
+    *,
+    field_name: str,
+    settings: Mapping[str, object],
+    title: str | None = None,
+    inputs: Sequence[InputFile] = (),
+    logger_format: str = "",
+    losses: Sequence[LossRow] = (),
+    simulated: bool = False,
+    notes: Sequence[Note] = (),
+    earlier: Sequence[EarlierRun] = (),
+    covariates: Covariates | None = None,
+) -> MapRun:
+    """The run behind a map, made now.
+
+    :param records: records in order of time, at least one good one; includes records without a place, and
+        quarantined ones
+    :param site: site of the sensor; the records have its corrections
+    :param title: title of the report; ``None`` derives it from what is mapped
+
+    The other parameters are those of :class:`MapRun`.
+    """
+    track = [record for record in records if not record.quarantine]
+    rows = _correction_rows(track, site)
+    earlier = [with_corrections(one, {row.name: row.parameters for row in rows}) for one in earlier]
+    stamp_s = max((record.stamp_s for record in track), default=0.0)
+    return MapRun(
+        soil_map=soil_map,
+        frame=frame,
+        created_utc=datetime.now(UTC),
+        track=track,
+        title=title or ("Soil moisture map" if site.curve else "Neutron count rate map"),
+        site=site.name,
+        field_name=field_name,
+        inputs=inputs,
+        logger_format=logger_format,
+        corrections=rows,
+        losses=losses,
+        calibration=_calibration(site),
+        simulated=simulated,
+        notes=notes,
+        version=__version__,
+        settings=settings,
+        footprint_radius_m=site.footprint_radius_m,
+        quarantined=[record for record in records if record.quarantine],
+        irrigation=IrrigationLimits(**site.irrigation.model_dump()),
+        time_zone=site.time_zone or "",
+        sensed=_sensed_soil(soil_map, track, site),
+        earlier=earlier,
+        change=run_change(soil_map, stamp_s, earlier),
+        covariates=covariates,
+    )
+
+
+def input_file(path: Path, role: str, n_records: int | None = None) -> InputFile:
+    """An input file of a run, with its size and checksum."""
+    content = read_data(path)
+    return InputFile(shown_path(path), n_records, len(content), hashlib.sha256(content).hexdigest(), role)
+
+
+def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[CorrectionRow]:
+    settings = site.corrections
+    used, intensity = site.corrections_parameters, settings.intensity
+    rows = [
+        (
+            "air pressure",
+            "exp(beta (P - P0))",
+            "f_pressure",
+            {"beta [1/hPa]": round(used.beta_per_hpa, 6), "P0 [hPa]": round(used.reference_pressure_hpa, 2)}
+            if settings.pressure
+            else None,
+            _from_the_place(site) if settings.pressure else "",
+        ),
+        (
+            "air humidity",
+            "1 + c (Q - Q0)" if site.humidity_method == "linear" else "N(Q0) / N(Q), universal transport solution",
+            "f_humidity",
+            _humidity_parameters(site),
+            "",
+        ),
+        (
+            "incoming neutrons",
+            "C0 / C" if used.intensity_scale == 1 else "1 / (1 + k (C / C0 - 1))",
+            "f_intensity",
+            _intensity_parameters(intensity, used) if intensity else None,
+            _intensity_source(settings, records) if intensity else "",
+        ),
+    ]
+    return [
+        CorrectionRow(
+            name,
+            formula,
+            parameters or {},
+            *_range([getattr(record, factor) for record in records]),
+            remark=remark if parameters else "not applied",
+        )
+        for name, formula, factor, parameters, remark in rows
+    ] + _constant_rows(settings)
+
+
+def _constant_rows(settings: CorrectionSettings) -> list[CorrectionRow]:
+    """Factors of plants and road; only those of the site file."""
+    rows = []
+    if settings.biomass is not None:
+        biomass, share = settings.biomass.used
+        plants = {"B [kg/m2]": round(biomass, 3), "b [m2/kg]": round(share, 5)}
+        rows.append(CorrectionRow("plants", "1 / (1 - b B)", plants, *_range([settings.f_biomass]), "constant"))
+    if settings.road is not None:
+        road = {
+            "width [m]": settings.road.width_m,
+            "distance [m]": settings.road.distance_m,
+            "road [m3/m3]": settings.road.vwc,
+            "field [m3/m3]": settings.typical_vwc,
+        }
+        rows.append(CorrectionRow("road", "1 / (1 + F1 F2 F3)", road, *_range([settings.f_road]), "constant"))
+    return rows
+
+
+def _sensed_soil(soil_map: SoilMap, track: Sequence[CountRecord], site: Site) -> SensedSoil | None:
+    """Depth and radius that the counts of a moisture map come from, in the mean air of the survey."""
+    curve, used = soil_map.curve, site.corrections_parameters
+    if curve is None or not track:
+        return None
+    f_pressure = float(np.mean([record.f_pressure for record in track]))
+    f_humidity = float(np.mean([record.f_humidity for record in track]))
+    pressure_hpa = used.reference_pressure_hpa + math.log(f_pressure) / used.beta_per_hpa
+    air = Footprint(
+        0.0, used.humidity_gm3(f_humidity), pressure_hpa, site.vegetation_height_m, site.footprint_radius_m
+    )
+    vwc = soil_map.vwc[soil_map.grid.mask]
+    return sensed_soil(vwc, curve.bulk_density_gcm3, curve.lattice_water + curve.organic_water, air)
+
+
+def _from_the_place(site: Site) -> str:
+    """Values of the pressure correction that follow from the place; empty if there are none."""
+    pressure, cosmic = site.corrections.pressure, site.corrections.cosmic(site.location)
+    if pressure is None or cosmic is None or None not in (pressure.beta_per_hpa, pressure.reference_hpa):
+        return ""
+    names = ["beta"] * (pressure.beta_per_hpa is None) + ["P0"] * (pressure.reference_hpa is None)
+    return (
+        f"{' and '.join(names)} from the place ({cosmic.cutoff_rigidity_gv:.2f} GV, {cosmic.depth_gcm2:.0f} g/cm2)"
+    )
+
+
+def _intensity_parameters(intensity: IntensityCorrection, used: Corrections) -> dict[str, float | str]:
+    scaled = {} if intensity.scaling == "none" else {"k": round(used.intensity_scale, 4)}
+    return {"C0": intensity.reference, **scaled}
+
+
+def _intensity_source(settings: CorrectionSettings, records: Sequence[CountRecord]) -> str:
+    intensity = settings.intensity
+    assert intensity is not None
+    monitor = f" of {intensity.monitor.name}" if intensity.monitor else ""
+    scaling = "" if intensity.scaling == "none" else f", scaled as in {intensity.scaling}"
+    text = f"C{monitor} from {intensity.file.name if intensity.file else 'a constant'}{scaling}"
+    try:
+        series = intensity_source(settings)
+    except InputError:  # the file of a recorded run may be elsewhere
+        return text
+    if not isinstance(series, NeutronMonitor):
+        return text
+    if not monitor and series.station:
+        text = text.replace("C from", f"C of {series.station} from", 1)
+    gap_s = series.longest_gap_s(records[0].stamp_s, records[-1].stamp_s)
+    filled = "held" if intensity.gaps == "hold" else "interpolated"
+    return f"{text}; gaps up to {gap_s / 3600:.1f} h {filled}" if gap_s > 0 else text
+
+
+def _humidity_parameters(site: Site) -> dict[str, float | str] | None:
+    settings = site.corrections.humidity
+    if settings is None:
+        return None
+    reference: dict[str, float | str] = {"Q0 [g/m3]": settings.reference_gm3}
+    if site.humidity_method == "universal":
+        return {**reference, "at moisture [m3/m3]": site.corrections.typical_vwc}
+    return {"c [m3/g]": settings.coefficient_m3g, **reference}
+
+
+def _range(factors: Sequence[float]) -> tuple[float, float, float]:
+    return float(np.mean(factors)), min(factors), max(factors)
+
+
+def _calibration(site: Site) -> CalibrationInfo | None:
+    if site.calibration is None or site.soil is None:
+        return None
+    source = ", ".join(filter(None, [site.calibration.date, site.calibration.note]))
+    return CalibrationInfo(
+        n0_cps=site.calibration.n0_cps,
+        bulk_density_gcm3=site.soil.bulk_density_gcm3,
+        n0_sd_cps=site.calibration.n0_sd_cps,
+        lattice_water=site.soil.lattice_water,
+        organic_water=site.soil.organic_water,
+        source=source,
+        illustrative=site.calibration.illustrative,
+    )
+
+
+def loss_rows_of(snapshot: Snapshot) -> list[LossRow]:
+    """What a map has left out: a row for each reason, lost records first, then those that others quarantined."""
+    last = {
+        record.quarantine: record
+        for record in snapshot.track
+        if record.quarantine not in ("", Kind.UNEXPECTED_COUNT)
+    }
+    counts = Counter(record.quarantine for record in snapshot.track)
+    return [
+        *(
+            LossRow(
+                reason.value,
+                entry.count,
+                entry.example,
+                "quarantined" if reason is Skip.UNEXPECTED else "lost",
+                reason.remedy,
+            )
+            for reason, entry in snapshot.skipped.items()
+            if reason is not Skip.QUARANTINED
+        ),
+        *(
+            LossRow(reason_text(reason), counts[reason], str(record), "quarantined", Skip.QUARANTINED.remedy)
+            for reason, record in last.items()
+        ),
+    ]

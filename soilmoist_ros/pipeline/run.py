@@ -1,0 +1,520 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A run, with or without a map: the data that its outputs show."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soilmoist_ros.foundation import InputError, LocalFrame, shown_text
+from soilmoist_ros.sensing import Consequence, CountRecord, SensedSoil
+
+if TYPE_CHECKING:
+    from soilmoist_ros.mapping import Covariates, EarlierSurvey, Estimate, FieldChange, Persistence, SoilMap
+    from soilmoist_ros.simulation import MissionResult
+
+
+EARLIEST_STAMP_S = 946684800.0
+"""Stamps before 2000-01-01 UTC come from a clock without a date, such as that of a simulated mission [s]."""
+
+
+def local_time(when: datetime, zone: str) -> datetime:
+    """A time in a zone by its name; as it is where this computer does not know the zone."""
+    from zoneinfo import ZoneInfo
+
+    try:
+        return when.astimezone(ZoneInfo(zone))
+    except (KeyError, ValueError, OSError):
+        return when
+
+
+class SurveyTimes:
+    """Begin, end and duration of the records of a run."""
+
+    track: Sequence[CountRecord]
+    created_utc: datetime
+
+    @property
+    def created(self) -> str:
+        """Time of creation as ISO 8601 in UTC, to the second."""
+        return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(self.created_utc.timestamp()))
+
+    @property
+    def survey_start_utc(self) -> datetime | None:
+        """Begin of the first counting interval; ``None`` without records, or if their clock has no date."""
+        begin = min((r.stamp_s - r.exposure_s for r in self.track), default=-math.inf)
+        return datetime.fromtimestamp(begin, UTC) if begin >= EARLIEST_STAMP_S else None
+
+    @property
+    def survey_end_utc(self) -> datetime | None:
+        """End of the last counting interval; ``None`` as for the start."""
+        if self.survey_start_utc is None:
+            return None
+        return datetime.fromtimestamp(max(record.stamp_s for record in self.track), UTC)
+
+    @property
+    def survey_duration_s(self) -> float | None:
+        """Time from the begin of the first to the end of the last counting interval [s]; ``None`` without records.
+
+        With a clock that has no date, too.
+        """
+        if not self.track:
+            return None
+        return max(r.stamp_s for r in self.track) - min(r.stamp_s - r.exposure_s for r in self.track)
+
+
+def inside_boundary(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each point (n, 2) lies within the boundary of the field, its holes and its edge included."""
+    from shapely import Polygon, intersects_xy, union_all
+
+    area = union_all([Polygon(ring) for ring in soil_map.grid.polygons])
+    return np.asarray(intersects_xy(area, xy_m[:, 0], xy_m[:, 1]), bool)
+
+
+def track_xy(track: Sequence[CountRecord]) -> NDArray[np.float64]:
+    """Places of the records in order, without records that have none, shape (n, 2) [m]."""
+    xy = np.array([(r.x_m, r.y_m) for r in track], float).reshape(-1, 2)
+    return np.asarray(xy[np.isfinite(xy).all(axis=1)])
+
+
+def distance_m(track: Sequence[CountRecord]) -> float:
+    """Length of the line through the records' places [m]."""
+    steps = np.diff(track_xy(track), axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """An input file of the run.
+
+    :param name: name or path as the user wrote it
+    :param n_records: records read from it, ``None`` if it holds none (a polygon, a configuration)
+    :param size_bytes: its size, ``None`` if unknown
+    :param sha256: checksum of its bytes in hexadecimal, empty if unknown
+    :param role: purpose of the file
+    """
+
+    name: str
+    n_records: int | None = None
+    size_bytes: int | None = None
+    sha256: str = ""
+    role: str = "logger data"
+
+
+REFERENCE = "reference sensor"
+"""Name of the correction by a stationary sensor."""
+
+
+@dataclass(frozen=True)
+class CorrectionRow:
+    """An applied correction factor.
+
+    :param name: quantity corrected for, e.g. ``air pressure``
+    :param formula: the formula in plain text
+    :param parameters: parameter name (with its unit) -> value
+    :param mean_factor: mean of the factor over the records [-]
+    :param min_factor: smallest factor [-]
+    :param max_factor: largest factor [-]
+    :param remark: e.g. where the values came from, or why the correction was not applied
+    """
+
+    name: str
+    formula: str
+    parameters: Mapping[str, float | str] = field(default_factory=dict)
+    mean_factor: float = 1.0
+    min_factor: float = 1.0
+    max_factor: float = 1.0
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class LossRow:
+    """A kind of problem in the input.
+
+    :param kind: short name, e.g. ``no position``
+    :param count: how often
+    :param example: message of one case, with file and line
+    :param consequence: ``lost``: these records are not in the map; ``quarantined``: they are not, but they are
+        listed and shown; ``kept``: they are in the map, but less reliable
+    :param remedy: what the user can do about it
+    """
+
+    kind: str
+    count: int
+    example: str = ""
+    consequence: Consequence = "lost"
+    remedy: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "example", shown_text(self.example))
+
+
+@dataclass(frozen=True)
+class CalibrationInfo:
+    """Origin of the relation between count rate and soil moisture.
+
+    :param n0_cps: count rate over dry soil [counts/s]
+    :param bulk_density_gcm3: dry bulk density [g/cm^3]
+    :param n0_sd_cps: standard deviation of N0 [counts/s], ``None`` if unknown
+    :param lattice_water: gravimetric lattice water [g/g]
+    :param organic_water: gravimetric water equivalent of organic matter [g/g]
+    :param source: e.g. ``6 soil cores of 2024-05-02``
+    :param illustrative: whether N0 is a guess, so that only patterns of the moisture are meaningful
+    """
+
+    n0_cps: float
+    bulk_density_gcm3: float
+    n0_sd_cps: float | None = None
+    lattice_water: float = 0.0
+    organic_water: float = 0.0
+    source: str = ""
+    illustrative: bool = False
+
+
+@dataclass(frozen=True)
+class IrrigationLimits:
+    """What divides a field into dry and moist zones, and how deep roots reach.
+
+    :param root_depth_mm: depth of the root zone [mm]
+    :param wilting_point: moisture at the wilting point [m^3/m^3]
+    :param field_capacity: moisture at field capacity [m^3/m^3]
+    :param depletion: share of the water between both that plants use before they lack water [0..1]
+    :param dry_below: limit of the dry zone given by the user [m^3/m^3]; with the next one it replaces those above
+    :param moist_above: limit of the moist zone given by the user [m^3/m^3]
+    """
+
+    root_depth_mm: float = 300.0
+    wilting_point: float | None = None
+    field_capacity: float | None = None
+    depletion: float = 0.5
+    dry_below: float | None = None
+    moist_above: float | None = None
+
+
+class NoteCode(StrEnum):
+    """Topic of a note."""
+
+    NO_MAP = "no_map"
+    QUARANTINED = "quarantined"
+    BAD_TUBES = "bad_tubes"
+    OVERDISPERSED = "overdispersed"
+    DOUBTFUL_LOG = "doubtful_log"
+    SKIPPED_FILES = "skipped_files"
+    OUTSIDE_FIELD = "outside_field"
+    FAR_RECORDS = "far_records"
+    FAR_FROM_SITE = "far_from_site"
+    IMPOSSIBLE_DATE = "impossible_date"
+    POSITIONS = "positions"
+    NOT_MAPPED = "not_mapped"
+    LOST_MESSAGES = "lost_messages"
+    OTHER_CORRECTIONS = "other_corrections"
+    ILLUSTRATIVE_CALIBRATION = "illustrative_calibration"
+    RATE_BELOW_CURVE = "rate_below_curve"
+    TILE_ERROR = "tile_error"
+    ABOVE_PORE_VOLUME = "above_pore_volume"
+    NEGATIVE_MOISTURE = "negative_moisture"
+    BEYOND_LIMITS = "beyond_limits"
+    FAR_REFERENCE_PRESSURE = "far_reference_pressure"
+    UNUSUAL_FACTOR = "unusual_factor"
+    OTHER_TIME_OF_N0 = "other_time_of_n0"
+    UNKNOWN_CALIBRATION = "unknown_calibration"
+    ONE_PLACE = "one_place"
+    FEW_SAMPLES = "few_samples"
+    NO_BETTER_THAN_MEAN = "no_better_than_mean"
+    PRIOR_MATTERED = "prior_mattered"
+    NOT_CONVERGED = "not_converged"
+    COVARIATE_GAPS = "covariate_gaps"
+    DOUBTFUL_EARLIER = "doubtful_earlier"
+    RATE_CHANGED = "rate_changed"
+    RAIN_LIKELY = "rain_likely"
+
+
+@dataclass(frozen=True)
+class Note:
+    """A note to the reader.
+
+    :param code: topic, for programs
+    :param message: a plain sentence, for people
+    """
+
+    code: NoteCode
+    message: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "message", shown_text(self.message))
+
+    def __str__(self) -> str:
+        return self.message
+
+
+@dataclass(frozen=True, eq=False)
+class EarlierRun:
+    """An earlier survey, and where it comes from.
+
+    :param survey: its samples in the present field
+    :param path: the run
+    :param begin_s: begin of its first record [s since 1970-01-01 UTC]
+    :param records: records in the present field
+    :param outside: records that lie outside and are left out
+    :param scale: rate of its sensor relative to that of the present one over equal soil, by their calibrations;
+        divided out
+    :param remarks: what the user should know, in sentences
+    :param corrections: parameters of each applied correction by its name, ``None`` if unknown
+    """
+
+    survey: EarlierSurvey
+    path: Path
+    begin_s: float
+    records: Sequence[CountRecord]
+    outside: int = 0
+    scale: float = 1.0
+    remarks: tuple[str, ...] = ()
+    corrections: Mapping[str, Mapping[str, Any]] | None = None
+
+    @property
+    def date(self) -> str:
+        """Day of its end; empty if its clock has no date."""
+        return date_text(self.survey.stamp_s)
+
+
+def date_text(stamp_s: float) -> str:
+    """Day of a time stamp as YYYY-MM-DD; empty for a clock without a date."""
+    return f"{datetime.fromtimestamp(stamp_s, UTC):%Y-%m-%d}" if stamp_s >= EARLIEST_STAMP_S else ""
+
+
+@dataclass(frozen=True, eq=False)
+class RunChange:
+    """The change of a field since an earlier survey.
+
+    :param since: the earlier survey
+    :param change: from that one to the present one
+    :param persistence: how alike the patterns of the surveys are
+    :param means: change of the field's mean rate since each earlier survey [counts/s], by its name
+    :param sd: standard deviation of the smooth rate of a cell, typical of the map [counts/s]
+    :param sd_alone: what it would be without the earlier surveys [counts/s]
+    :param backwards: whether ``since`` is later than the present survey, because none is earlier
+    """
+
+    since: EarlierRun
+    change: FieldChange
+    persistence: Persistence
+    means: dict[str, Estimate]
+    sd: float
+    sd_alone: float
+    backwards: bool = False
+
+
+@dataclass(frozen=True, repr=False)
+class MapRun(SurveyTimes):
+    """A finished mapping run: the map of a property with the data needed to judge it.
+
+    :param soil_map: the map
+    :param frame: local frame in which the map and the track lie
+    :param created_utc: creation time of the outputs, time-zone aware
+    :param track: the processed records in order of time, including records without a place
+    :param title: title of the report
+    :param site: name of the site
+    :param field_name: name of the field
+    :param inputs: input files
+    :param logger_format: name of the logger's format
+    :param corrections: corrections as applied
+    :param losses: input that was dropped, or kept although less reliable
+    :param notes: notes to the reader in addition to the notes on the map, see :func:`notes`
+    :param calibration: origin of the calibration; ``None`` if unknown
+    :param simulated: the counts come from a simulation; every output says so
+    :param version: version of this package
+    :param settings: settings of the run, name (with its unit) -> value
+    :param truth_rate: true corrected rate on the map's grid [counts/s], shape (ny, nx), if known
+    :param footprint_radius_m: radius of the soil seen by the sensor [m], 0 for a point, ``None`` if unknown
+    :param mission: the mission that made the map, if any
+    :param name: name of the property for files: letters, digits and _
+    :param label: name of the property for readers
+    :param others: maps of the other properties of this run; they have no mission and no others
+    :param uncertain_vwc_sd: standard deviation of VWC from which a place counts as uncertain [m^3/m^3]
+    :param uncertain_rate_share: standard deviation of the rate from which a place counts as uncertain, as a
+        share of the rate [-]
+    :param earlier: earlier surveys that inform the map
+    :param change: what has changed since the latest of them
+    :param quarantined: records left out of the map, each with its reason, in order of time
+    :param irrigation: limits of dry and moist soil
+    :param time_zone: name of the field's time zone, for local times next to UTC; empty for UTC alone
+    :param sensed: depth and radius that the counts come from, if known
+    :param covariates: covariates behind the map, if any
+    :raises ValueError: if ``created_utc`` has no time zone
+    """
+
+    soil_map: SoilMap
+    frame: LocalFrame
+    created_utc: datetime
+    track: Sequence[CountRecord] = ()
+    title: str = "Soil moisture map"
+    site: str = ""
+    field_name: str = ""
+    inputs: Sequence[InputFile] = ()
+    logger_format: str = ""
+    corrections: Sequence[CorrectionRow] = ()
+    losses: Sequence[LossRow] = ()
+    notes: Sequence[Note] = ()
+    calibration: CalibrationInfo | None = None
+    simulated: bool = False
+    version: str = ""
+    settings: Mapping[str, object] = field(default_factory=dict)
+    truth_rate: NDArray[np.float64] | None = None
+    footprint_radius_m: float | None = None
+    mission: MissionResult | None = None
+    name: str = ""
+    label: str = ""
+    others: Sequence[MapRun] = ()
+    uncertain_vwc_sd: float = 0.03
+    uncertain_rate_share: float = 0.05
+    quarantined: Sequence[CountRecord] = ()
+    irrigation: IrrigationLimits = field(default_factory=IrrigationLimits)
+    time_zone: str = ""
+    sensed: SensedSoil | None = None
+    earlier: Sequence[EarlierRun] = ()
+    change: RunChange | None = None
+    covariates: Covariates | None = None
+
+    def __post_init__(self) -> None:
+        if self.created_utc.tzinfo is None:
+            raise ValueError("created_utc must have a time zone")
+
+    def __repr__(self) -> str:
+        where = self.field_name or self.site or "unnamed field"
+        others = f", {len(self.others)} further properties" if self.others else ""
+        return f"MapRun({where}: {len(self.track)} records, {len(self.soil_map.samples)} samples{others})"
+
+    @property
+    def properties(self) -> list[MapRun]:
+        """The runs of all properties, this one first."""
+        return [self, *self.others]
+
+    @property
+    def inside(self) -> tuple[int, int]:
+        """Number of records inside the boundary of the field, and of all records that have a place."""
+        xy_m = track_xy([record for record in self.track if not record.quarantine])
+        return int(np.count_nonzero(inside_boundary(self.soil_map, xy_m))), len(xy_m)
+
+    @property
+    def travelled_m(self) -> float:
+        """Distance driven [m]: the mission's distance, else the length of the line through the records' places."""
+        if self.mission is not None and self.mission.series:
+            return self.mission.series[-1].distance_m
+        return distance_m(self.track)
+
+    @property
+    def tracks_xy(self) -> list[NDArray[np.float64]]:
+        """Track of each robot, shape (n, 2) [m]: records of a single robot, or driven paths of several."""
+        mission = self.mission
+        return [track_xy(self.track)] if mission is None or len(mission.tracks) < 2 else list(mission.tracks)
+
+    @property
+    def all_records(self) -> list[CountRecord]:
+        """Records of the map and quarantined ones in order of time."""
+        return sorted([*self.track, *self.quarantined], key=lambda record: record.stamp_s)
+
+    @property
+    def support_text(self) -> str:
+        """The area that each value of the map is of."""
+        known_m: float | None = self.soil_map.footprint_radius_m
+        if not known_m and not self.simulated:
+            known_m = self.footprint_radius_m
+        if self.soil_map.deconvolved_m:
+            return f"each place: the footprint of {self.soil_map.deconvolved_m:g} m is de-convolved"
+        if known_m is None:
+            return "mean over the footprint of the sensor around each place"
+        return f"mean over {known_m:g} m around each place" if known_m > 0 else "each place"
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the map has soil moisture in addition to the count rate."""
+        return self.soil_map.curve is not None
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """A fault that a node reported.
+
+    :param name: what reported it
+    :param message: the fault in words
+    :param count: how often
+    :param error: an error; otherwise a warning
+    """
+
+    name: str
+    message: str
+    count: int
+    error: bool
+
+
+@dataclass(frozen=True, repr=False)
+class FailedRun(SurveyTimes):
+    """A run that made no map.
+
+    :param why: what happened, in sentences
+    :param todo: what the user can do, the most useful first
+    :param created_utc: creation time of the outputs, time-zone aware
+    :param track: all records in order of time, those without a place and quarantined ones included
+    :param title: title of the report
+    :param site: name of the site
+    :param field_name: name of the field
+    :param inputs: input files
+    :param losses: why records are not in a map
+    :param troubles: faults that nodes reported
+    :param mission: the mission, if any
+    :param simulated: the counts come from a simulation; every output says so
+    :param settings: settings of the run, name (with its unit) -> value
+    """
+
+    why: str
+    todo: Sequence[str]
+    created_utc: datetime
+    track: Sequence[CountRecord] = ()
+    title: str = "Soil moisture survey without a map"
+    site: str = ""
+    field_name: str = ""
+    inputs: Sequence[InputFile] = ()
+    losses: Sequence[LossRow] = ()
+    troubles: Sequence[Trouble] = ()
+    mission: MissionResult | None = None
+    simulated: bool = False
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def good(self) -> list[CountRecord]:
+        """Records that no check has quarantined."""
+        return [record for record in self.track if not record.quarantine]
+
+    @property
+    def quarantined(self) -> Counter[str]:
+        """Number of quarantined records by reason."""
+        return Counter(record.quarantine for record in self.track if record.quarantine)
+
+    @property
+    def travelled_m(self) -> float:
+        """Distance driven [m]: the mission's distance, else the length of the line through the records' places."""
+        if self.mission is not None and self.mission.series:
+            return self.mission.series[-1].distance_m
+        return distance_m(self.track)
+
+
+class NoMapError(InputError):
+    """A run made no map; the message says why.
+
+    :param failed: what is known of the run
+    """
+
+    def __init__(self, failed: FailedRun) -> None:
+        self.failed = failed
+        super().__init__(f"no map: {failed.why.rstrip('.')}", failed.todo[0].rstrip(".") if failed.todo else "")

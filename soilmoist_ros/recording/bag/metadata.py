@@ -1,0 +1,390 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""``metadata.yaml`` of a bag, version 9 (ROS 2 Jazzy), and the qualities of service in it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from io import StringIO
+from pathlib import Path
+from typing import Any, Final
+
+from ruamel.yaml import YAML
+
+from soilmoist_ros.foundation import InputError
+
+_SEPARATOR: Final = "=" * 80
+_PRIMITIVE: Final = re.compile(r"bool|byte|char|float(32|64)|u?int(8|16|32|64)|w?string")
+_FIELD: Final = re.compile(r"^\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]\w*")
+_MAX_FIELDS: Final = 100_000
+_TYPE: Final = re.compile(r"(\w+)/msg/(\w+)")
+INFINITE_NS: Final = 2**63 - 1
+"""An infinite duration, as ROS writes it [ns]."""
+
+_VERSION: Final = 9
+_GIGA: Final = 1_000_000_000
+_KEEP_AT_LEAST: Final = 500
+"""Messages of a topic that wait for the recorder, which takes them ten times a second."""
+
+
+@dataclass(frozen=True)
+class Definition:
+    """Definition of a message type, as a reader needs it.
+
+    :param type_name: name as in ``std_msgs/msg/String``
+    :param text: definition, followed by the definitions of all types in it
+    :param encoding: ``ros2msg``; bags of other recorders may have ``ros2idl``
+    :param type_hash: hash of the type (``RIHS01_...``), empty if unknown
+    """
+
+    type_name: str
+    text: str
+    encoding: str = "ros2msg"
+    type_hash: str = ""
+
+
+def search_prefixes() -> list[Path]:
+    """Folders in which ROS packages may be installed: those of ``AMENT_PREFIX_PATH``, then this Python's."""
+    named = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
+    return list(dict.fromkeys([*named, Path(sys.prefix)]))
+
+
+def find_definition(type_name: str, prefixes: Sequence[Path] | None = None) -> Definition:
+    """Definition of a message type, with the definitions of all types in it.
+
+    :param type_name: name as in ``std_msgs/msg/String``
+    :param prefixes: folders to search; :func:`search_prefixes` if ``None``
+    :raises InputError: if the type, or a type in it, is not installed
+    """
+    where = search_prefixes() if prefixes is None else prefixes
+    path = _find(type_name, where)
+    parts = [path.read_text(encoding="utf-8")]
+    seen = {type_name}
+    waiting = _used_types(parts[0], type_name)
+    while waiting:
+        name = waiting.pop(0)
+        if name in seen:
+            continue
+        seen.add(name)
+        text = _find(name, where).read_text(encoding="utf-8")
+        package, _, kind = name.split("/")
+        parts += [_SEPARATOR, f"MSG: {package}/{kind}", text]
+        waiting += _used_types(text, name)
+    return Definition(type_name, "\n".join(parts), type_hash=_type_hash(path, type_name))
+
+
+def _find(type_name: str, prefixes: Sequence[Path]) -> Path:
+    match = _TYPE.fullmatch(type_name)
+    if match is None:
+        raise InputError(f"{type_name!r} is not the name of a message type", "names look like std_msgs/msg/String")
+    for prefix in prefixes:
+        path = prefix / "share" / match[1] / "msg" / f"{match[2]}.msg"
+        if path.is_file():
+            return path
+    raise InputError(
+        f"the definition of {type_name} is not installed (looked in: {', '.join(map(str, prefixes))})",
+        f"install the ROS package {match[1]}, or add its prefix to AMENT_PREFIX_PATH",
+    )
+
+
+def _used_types(text: str, type_name: str) -> list[str]:
+    """Full names of the types of a definition's fields; names without a package get the definition's."""
+    package = type_name.split("/")[0]
+    found = []
+    for line in text.splitlines():
+        match = _FIELD.match(line.partition("#")[0])
+        if match is None or _PRIMITIVE.fullmatch(match[1]):
+            continue
+        *folders, kind = match[1].split("/")
+        found.append(f"{folders[0] if folders else package}/msg/{kind}")
+    return found
+
+
+def _type_hash(path: Path, type_name: str) -> str:
+    try:
+        entries = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))["type_hashes"]
+        return next(str(entry["hash_string"]) for entry in entries if entry["type_name"] == type_name)
+    except (OSError, ValueError, KeyError, TypeError, StopIteration):
+        return ""  # distributions before Iron have none
+
+
+def require_small(types: Mapping[str, Any], names: Iterable[str]) -> None:
+    """Refuse types with very many fields: rosbags writes code for each element of a fixed array, and runs it."""
+    from rosbags.interfaces import Nodetype  # light: the recorder imports this module
+
+    sizes: dict[str, int] = {}
+
+    def fields_of(name: str) -> int:
+        if name not in sizes:
+            sizes[name] = max(1, sum(parts_of(*description) for _, description in types[name][1]))
+            if sizes[name] > _MAX_FIELDS:
+                raise ValueError(f"a {name} would have more than {_MAX_FIELDS:,} fields")
+        return sizes[name]
+
+    def parts_of(kind: Nodetype, about: Any) -> int:
+        if kind == Nodetype.NAME:
+            return fields_of(about)
+        if kind == Nodetype.BASE:
+            return 1
+        (inner, detail), length = about
+        if inner == Nodetype.BASE and detail[0] != "string":
+            return 1  # numbers are one numpy array, and need their bytes in the message
+        one = parts_of(inner, detail)
+        return int(length) * one if kind == Nodetype.ARRAY else one
+
+    for name in names:
+        fields_of(name)
+
+
+@dataclass(frozen=True)
+class Qos:
+    """Quality of service, in the words of rosbag2.
+
+    :param history: ``keep_last``, ``keep_all``, ``system_default`` or ``unknown``
+    :param depth: messages kept
+    :param reliability: ``reliable``, ``best_effort``, ``system_default`` or ``unknown``
+    :param durability: ``volatile``, ``transient_local``, ``system_default`` or ``unknown``
+    :param deadline_ns: longest time between messages [ns]
+    :param lifespan_ns: age at which a message expires [ns]
+    :param liveliness: ``automatic``, ``manual_by_topic``, ``system_default`` or ``unknown``
+    :param lease_ns: silence after which a publisher counts as gone [ns]
+    """
+
+    history: str = "keep_last"
+    depth: int = 10
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    deadline_ns: int = INFINITE_NS
+    lifespan_ns: int = INFINITE_NS
+    liveliness: str = "automatic"
+    lease_ns: int = INFINITE_NS
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data in the layout of rosbag2."""
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": _duration(self.deadline_ns),
+            "lifespan": _duration(self.lifespan_ns),
+            "liveliness": self.liveliness,
+            "liveliness_lease_duration": _duration(self.lease_ns),
+            "avoid_ros_namespace_conventions": False,
+        }
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag.
+
+    :param name: full name
+    :param definition: definition of its type
+    :param offered: quality of service that its publishers offer
+    """
+
+    name: str
+    definition: Definition
+    offered: tuple[Qos, ...] = ()
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Number of messages, and their time span.
+
+    :param messages: number of messages
+    :param start_ns: time of the earliest [ns since 1970-01-01 UTC], 0 without messages
+    :param end_ns: time of the latest [ns]
+    """
+
+    messages: int = 0
+    start_ns: int = 0
+    end_ns: int = 0
+
+    def with_message(self, time_ns: int) -> Extent:
+        """The extent with one more message."""
+        if not self.messages:
+            return Extent(1, time_ns, time_ns)
+        return Extent(self.messages + 1, min(self.start_ns, time_ns), max(self.end_ns, time_ns))
+
+    @property
+    def duration_ns(self) -> int:
+        """Time between the first and the last message [ns]."""
+        return self.end_ns - self.start_ns
+
+
+@dataclass
+class Content:
+    """What a file has.
+
+    :param topics: its topics
+    :param counts: number of messages of each topic, by name
+    :param extent: all messages
+    """
+
+    topics: list[Topic] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+    extent: Extent = field(default_factory=Extent)
+
+
+@dataclass(frozen=True)
+class BagFile:
+    """A file of a bag.
+
+    :param name: name of the file
+    :param extent: its messages
+    """
+
+    name: str
+    extent: Extent
+
+
+def joined(extents: Sequence[Extent]) -> Extent:
+    """The extent of all messages."""
+    some = [extent for extent in extents if extent.messages]
+    if not some:
+        return Extent()
+    first, last = min(one.start_ns for one in some), max(one.end_ns for one in some)
+    return Extent(sum(one.messages for one in some), first, last)
+
+
+def bag_metadata(
+    files: Sequence[BagFile], topics: Mapping[Topic, int], distribution: str, notes: Mapping[str, str]
+) -> dict[str, Any]:
+    """Content of ``metadata.yaml`` of a bag of MCAP files."""
+    extent = joined([file.extent for file in files])
+    return {
+        "version": _VERSION,
+        "storage_identifier": "mcap",
+        **_span(extent),
+        "message_count": extent.messages,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.definition.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": [qos.to_dict() for qos in topic.offered],
+                    "type_description_hash": topic.definition.type_hash,
+                },
+                "message_count": count,
+            }
+            for topic, count in topics.items()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.name for file in files],
+        "files": [
+            {"path": file.name, **_span(file.extent), "message_count": file.extent.messages} for file in files
+        ],
+        "custom_data": dict(notes) or None,
+        "ros_distro": distribution,
+    }
+
+
+def to_yaml(content: object) -> str:
+    """Plain data as YAML, without anchors if no part occurs twice."""
+    yaml = YAML(typ="safe")
+    yaml.default_flow_style = False
+    yaml.width = 1000
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]  # keeps the order given
+    stream = StringIO()
+    yaml.dump(content, stream)
+    return stream.getvalue()
+
+
+@lru_cache(maxsize=256)
+def qos_from_yaml(text: str) -> tuple[Qos, ...]:
+    """Qualities of service from the text in a bag; numbers of older versions become words."""
+    from soilmoist_ros.foundation import parse_yaml
+
+    try:
+        return tuple(_qos(entry) for entry in parse_yaml(text) or ())
+    except (InputError, KeyError, TypeError, ValueError, AttributeError):
+        return ()
+
+
+@dataclass(frozen=True)
+class Request:
+    """Quality of service that a recorder requests for a topic.
+
+    :param reliable: whether lost messages are sent again
+    :param latched: whether messages from before the subscription are requested
+    :param depth: messages kept for a receiver that is busy
+    """
+
+    reliable: bool
+    latched: bool
+    depth: int
+
+    def is_weaker(self, other: Request) -> bool:
+        """Whether the other requests more than this one."""
+        return (other.reliable and not self.reliable) or (other.latched and not self.latched)
+
+    def weakened(self, other: Request) -> Request:
+        """The common part of both requests."""
+        return replace(
+            self,
+            reliable=self.reliable and other.reliable,
+            latched=self.latched and other.latched,
+            depth=max(self.depth, other.depth),
+        )
+
+
+def request_for(offered: Sequence[Qos]) -> Request:
+    """The strongest request that all publishers of a topic fulfil; with a stronger one, some do not connect.
+
+    :param offered: quality of service of each publisher, at least one
+    """
+    return Request(
+        reliable=all(qos.reliability == "reliable" for qos in offered),
+        latched=all(qos.durability == "transient_local" for qos in offered),
+        depth=max(_KEEP_AT_LEAST, sum(qos.depth for qos in offered)),
+    )
+
+
+_WORDS: Final = {
+    "history": {0: "system_default", 1: "keep_last", 2: "keep_all"},
+    "reliability": {0: "system_default", 1: "reliable", 2: "best_effort"},
+    "durability": {0: "system_default", 1: "transient_local", 2: "volatile"},
+    "liveliness": {0: "system_default", 1: "automatic", 3: "manual_by_topic"},
+}
+
+
+def _qos(entry: Mapping[str, Any]) -> Qos:
+    def word(key: str) -> str:
+        value = entry[key]
+        return value if isinstance(value, str) else _WORDS[key].get(value, "unknown")
+
+    return Qos(
+        word("history"),
+        int(entry["depth"]),
+        word("reliability"),
+        word("durability"),
+        _nanoseconds(entry["deadline"]),
+        _nanoseconds(entry["lifespan"]),
+        word("liveliness"),
+        _nanoseconds(entry["liveliness_lease_duration"]),
+    )
+
+
+def _duration(time_ns: int) -> dict[str, int]:
+    return {"sec": time_ns // _GIGA, "nsec": time_ns % _GIGA}
+
+
+def _nanoseconds(duration: Mapping[str, int]) -> int:
+    return min(INFINITE_NS, duration["sec"] * _GIGA + duration["nsec"])
+
+
+def _span(extent: Extent) -> dict[str, dict[str, int]]:
+    """Time span, made anew: YAML would write an anchor for a second occurrence."""
+    return {
+        "duration": {"nanoseconds": extent.duration_ns},
+        "starting_time": {"nanoseconds_since_epoch": extent.start_ns},
+    }

@@ -1,3 +1,0 @@
-# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
-# SPDX-License-Identifier: Apache-2.0
-"""Bags of ROS 1."""

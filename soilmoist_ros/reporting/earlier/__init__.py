@@ -1,3 +1,0 @@
-# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
-# SPDX-License-Identifier: Apache-2.0
-"""Finished runs as earlier surveys of the field that is being mapped."""

@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A run without a map, its folder and its page."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import pytest
+
+from soilmoist_ros.pipeline.run import FailedRun, InputFile, LossRow, NoMapError, Trouble
+from soilmoist_ros.recording.stored_records import read_records
+from soilmoist_ros.reporting.outputs import write_failed
+from soilmoist_ros.reporting.page.report import failed_facts, render_failed
+from soilmoist_ros.sensing.records import NAN, CountRecord
+
+NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
+RECORD = CountRecord(1.77e9, 1.0, 2.0, NAN, 40, 10.0, 9.0)
+TRACK = [
+    RECORD,
+    replace(RECORD, stamp_s=1.77e9 + 10, x_m=NAN, raw_counts=30),
+    replace(RECORD, stamp_s=1.77e9 + 20, quarantine="noisy_tube", raw_counts=9000),
+]
+FAILED = FailedRun(
+    why="All 2 records lie 70 km west of the field 'north <1>'.",
+    todo=("Correct the sign.", "Map again."),
+    created_utc=NOW,
+    track=TRACK,
+    field_name="north <1>",
+    inputs=[InputFile("bag_0.mcap", size_bytes=7, sha256="ab")],
+    losses=[LossRow("outside the field", 1, "at x = 5 m", "lost", "check the field file")],
+    troubles=[Trouble("sensor_driver: logger", "records have a wrong checksum", 12, error=True)],
+)
+
+
+def test_the_error_says_why_and_what_to_do():
+    error = NoMapError(FAILED)
+    assert str(error) == "no map: All 2 records lie 70 km west of the field 'north <1>' -> Correct the sign"
+    assert error.failed is FAILED
+
+
+def test_what_was_counted():
+    facts = {fact.meaning: f"{fact.value} {fact.unit}".strip() for fact in failed_facts(FAILED)}
+    assert facts == {
+        "records": "2",
+        "records quarantined": "1",
+        "records with a place": "1",
+        "counts in 20 s": "70",
+        "mean raw rate": "3.50 counts/s",
+        "travelled": "0 m",
+    }
+    nothing = [(fact.value, fact.meaning) for fact in failed_facts(replace(FAILED, track=()))]
+    assert nothing == [("0", "records")]
+
+
+def test_the_folder_has_the_report_the_summary_and_the_records(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "map.tif").write_text("old")
+    (tmp_path / "summary.json").write_text('{"software": "soilmoist_ros", "outputs": ["summary.json", "map.tif"]}')
+    paths = write_failed(tmp_path, FAILED)
+    assert [path.name for path in paths] == ["summary.json", "report.html", "records.csv"]
+    assert {path.name for path in tmp_path.iterdir()} == {*(path.name for path in paths), "notes.txt"}
+    about = json.loads(paths[0].read_text())
+    assert about["map"] is None
+    assert about["failure"]["what_to_do"] == ["Correct the sign.", "Map again."]
+    assert about["failure"]["troubles"][0]["message"] == "records have a wrong checksum"
+    assert (about["n_records"], about["n_placed_records"], about["raw_counts"]) == (2, 1, 70)
+    assert about["n_quarantined"] == {"noisy_tube": 1}
+    assert about["n_lost"] == {"outside the field": 1}
+    assert about["warning_codes"] == ["no_map"]
+    assert about["survey_start_utc"] == "2026-02-02T02:39:50Z"
+    assert [record.raw_counts for record in read_records(paths[2])] == [40, 30, 9000]
+
+
+def test_the_page_says_why_first_and_escapes_names():
+    html = render_failed(FAILED)
+    shown = ["There is no map.", "north &lt;1&gt;", "Correct the sign.", "What was counted", "outside the field",
+             "records have a wrong checksum", "bag_0.mcap"]  # fmt: skip
+    places = [html.index(text) for text in shown]
+    assert places[2:] == sorted(places[2:])
+    assert "<1>" not in html
+    assert "2 February 2026" in html
+    assert "The mission" not in html
+
+
+@pytest.mark.parametrize("track", [(), TRACK[:1]])
+def test_a_page_without_a_chart(track):
+    assert "Rate over time" not in render_failed(replace(FAILED, track=track, losses=(), troubles=(), inputs=()))

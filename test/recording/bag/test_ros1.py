@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of ROS 1, written by rosbags; whole, damaged, and made to do harm."""
+
+from __future__ import annotations
+
+import bz2
+import os
+import struct
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.chunks import MAX_CHUNK_BYTES
+from soilmoist_ros.recording.bag.info import bag_info
+from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.ros1 import MAGIC, Ros1File
+
+STORE = get_typestore(Stores.ROS1_NOETIC)
+TEXT, FIX, CAMERA = "std_msgs/msg/String", "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/CameraInfo"
+COMPRESSIONS = [None, Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4]
+
+
+def text(words):
+    return STORE.serialize_ros1(STORE.types[TEXT](data=words), TEXT)
+
+
+def fix(seq, latitude):
+    types = STORE.types
+    stamp = types["builtin_interfaces/msg/Time"](sec=12, nanosec=500_000_000)
+    header = types["std_msgs/msg/Header"](seq=seq, stamp=stamp, frame_id="gps")
+    status = types["sensor_msgs/msg/NavSatStatus"](status=2, service=1)
+    return STORE.serialize_ros1(types[FIX](header, status, latitude, -0.5, 7.0, np.arange(9.0), 2), FIX)
+
+
+def write(path, messages, compression=None, chunk_bytes=1 << 20):
+    """A bag of messages (topic, type, time in s, data)."""
+    writer = Writer(path)
+    if compression is not None:
+        writer.set_compression(compression)
+    writer.chunk_threshold = chunk_bytes
+    with writer:
+        kinds = {topic: kind for topic, kind, _, _ in messages}
+        made = {topic: writer.add_connection(topic, kind, typestore=STORE) for topic, kind in kinds.items()}
+        for topic, _, time_s, data in messages:
+            writer.write(made[topic], int(time_s * 1e9), data)
+    return path
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS, ids=["none", "bz2", "lz4"])
+def test_messages_are_those_of_ros_2_in_the_order_of_time(tmp_path, compression):
+    messages = [("/a", TEXT, 10 + number % 7, text(f"{number}")) for number in range(40)]
+    messages += [("/gps/fix", FIX, 12.5, fix(99, 53.25))]
+    path = write(tmp_path / "run.bag", messages, compression, chunk_bytes=100)
+    with BagReader(path) as bag:
+        assert bag.topics == {"/a": TEXT, "/gps/fix": FIX}
+        assert bag.counts == {"/a": 40, "/gps/fix": 1}
+        assert (bag.extent.messages, bag.extent.start_ns, bag.extent.end_ns) == (41, 10 * 10**9, 16 * 10**9)
+        found = list(bag.messages())
+        times = [message.log_ns for message in found]
+        assert times == sorted(times)
+        assert {bag.decode(one).data for one in found if one.topic == "/a"} == {f"{n}" for n in range(40)}
+        (position,) = (bag.decode(one) for one in bag.messages(["/gps/fix"]))
+        assert (position.latitude, position.longitude, position.header.frame_id) == (53.25, -0.5, "gps")
+        assert (position.header.stamp.sec, position.header.stamp.nanosec) == (12, 500_000_000)
+        assert position.position_covariance.tolist() == list(range(9))
+
+
+def test_a_folder_of_split_bags_is_one_recording(tmp_path):
+    for number in range(3):
+        write(tmp_path / f"run_{number}.bag", [("/a", TEXT, 5 - number, text(f"{number}"))])
+    with BagReader(tmp_path) as bag:
+        assert bag.read_texts("/a") == ["2", "1", "0"]
+
+
+def test_a_bag_that_was_not_closed_is_refused_with_what_to_do(tmp_path):
+    path = write(tmp_path / "run.bag", [("/a", TEXT, 1, text("x"))])
+    data = path.read_bytes()
+    at = data.index(b"index_pos=") + len(b"index_pos=")
+    path.write_bytes(data[:at] + bytes(8) + data[at + 8 :])
+    with pytest.raises(InputError, match="was not closed") as error:
+        BagReader(path)
+    assert "rosbag reindex" in str(error.value)
+
+
+def test_a_bag_that_was_cut_off_is_not_empty(tmp_path):
+    path = write(tmp_path / "run.bag", [("/a", TEXT, 1, text("x" * 1000))])
+    path.write_bytes(path.read_bytes()[:4600])
+    with pytest.raises(InputError, match="is cut off: its index would begin at byte"):
+        BagReader(path)
+
+
+def test_a_bag_that_becomes_shorter_while_it_is_read_is_refused(tmp_path):
+    words = [("/a", TEXT, number, text("x" * 10_000)) for number in range(20)]
+    path = write(tmp_path / "run.bag", words, chunk_bytes=10_000)
+    with BagReader(path) as bag:
+        messages = bag.messages()
+        next(messages)
+        os.truncate(path, 50_000)
+        with pytest.raises(InputError, match="cannot be read as a bag"):
+            list(messages)
+
+
+def test_a_type_that_differs_in_ros_2_is_refused_and_others_are_read(tmp_path):
+    other = get_typestore(Stores.EMPTY)
+    other.register(get_types_from_msg("float64 wetness", "own_msgs/msg/Soil"))
+    with Writer(tmp_path / "run.bag") as writer:
+        text_topic = writer.add_connection("/a", TEXT, typestore=STORE)
+        own = writer.add_connection("/own", "own_msgs/msg/Soil", typestore=other)
+        camera = writer.add_connection("/camera/info", CAMERA, typestore=STORE)
+        writer.write(text_topic, 1, text("x"))
+        writer.write(own, 2, struct.pack("<d", 0.3))
+        writer.write(camera, 3, b"never read")
+    about = {one.name: (one.type_name, one.extent.messages) for one in bag_info(tmp_path / "run.bag").topics}
+    assert about == {"/a": (TEXT, 1), "/own": ("own_msgs/msg/Soil", 1), "/camera/info": (CAMERA, 1)}
+    with BagReader(tmp_path / "run.bag") as bag:
+        assert bag.read_texts("/a") == ["x"]
+        assert [bag.decode(message).wetness for message in bag.messages(["/own"])] == [0.3]
+        with pytest.raises(InputError, match=r"/camera/info.* of ROS 1 has other fields in ROS 2"):
+            list(bag.messages(["/camera/info"]))
+
+
+@pytest.mark.slow
+def test_every_cut_and_many_flipped_bytes_are_refused_or_read(tmp_path):
+    path = write(tmp_path / "run.bag", [("/a", TEXT, number, text("word")) for number in range(9)], chunk_bytes=50)
+    data, rng = path.read_bytes(), np.random.default_rng(4)
+    assert data.startswith(MAGIC)
+    cuts = [data[:length] for length in rng.integers(1, len(data), 60)]
+    flipped = []
+    for at in rng.integers(len(MAGIC), len(data), 200):
+        changed = bytearray(data)
+        changed[at] ^= 1 << int(rng.integers(8))
+        flipped.append(bytes(changed))
+    refused = 0
+    for content in [*cuts, *flipped]:
+        path.write_bytes(content)
+        try:
+            with BagReader(path) as bag:
+                for message in bag.messages():
+                    bag.decode(message)
+        except InputError:
+            refused += 1
+    assert refused > 60
+
+
+@pytest.mark.slow
+def test_a_chunk_that_unpacks_to_more_than_it_says_costs_no_memory(tmp_path):
+    path = write(tmp_path / "run.bag", [("/a", TEXT, 1, text("x" * 50_000))], Writer.CompressionFormat.BZ2)
+    data = path.read_bytes()
+    begin = data.index(b"BZh")
+    (length,) = struct.unpack_from("<I", data, begin - 4)
+    bomb = bz2.compress(bytes(2 * MAX_CHUNK_BYTES))
+    assert len(bomb) <= length, "the bomb fits into the place of the chunk"
+    path.write_bytes(data[:begin] + bomb.ljust(length, b"\0") + data[begin + length :])
+    with BagReader(path) as bag, pytest.raises(InputError, match="a chunk of more than 64 MB"):
+        list(bag.messages())
+
+
+def test_what_is_no_bag_of_ros_1_is_named(tmp_path):
+    path = tmp_path / "run.bag"
+    for content in (b"#ROSBAG V1.2\n" + bytes(50), b"x", MAGIC + b"\xff\xff\xff\x7f"):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="cannot be read as a bag"):
+            BagReader(path)
+    path.write_bytes(b"#ROSBAG V1.2\n" + bytes(50))
+    with pytest.raises(ValueError, match="is not a bag of ROS 1"):
+        Ros1File(path)

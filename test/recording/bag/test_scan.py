@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Files of strangers: whatever they hold, they are read or refused with a reason."""
+
+import random
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from bombs import bombs, channel, chunk, file_of, message, schema
+
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.bag.info import bag_info
+from soilmoist_ros.recording.bag.reader import BagReader
+from soilmoist_ros.recording.bag.scan import McapScan
+from soilmoist_ros.recording.bag.verify import verify_bag
+
+GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "one_stop" / "bag"
+NUMBERS = [0, 1, 64 << 20, 2**31, 2**32 - 1, 2**63, 2**64 - 1]
+
+
+def changed(data, rng):
+    """Data with bits flipped, bytes set, pieces removed or repeated, numbers replaced, or the end cut off."""
+    data = bytearray(data)
+    for _ in range(rng.choice([1, 1, 2, 4, 16])):
+        place = rng.randrange(len(data) or 1)
+        change = rng.randrange(6)
+        if change == 0 and data:
+            data[place] ^= 1 << rng.randrange(8)
+        elif change == 1:
+            data[place : place + 1] = rng.randbytes(1)
+        elif change == 2:
+            del data[place : place + rng.randrange(1, 64)]
+        elif change == 3:
+            data[place:place] = data[rng.randrange(len(data) or 1) :][: rng.randrange(1, 200)]
+        elif change == 4:
+            data[place : place + 8] = rng.choice(NUMBERS).to_bytes(8, "little")
+        else:
+            del data[place:]
+    return bytes(data)
+
+
+def read(path):
+    with BagReader(path) as reader:
+        for message in reader.messages():
+            reader.decode(message)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_a_file_is_read_or_refused(tmp_path, seed):
+    rng = random.Random(seed)
+    files = [data for data in bombs().values() if len(data) < 5000] + [(GOLDEN / "bag_0.mcap").read_bytes()]
+    metadata = (GOLDEN / "metadata.yaml").read_bytes()
+    for _ in range(8):
+        (tmp_path / "bag_0.mcap").write_bytes(changed(rng.choice(files), rng))
+        (tmp_path / "metadata.yaml").write_bytes(rng.choice([metadata, changed(metadata, rng)]))
+        for work in (bag_info, read, verify_bag):
+            for path in (tmp_path, tmp_path / "bag_0.mcap"):
+                with suppress(InputError):
+                    work(path)
+
+
+def chunks_of(times, per_chunk):
+    """A file of plain chunks with messages of these times [ns]."""
+    chunks = []
+    for at in range(0, len(times), per_chunk):
+        part = times[at : at + per_chunk]
+        body = schema() + channel() + b"".join(message(time_ns=time_ns) for time_ns in part)
+        chunks.append(chunk(body, len(body), "", start_ns=min(part)))
+    return file_of(*chunks)
+
+
+def test_messages_of_chunks_in_any_order_are_sorted_by_time(tmp_path):
+    path, rng = tmp_path / "mixed.mcap", random.Random(1)
+    for per_chunk in (1, 3, 20):
+        times = [rng.randrange(1, 30) for _ in range(60)]
+        path.write_bytes(chunks_of(times, per_chunk))
+        assert [found.log_ns for found in McapScan(path).sorted_messages()] == sorted(times)
+
+
+def test_one_late_message_costs_no_more_work_for_each_of_the_others(tmp_path):
+    """Otherwise the clock that was set back by an hour would cost minutes."""
+    path, calls = tmp_path / "late.mcap", []
+    for count in (2000, 4000):
+        path.write_bytes(chunks_of([*range(2, count + 2), 1], 10))
+        made = 0
+
+        def counted(*_):
+            nonlocal made
+            made += 1
+
+        sys.setprofile(counted)
+        found = [one.log_ns for one in McapScan(path).sorted_messages()]
+        sys.setprofile(None)
+        assert found == list(range(1, count + 2))
+        calls.append(made)
+    assert calls[1] < 2.2 * calls[0]

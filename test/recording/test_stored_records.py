@@ -1,0 +1,186 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Records that a later map starts from."""
+
+import csv
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from soilmoist_ros.exploration.mission.events import Command, Moved, RecordArrived
+from soilmoist_ros.exploration.mission.journal import MissionJournal
+from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.types import MissionRules, Verb
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
+from soilmoist_ros.foundation.errors import InputError
+from soilmoist_ros.recording.journal import Journal
+from soilmoist_ros.recording.stored_records import COLUMNS, RECORDS, read_earlier, read_records, write_records
+from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, NAN, CountRecord
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+records = st.builds(
+    CountRecord,
+    **{name: numbers for name in COLUMNS if name not in ("stamp_s", "raw_counts", "quarantine")},
+    stamp_s=st.floats(FIRST_STAMP_S, LAST_STAMP_S),
+    raw_counts=st.integers(0, 2**32 - 1),
+    quarantine=st.sampled_from(["", "noisy_tube"]),
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(st.lists(records, max_size=4))
+def test_records_come_back_exactly(tmp_path, many):
+    write_records(tmp_path / "records.csv", many)
+    assert read_records(tmp_path / "records.csv") == many
+    assert [path.name for path in tmp_path.iterdir()] == ["records.csv"]
+
+
+def test_tables_of_earlier_releases_have_no_quarantine(tmp_path):
+    path = tmp_path / "records.csv"
+    write_records(path, [CountRecord(1.0, 2.0, 3.0, 4.5, 7, 10.0, 9.0)])
+    assert path.read_text().splitlines()[0].endswith(",quarantine")
+    path.write_text("".join(line.rpartition(",")[0] + "\n" for line in path.read_text().splitlines()))
+    assert read_records(path) == [CountRecord(1.0, 2.0, 3.0, 4.5, 7, 10.0, 9.0)]
+
+
+def test_a_missing_position_stays_missing(tmp_path):
+    write_records(tmp_path / "records.csv", [CountRecord(1.5, NAN, NAN, NAN, 4, 10.0, 9.0)])
+    (found,) = read_records(tmp_path / "records.csv")
+    assert str(found) == str(CountRecord(1.5, NAN, NAN, NAN, 4, 10.0, 9.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("raw_counts", "counts"), "has no column raw_counts"),
+        (lambda text: text.replace(",4,", ",4.5,"), r"records.csv:3: is not a record: invalid literal.*'4.5'"),
+        (lambda text: text[:-20], r"records.csv:3: is not a record"),
+        (lambda text: "", "has no column stamp_s, x_m"),
+        (lambda text: text.replace(",4,", ",-5,"), "records.csv:3: is not a record: raw_counts is -5"),
+        (
+            lambda text: text.replace(",4,", f",{'9' * 400},"),
+            "records.csv:3: is not a record: raw_counts is 9{30} ",
+        ),
+        (lambda text: text.replace(",4,", f",{2**63 + 1},"), "records.csv:3: is not a record: raw_counts is 9223"),
+        (lambda text: text.replace("2.0,2.0,", "nan,2.0,"), "records.csv:3: is not a record: stamp_s is nan"),
+        (lambda text: text.replace("2.0,2.0,", "inf,2.0,"), "records.csv:3: is not a record: stamp_s is inf"),
+        (lambda text: text.replace("2.0,2.0,", "1e300,2.0,"), "records.csv:3: is not a record: stamp_s is 1e"),
+        (lambda text: text.replace("2.0,2.0,", "2.0,-inf,"), "records.csv:3: is not a record: x_m is -inf"),
+        (lambda text: text.replace("4,10.0,", "4,inf,"), "records.csv:3: is not a record: exposure_s is inf"),
+        (lambda text: text[:-1] + "x" * 140_000, "records.csv:3: is not a record: field larger than"),
+        (lambda text: "x" * 140_000 + text, "records.csv:1: is not a record: field larger than"),
+    ],
+)
+def test_a_damaged_table_is_refused_with_the_line(tmp_path, change, message):
+    path = tmp_path / "records.csv"
+    write_records(
+        path, [CountRecord(1.0, 2.0, 3.0, 4.5, 7, 10.0, 9.0), CountRecord(2.0, 2.0, 3.0, 4.5, 4, 10.0, 9.0)]
+    )
+    path.write_text(change(path.read_text()))
+    limit = csv.field_size_limit(131_072)  # Python's own; reverse_geocode sets another one for the whole process
+    try:
+        with pytest.raises(InputError, match=message):
+            read_records(path)
+    finally:
+        csv.field_size_limit(limit)
+
+
+def test_what_is_no_table_is_refused(tmp_path):
+    (tmp_path / "records.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="is not text"):
+        read_records(tmp_path / "records.csv")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_records(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_records(tmp_path / "none" / "records.csv", [])
+
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
+POINT_FIELDS = (
+    "x",
+    "y",
+    "z",
+    "raw_counts",
+    "exposure_s",
+    "effective_exposure_s",
+    "f_pressure",
+    "f_humidity",
+    "f_intensity",
+)
+
+
+def earlier(n=8):
+    rng = np.random.default_rng(5)
+    places = rng.uniform((2, 2), (58, 48), (n, 2)).astype(np.float32).tolist()
+    return [
+        CountRecord(1.78e9 + i, x, y, 30.0, int(rng.poisson(400)), 100.0, 95.0) for i, (x, y) in enumerate(places)
+    ]
+
+
+def write_bag(folder, many):
+    """A bag with the earlier on the topic ``counts``."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = store.types
+    layout = np.dtype(
+        [(name, "<f4" if name in "xyz" else "<u4" if name == "raw_counts" else "<f8") for name in POINT_FIELDS]
+    )
+    datatype = {"<f4": 7, "<f8": 8, "<u4": 6}
+    fields = [
+        types["sensor_msgs/msg/PointField"](name, layout.fields[name][1], datatype[layout[name].str], 1)
+        for name in POINT_FIELDS
+    ]
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topic = writer.add_connection("/counts", CLOUD, typestore=store)
+        for one in many:
+            stamp = types["builtin_interfaces/msg/Time"](int(one.stamp_s), 0)
+            row = (
+                one.x_m,
+                one.y_m,
+                one.z_m,
+                one.raw_counts,
+                one.exposure_s,
+                one.effective_exposure_s,
+                1.0,
+                1.0,
+                1.0,
+            )
+            data = np.frombuffer(np.array([row], layout).tobytes(), "u1")
+            header = types["std_msgs/msg/Header"](stamp, "map")
+            cloud = types[CLOUD](header, 1, 1, fields, False, layout.itemsize, layout.itemsize, data, True)
+            writer.write(topic, int(one.stamp_s * 1e9), store.serialize_cdr(cloud, CLOUD))
+
+
+def test_records_come_from_a_table_or_a_bag(tmp_path):
+    write_records(tmp_path / RECORDS, earlier())
+    write_bag(tmp_path / "bag", earlier())
+    for source in (tmp_path, tmp_path / "bag"):
+        assert read_earlier(source) == earlier()
+    with pytest.raises(InputError, match=r"no topic '/salt/counts'.*/counts "):
+        read_earlier(tmp_path / "bag", "salt")
+
+
+def test_an_interrupted_mission_gives_its_records(tmp_path):
+    mission = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60")))
+    events = [Moved(1.77e9, 0.0, 0.0), Command(1.78e9, Verb.START)]
+    events += [RecordArrived(r.stamp_s, r) for r in earlier()]
+    with Journal.open(tmp_path) as pages:
+        journal = MissionJournal(pages)
+        for event in events:
+            journal.note(mission, event)
+            mission.step(event)
+            journal.keep(mission)
+        journal.note_record("/salt", 1.78e9 + 1.0, earlier()[2])
+    assert read_earlier(tmp_path) == earlier()
+    assert read_earlier(tmp_path, "/salt") == earlier()[2:3]
+    assert read_earlier(tmp_path, "clay") == []
+
+
+def test_other_folders_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"neither records.csv nor a bag nor a journal.*saved, a bag"):
+        read_earlier(tmp_path)
+    with pytest.raises(InputError, match="there is no such bag"):
+        read_earlier(tmp_path / "none")
