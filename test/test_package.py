@@ -117,7 +117,7 @@ def test_no_tracked_file_names_a_path_outside_the_clone():
         ("mapping", {"pydantic", "ruamel.yaml"}),
         # what the nodes start with
         ("sensing.survey.driver", {"mcap", "rosbags", "scipy.optimize", "scipy.stats"}),
-        ("reporting.field_survey", {"mcap", "rosbags", "soilmoist_ros.pipeline.run"}),
+        ("pipeline.field_survey", {"mcap", "rosbags", "soilmoist_ros.reporting"}),
         ("exploration.control.mission_control", {"mcap", "rosbags"}),
         ("recording.journal", {"numpy", "pydantic", "mcap", "rosbags"}),
         ("recording.bag.recorder", {"numpy", "rosbags"}),

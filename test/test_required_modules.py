@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 COLLECT = """
 import sys, pytest
 sys.modules["matplotlib"] = None
-sys.exit(pytest.main(["-p", "no:cacheprovider", "--collect-only", "test/reporting/figures/test_run_figures.py"]))
+sys.exit(pytest.main(["-p", "no:cacheprovider", "--collect-only", "test/reporting/test_paper_figures.py"]))
 """
 
 

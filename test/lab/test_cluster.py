@@ -340,7 +340,7 @@ def test_a_cluster_with_keys_computes_encrypted_and_refuses_others(tmp_path, slo
         run_campaign(load_campaign(written(tmp_path, 3)), tmp_path / "out", slow.simulate, scheduler=address)
         assert len(stored(tmp_path / "out")) == 3
         strange = tmp_path / "strange"
-        subprocess.run([script, strange], check=True, capture_output=True)
+        subprocess.run([script, strange, "--cluster"], check=True, capture_output=True)
     with dask_config(strange / "dask.yaml"), pytest.raises(InputError):
         cluster.connect(address, 2.0)
     with pytest.raises(InputError):

@@ -231,7 +231,8 @@ def misses(seed, share, dwell_s):
     rng = np.random.default_rng([seed, 7])
     field = surrogate_field("rough", rng)
     grid = field.field.grid(max(field.field.grid(None).extent_m / CELLS**0.5, 1.0))
-    curve = replace(field.curve, n0_cps=share * field.curve.n0_cps)
+    known = field.curve if isinstance(field.curve, CalibrationCurve) else CURVE
+    curve = replace(known, n0_cps=share * known.n0_cps)
     places = grid.cells[rng.choice(len(grid.cells), SAMPLES, replace=False)]
     places = places + rng.uniform(-0.5, 0.5, places.shape) * grid.cell_m
     counts = rng.poisson(share * field.rate_at(places) * dwell_s)

@@ -60,8 +60,9 @@ def published_names() -> set[str]:
             if isinstance(first, ast.Constant):
                 parts = {first.value}
             else:
-                assert isinstance(first, ast.Name), f"{inside}:{node.lineno}: a name that the test cannot read"
-                parts = VARIABLES.get((inside, first.id)) or {texts[first.id]}
+                name = getattr(first, "id", None) or getattr(first, "attr", None)  # PART or worker.PART
+                assert name, f"{inside}:{node.lineno}: a name that the test cannot read"
+                parts = VARIABLES.get((inside, name)) or {texts[name]}
             found |= {f"{PUBLISHED_BY[inside]}: {part}" for part in parts}
     return found
 

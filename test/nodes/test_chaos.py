@@ -41,7 +41,7 @@ COUNTING = MissionStatus(
 @pytest.fixture(autouse=True)
 def short_missions(monkeypatch):
     """Missions of five minutes."""
-    monkeypatch.setattr("BUDGET_S", 300.0)
+    monkeypatch.setattr(chaos, "BUDGET_S", 300.0)
 
 
 def with_faults(*spans):
@@ -62,7 +62,7 @@ COMPUTER = (
 @pytest.mark.process
 @pytest.mark.parametrize("spans", [KILLS, COMPUTER], ids=["kills", "computer"])
 def test_no_record_is_lost_and_nobody_is_disobeyed(tmp_path, monkeypatch, spans):
-    monkeypatch.setattr("BUDGET_S", 900.0)  # a killed node is back after minutes of simulated time
+    monkeypatch.setattr(chaos, "BUDGET_S", 900.0)  # a killed node is back after minutes of simulated time
     violations, figures = chaos.run(with_faults(*spans), 1, tmp_path / "run", TIME_FACTOR)
     assert violations == []
     assert figures["records"] > 10

@@ -43,6 +43,7 @@ from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, RECORDS
 from soilmoist_ros.pipeline.earlier_runs import run_change
 from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.pipeline.run import EarlierRun
+from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.sensing.records import NAN, CountRecord
 
 BEGIN_S = 1.78e9
@@ -286,7 +287,7 @@ def test_an_earlier_survey_informs_the_map_and_the_report_names_it(ros, field, s
     before = open_survey(str(field), "example")
     for one in survey_records(48, seed=7):
         before.map.add(replace(one, stamp_s=one.stamp_s - 7 * 86400))
-    before.save(tmp_path / "may", before.map.snapshot())
+    write_outputs(tmp_path / "may", before.run(before.map.snapshot()))
     records, outputs = survey_records(16), Outputs(ros)
     changes = ros.collect(PointCloud2, "change", LATCHED)
     _, publisher = start(earlier=[str(tmp_path / "may")])

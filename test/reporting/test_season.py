@@ -18,8 +18,8 @@ from soilmoist_ros.sensing.moisture.curve import CalibrationCurve, UniversalCurv
 
 pytestmark = pytest.mark.slow  # the season that all use takes long to make
 
-FIELDS = Path(__file__).parents[3] / "config" / "fields"
-GOLDEN = Path(__file__).parents[2] / "golden"
+FIELDS = Path(__file__).parents[2] / "config" / "fields"
+GOLDEN = Path(__file__).parents[1] / "golden"
 
 
 def test_surveys_are_in_order_of_time_with_their_means_and_changes(season):

@@ -32,10 +32,12 @@ def test_shipped_formats_are_valid() -> None:
 @pytest.mark.slow
 def test_every_key_is_described() -> None:
     def described(model):
-        """Keys that have a docstring below them."""
-        (body,) = ast.parse(inspect.getsource(model)).body
+        """Keys that have a docstring below them, there or in a class that the model extends."""
+        classes = [one for one in model.__mro__ if one.__module__ == model.__module__]
+        bodies = [ast.parse(inspect.getsource(one)).body[0] for one in classes]
         return {
             key.target.id
+            for body in bodies
             for key, below in itertools.pairwise(body.body)
             if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr) and below.value.value
         }
