@@ -14,22 +14,19 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent.parent
 PUBLISHED_BY = {
     "sensing/survey/driver.py": "sensor_driver",
-    "sensing/survey/driver_health.py": "sensor_driver",
-    "mapping/map_health.py": "mapper",
+    "mapping/map_worker.py": "mapper",
     "nodes/mapper.py": "mapper",
-    "nodes/wiring/mapper_change.py": "mapper",
-    "nodes/wiring/mapper_exchange.py": "mapper",
     "exploration/control/mission_control.py": "planner",
     "exploration/control/team.py": "planner",
     "exploration/guard/watch.py": "planner",
     "exploration/guard/robot_frames.py": "planner",
-    "recording/bag/recorder_health.py": "recorder",
-    "simulation/robot/waiting_clock.py": "field_simulator",
+    "recording/bag/recorder.py": "recorder",
+    "simulation/robot/simulated_time.py": "field_simulator",
 }
 RECEIVERS = {"nodes/console.py"}
 """Files that make states of health of what they received."""
 VARIABLES = {
-    ("sensing/survey/driver_health.py", "name"): {"logger link", "GNSS link"},
+    ("sensing/survey/driver.py", "name"): {"logger link", "GNSS link"},
     ("exploration/control/mission_control.py", "name"): {"position", "records"},
 }
 """Parts whose name is an argument."""
