@@ -256,7 +256,12 @@ class SoilMap:
     @cached_property
     def kriging(self) -> PoissonKriging | TiledKriging:
         """The fitted kriging, for estimates at other places."""
-        if self.made_by is not None:
+        return self.exact_kriging if self.made_by is None else self.made_by
+
+    @cached_property
+    def exact_kriging(self) -> PoissonKriging:
+        """Kriging of all samples at once, also for a map that was made tile by tile: for few samples only."""
+        if isinstance(self.made_by, PoissonKriging):
             return self.made_by
         samples = self.samples
         prior = None if self.fit is None else self.fit.prior

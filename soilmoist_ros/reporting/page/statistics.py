@@ -161,15 +161,12 @@ class LeaveOneOut:
 
 def _kriging(soil_map: SoilMap) -> PoissonKriging | None:
     """The kriging of a map; ``None`` if it is too large for a report or numerically singular."""
-    from soilmoist_ros.mapping import PoissonKriging
-
     if not 1 <= len(soil_map.samples.xy) <= MAX_SAMPLES or not soil_map.variogram.sill > 0:
         return None
     try:
-        kriging = soil_map.kriging
+        return soil_map.exact_kriging
     except np.linalg.LinAlgError:
         return None
-    return kriging if isinstance(kriging, PoissonKriging) else None
 
 
 def leave_one_out(soil_map: SoilMap) -> LeaveOneOut | None:

@@ -15,6 +15,7 @@ from soilmoist_ros.mapping.covariates import Covariates
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge import Knowledge
+from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
 from soilmoist_ros.mapping.samples import as_samples, footprint_spread, path_spread
 from soilmoist_ros.mapping.soil_map import possible_moisture
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
@@ -60,6 +61,12 @@ def test_leave_one_out_is_what_kriging_without_the_sample_says(the_map):
         assert loo.observed[i] == pytest.approx(samples.rate_cps[i])
         assert loo.predicted[i] == pytest.approx(rate[0])
         assert loo.sd[i] ** 2 == pytest.approx(variance[0] + the_map.mean_rate / samples.exposure_s[i])
+
+
+def test_a_map_made_of_tiles_is_validated_like_the_exact_one(the_map):
+    tiled = dataclasses.replace(the_map, made_by=TiledKriging(the_map.variogram, the_map.keep_nugget))
+    np.testing.assert_allclose(leave_one_out(tiled).predicted, leave_one_out(the_map).predicted, rtol=1e-9)
+    assert mean_sd(tiled, moisture=False) == pytest.approx(mean_sd(the_map, moisture=False))
 
 
 def test_supports_count_in_the_report_as_in_the_map(the_map):
