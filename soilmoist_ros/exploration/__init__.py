@@ -71,7 +71,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.events import Tick as Tick
     from soilmoist_ros.exploration.mission.events import VisitDone as VisitDone
     from soilmoist_ros.exploration.mission.journal import EVENT as EVENT
-    from soilmoist_ros.exploration.mission.journal import Journal as Journal
     from soilmoist_ros.exploration.mission.journal import MissionJournal as MissionJournal
     from soilmoist_ros.exploration.mission.journal import interrupted_mission as interrupted_mission
     from soilmoist_ros.exploration.mission.journal import interrupted_records as interrupted_records
@@ -180,7 +179,7 @@ __getattr__, __dir__, __all__ = open_door(
         "guard.signals": "EmergencyTopic",
         "guard.watch": "POSES_FROZEN_S Watch WatchLimits",
         "mission.events": "ANYBODYS Action CancelGoal Command Event FORGOTTEN Finish GoTo GoalFailed GoalReached Moved Planned Publish RecordArrived RequestPlan StartCounting Tick VisitDone",
-        "mission.journal": "EVENT Journal MissionJournal interrupted_mission interrupted_records is_under_way noted_records",
+        "mission.journal": "EVENT MissionJournal interrupted_mission interrupted_records is_under_way noted_records",
         "mission.mission": "Mission",
         "mission.state": "state_from_json",
         "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT OnSilence PUBLISHED_MIN_LAST_DWELL_S Phase Polygons READY Response TRIGGERS Verb",

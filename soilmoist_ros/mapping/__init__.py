@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.mapping.knowledge import Knowledge as Knowledge
     from soilmoist_ros.mapping.knowledge import samples_at_end as samples_at_end
     from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging as PoissonKriging
-    from soilmoist_ros.mapping.kriging.system import Points as Points
     from soilmoist_ros.mapping.kriging.system import coincident as coincident
     from soilmoist_ros.mapping.kriging.system import sample_correlation as sample_correlation
     from soilmoist_ros.mapping.kriging.tiled_kriging import Compute as Compute
@@ -105,7 +104,7 @@ __getattr__, __dir__, __all__ = open_door(
         "grid": "FieldGrid",
         "knowledge": "EarlierSurvey Knowledge samples_at_end",
         "kriging.poisson_kriging": "PoissonKriging",
-        "kriging.system": "Points coincident sample_correlation",
+        "kriging.system": "coincident sample_correlation",
         "kriging.tiled_kriging": "Compute",
         "map_worker": "MapWorker map_health",
         "mapping_settings": "MappingSettings",

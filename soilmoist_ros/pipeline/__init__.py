@@ -60,8 +60,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.pipeline.run import NoteCode as NoteCode
     from soilmoist_ros.pipeline.run import RunChange as RunChange
     from soilmoist_ros.pipeline.run import date_text as date_text
-    from soilmoist_ros.pipeline.run import distance_m as distance_m
-    from soilmoist_ros.pipeline.run import inside_boundary as inside_boundary
     from soilmoist_ros.pipeline.run import local_time as local_time
     from soilmoist_ros.pipeline.run import track_xy as track_xy
 
@@ -76,6 +74,6 @@ __getattr__, __dir__, __all__ = open_door(
         "logs": "log_positions log_times position_source read_logs read_track reading_of skipped_text",
         "properties": "Comparison",
         "results": "REMEDY curve_of is_illustrative read_features read_summary shape_of",
-        "run": "EARLIEST_STAMP_S EarlierRun FailedRun IrrigationLimits LossRow MapRun NoMapError Note NoteCode REFERENCE RunChange date_text distance_m inside_boundary local_time track_xy",
+        "run": "EARLIEST_STAMP_S EarlierRun FailedRun IrrigationLimits LossRow MapRun NoMapError Note NoteCode REFERENCE RunChange date_text local_time track_xy",
     },
 )

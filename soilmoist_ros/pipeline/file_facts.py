@@ -31,6 +31,7 @@ from soilmoist_ros.foundation import (
     town_text,
 )
 from soilmoist_ros.mapping import Field, PositionSource, read_covariates, require_near
+from soilmoist_ros.pipeline.earlier_runs import MAX_AHEAD_S
 from soilmoist_ros.pipeline.run import EARLIEST_STAMP_S
 from soilmoist_ros.sensing import (
     CorrectionSettings,
@@ -62,8 +63,6 @@ MAX_FROM_TOWN_M = 50_000.0
 """Distance of a field from any town beyond which its coordinates may be swapped [m]."""
 MAX_FROM_SITE_M = 100_000.0
 """Distance of records from the place of their site beyond which one of them is wrong [m]."""
-MAX_AHEAD_S = 86_400.0
-"""How far after the present a record may be dated [s]: clocks of loggers are local."""
 MAX_FROM_REFERENCE_HPA = 40.0
 """Distance of the reference pressure from that of the altitude beyond which it is unusual [hPa]."""
 PREVIEW = 3

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.recording.bag.messages import points as points
     from soilmoist_ros.recording.bag.messages import quarantined_topic as quarantined_topic
     from soilmoist_ros.recording.bag.messages import visit_of as visit_of
-    from soilmoist_ros.recording.bag.metadata import Definition as Definition
     from soilmoist_ros.recording.bag.metadata import Qos as Qos
     from soilmoist_ros.recording.bag.metadata import Request as Request
     from soilmoist_ros.recording.bag.metadata import Topic as Topic
@@ -106,7 +105,7 @@ __getattr__, __dir__, __all__ = open_door(
     {
         "bag.info": "BagInfo bag_info info_table plain_text print_plain recovery_table verified_table",
         "bag.messages": "QUARANTINED REASON REASONS STAMP_OFFSET count_records points quarantined_topic visit_of",
-        "bag.metadata": "Definition Qos Request Topic find_definition request_for",
+        "bag.metadata": "Qos Request Topic find_definition request_for",
         "bag.playback": "INPUTS Pacer Playback TopicChoice",
         "bag.reader": "BagReader VISIT bags_of",
         "bag.recorder": "BagRecorder SequenceGaps check_name free_bytes next_bag recorder_health",
