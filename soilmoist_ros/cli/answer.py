@@ -40,7 +40,7 @@ MAX_REASONS = 3
 
 @dataclass
 class Answer:
-    """How a command answers, and what it has answered so far.
+    """Answer of a command: its form, and what was said so far.
 
     :param as_json: lines go to standard error, and standard output gets one JSON object
     :param quiet: no lines and no progress, only warnings and errors

@@ -66,7 +66,7 @@ NAMES: dict[str, Callable[[], Iterable[str]]] = {
     "model": _of("mapping", "VARIOGRAM_MODELS"),
     "export": _of("reporting", "EXPORTS"),
 }
-"""What can be named -> its names, read on use."""
+"""Names by what can be named, read on use."""
 
 
 def completions(kind: str, incomplete: str) -> list[CompletionItem]:
@@ -244,7 +244,7 @@ def prepare_output(out: Path, overwrite: bool) -> None:
 
 
 def confirmed(out: Path, held: str) -> bool:
-    """Whether the user agrees, on a terminal, that results are replaced; false without a terminal.
+    """True if the user agrees, on a terminal, that results are replaced; false without a terminal.
 
     :param held: the results, in words; empty if there is nothing to ask
     :raises InputError: if the user declines

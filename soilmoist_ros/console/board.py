@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the console knows now, in sections, with the visits, ways and counts for viewers who come late."""
+"""State that the console knows now, in sections, with the visits, ways and counts for viewers who come late."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Layer:
 
     @property
     def is_change(self) -> bool:
-        """Whether 0 is in the middle of the colours, and what may be chance is pale."""
+        """True if 0 is in the middle of the colours, and what may be chance is pale."""
         return self.key.startswith("change")
 
 

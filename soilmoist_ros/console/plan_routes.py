@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the page *Plan* asks for: forecasts, fields, walks, and the files that may be chosen."""
+"""Routes of the page *Plan*: forecasts, fields, walks, and the files that may be chosen."""
 
 from __future__ import annotations
 

@@ -80,17 +80,17 @@ class Access:
     ) -> None:
         self._public = _page_address(public)
         self.is_proxied = bool(self._public.netloc)
-        """Whether visitors come through a proxy, whose address is then that of all."""
+        """True if visitors come through a proxy, whose address is then that of all."""
         self._names = {name.lower().rstrip(".") for name in (*names, self._public.hostname or "") if name}
         self.secure = self._public.scheme == "https"
-        """Whether browsers shall send the cookie over TLS only."""
+        """True if browsers shall send the cookie over TLS only."""
         self._renewed = renewed
         self._sessions: set[str] = set()
         self.token = secrets.token_urlsafe(16)
         """Lets one visitor steer."""
 
     def refusal(self, visitor: Visitor) -> str:
-        """Why a request is not answered at all; empty if it is."""
+        """Reason why a request is not answered at all; empty if it is."""
         host = visitor.headers.get("Host", "")
         name = _host_name(host)
         if not (name == "localhost" or _address(name) or name in self._names):
@@ -106,13 +106,13 @@ class Access:
         return ""
 
     def _is_own(self, origin: str, host: str) -> bool:
-        """Whether a page of an origin is the one that this host serves."""
+        """True if a page of an origin is the one that this host serves."""
         parts = urlsplit(origin)
         plain = self.secure and parts.hostname == self._public.hostname and parts.scheme != "https"
         return parts.netloc.lower() == host.lower() and not plain
 
     def may_steer(self, visitor: Visitor) -> bool:
-        """Whether somebody at this machine, or with a token, sent it; to others the page is read-only."""
+        """True if somebody at this machine, or with a token, sent it; to others the page is read-only."""
         host = _host_name(visitor.headers.get("Host", ""))
         forwarded = any(visitor.headers.get(name) is not None for name in _PROXY)
         from_here = _loopback(visitor.address) and (host == "localhost" or _loopback(host))
@@ -195,7 +195,7 @@ class Controls:
         return (self._who or "somebody without a name") if self._is_held() else ""
 
     def holds(self, client: str) -> bool:
-        """Whether a page has the controls."""
+        """True if a page has the controls."""
         return self._is_held() and client == self._holder
 
     def take(self, client: str, who: str, over: bool = False) -> bool:

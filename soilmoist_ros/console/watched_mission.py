@@ -68,7 +68,7 @@ class WatchedMission:
 
     @property
     def stopped(self) -> bool:
-        """Whether :meth:`stop` was called."""
+        """True if :meth:`stop` was called."""
         return self._stopped
 
     def stop(self) -> None:

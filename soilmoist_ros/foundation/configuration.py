@@ -189,7 +189,7 @@ def read_quickly(text: str, max_values: int) -> Any:
             return super().construct_mapping(node, deep)
 
     def is_harmless() -> bool:
-        """Whether it keeps the limits. The parser recurses: a deep text would end the process."""
+        """True if it keeps the limits. The parser recurses: a deep text would end the process."""
         values, sizes, begun = 0, dict[str, int](), list[tuple[str | None, int]]()
         for event in yaml.parse(text, parser):
             if isinstance(event, yaml.CollectionEndEvent):

@@ -246,7 +246,7 @@ class PlaneMove:
 
     @property
     def is_identity(self) -> bool:
-        """Whether the two planes are one."""
+        """True if the two planes are one."""
         return self == PlaneMove()
 
     @property

@@ -226,7 +226,7 @@ def not_installed(error: ModuleNotFoundError, extra: str = "") -> InputError:
 
 
 def is_installed(*modules: str) -> bool:
-    """Whether modules can be imported, without importing them."""
+    """True if modules can be imported, without importing them."""
     return all(find_spec(module) is not None for module in modules)
 
 

@@ -151,7 +151,7 @@ def _shown(value: Any) -> str:
 
 
 def _is_tag(part: int | str, content: Any) -> bool:
-    """Whether a part of a location is the name of a union member, which pydantic adds and no file contains."""
+    """True if a part of a location is the name of a union member, which pydantic adds and no file contains."""
     return isinstance(part, str) and bool(re.search(r"[\[(]|^function-|^[A-Z]\w+$", part))
 
 

@@ -57,7 +57,7 @@ class CampaignOutcome:
 
     @property
     def complete(self) -> bool:
-        """Whether every mission finished."""
+        """True if every mission finished."""
         return not self.failures
 
 

@@ -424,7 +424,7 @@ def _converter(crs: str, corners: Array, path: Path, notes: list[str]) -> Callab
 
 
 def _is_near(place: Sequence[float], bounds: Sequence[float]) -> bool:
-    """Whether a longitude and latitude are in the area for which a reference system is made, or next to it."""
+    """True if a longitude and latitude are in the area for which a reference system is made, or next to it."""
     west, south, east, north = bounds
     width = (east - west) % 360 or 360.0
     across = (place[0] - west + _BEYOND_USE_DEG) % 360 <= width + 2 * _BEYOND_USE_DEG

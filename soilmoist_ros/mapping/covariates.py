@@ -352,7 +352,7 @@ def _elsewhere(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> t
 
 
 def _has_polygons(source: CovariateSource) -> bool:
-    """Whether an existing file has polygons, by its ending.
+    """True if an existing file has polygons, by its ending.
 
     :raises InputError: if there is no such file, or something would be derived from polygons
     """

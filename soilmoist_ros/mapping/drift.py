@@ -127,7 +127,7 @@ class Jump:
 
     @property
     def is_certain(self) -> bool:
-        """Whether chance is no explanation."""
+        """True if chance is no explanation."""
         return abs(self.change_cps) >= MIN_JUMP * self.sd_cps
 
     @property
@@ -142,7 +142,7 @@ class Jump:
         return self.share * self.sd_cps / self.change_cps
 
     def rain(self, now_s: float) -> str:
-        """Why rain is likely at a time [s], and what to do; empty if it is not."""
+        """Reason why rain is likely at a time [s], and what to do; empty if it is not."""
         ago_s = now_s - self.since_s
         if not self.is_certain or self.change_cps > 0 or ago_s > RECENT_S:
             return ""
@@ -191,7 +191,7 @@ class Drift:
 
     @property
     def is_seen(self) -> bool:
-        """Whether the 95 % interval of the change excludes zero. The rate may have changed and returned."""
+        """True if the 95 % interval of the change excludes zero. The rate may have changed and returned."""
         return abs(self.change) > QUANTILE_95_SD * self.change_sd
 
     def factor(self, time_s: Array) -> Array:
@@ -210,7 +210,7 @@ class Drift:
 
 @dataclass(frozen=True)
 class Change:
-    """How the mean rate changed during a survey.
+    """Change of the mean rate during a survey.
 
     :param drift: what the map allows for; ``None`` if the counts do not ask for a drift
     :param jump: the likeliest jump, certain or not; ``None`` if the counts do not ask for a drift
@@ -235,23 +235,23 @@ class Change:
         return np.hstack([np.empty((len(time_s), 0)), *(one.uncertain(time_s) for one in self.parts)])
 
     def rain(self, now_s: float) -> str:
-        """Why rain is likely at a time [s], and what to do; empty if it is not."""
+        """Reason why rain is likely at a time [s], and what to do; empty if it is not."""
         return "" if self.jump is None else self.jump.rain(now_s)
 
     @property
     def is_seen(self) -> bool:
-        """Whether a change from begin to end can be told from chance."""
+        """True if a change from begin to end can be told from chance."""
         return self._is_jump or (self.drift is not None and self.drift.is_seen)
 
     @property
     def _is_jump(self) -> bool:
-        """Whether the change was at once: a certain jump, and no trend that explains the counts better."""
+        """True if the change was at once: a certain jump, and no trend that explains the counts better."""
         is_trend = self.drift is not None and not self.drift.is_jump
         return self.jump is not None and self.jump.is_certain and not is_trend
 
     @property
     def text(self) -> str:
-        """How the mean rate changed, in words; empty if it did not."""
+        """Change of the mean rate, in words; empty if it did not."""
         if self.jump is not None and self._is_jump:
             return self.jump.text
         if self.drift is None:
@@ -293,7 +293,7 @@ def find_change(
     prior: FieldPrior | None = None,
     places: Samples | None = None,
 ) -> Change:
-    """How the mean rate changed, as far as the counts show it.
+    """Change of the mean rate, as far as the counts show it.
 
     The variogram stays as it was fitted without a drift: a common fit lowered the error of simulated maps by less
     than 1 %.

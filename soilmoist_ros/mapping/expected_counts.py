@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Where = TypeVar("Where")
 
 UNEXPECTED: Final = Kind.UNEXPECTED_COUNT.value
-"""Why such a record is quarantined."""
+"""Reason why such a record is quarantined."""
 
 MAX_PROBABILITY: Final = 1e-5
 """Probability of a count, or of one farther out on its side, below which it is unexpected. Both sides together are
@@ -83,7 +83,7 @@ class Expectation:
         return math.sqrt(record.corrected_rate) - math.sqrt(self.rate_cps)
 
     def is_far(self, record: CountRecord) -> bool:
-        """Whether a record's counts are hardly possible."""
+        """True if a record's counts are hardly possible."""
         return min(self.tails(record.raw_counts, record.effective_exposure_s)) < MAX_PROBABILITY
 
     def text(self, record: CountRecord) -> str:
@@ -100,7 +100,7 @@ def without_verdict(record: CountRecord) -> CountRecord:
 
 
 def stands_out(record: CountRecord, samples: Samples) -> bool:
-    """Whether a record's counts are clearly outside the rates of the samples around it; quick."""
+    """True if a record's counts are clearly outside the rates of the samples around it; quick."""
     near = nearest(samples, record.x_m, record.y_m)
     exposure_s = samples.exposure_s[near]
     roots = np.sqrt(samples.counts[near] / exposure_s)
@@ -206,6 +206,6 @@ class ExpectedCounts(Generic[Where]):
         return Verdict(expected.text(record))
 
     def _same_place(self, offset_m: Array, variogram: Variogram) -> NDArray[np.bool_]:
-        """Whether places with these offsets from each other, shape (..., 2) [m], are the same."""
+        """True if places with these offsets from each other, shape (..., 2) [m], are the same."""
         alike = variogram.correlation_of_square((variogram.scaled(offset_m) ** 2).sum(axis=-1)) >= SAME_PLACE
         return np.asarray(alike | (np.hypot(offset_m[..., 0], offset_m[..., 1]) <= self._radius_m))

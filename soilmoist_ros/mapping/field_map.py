@@ -451,7 +451,7 @@ class FieldMap:
 
     @property
     def trouble(self) -> Skip | None:
-        """Why most of the last records were left out, ``None`` if most were not."""
+        """Reason why most of the last records were left out, ``None`` if most were not."""
         skipped = [reason for reason in self._recent if reason is not None]
         if 2 * len(skipped) <= len(self._recent):
             return None
@@ -630,7 +630,7 @@ class FieldMap:
         )
 
     def _change(self, state: MapState, fit: VariogramFit) -> Change:
-        """How the mean rate changed up to a state, as far as it is known."""
+        """Change of the mean rate up to a state, as far as it is known."""
         if state.given_change is not None:
             return state.given_change
         if state.fit_timed is None or len(state.samples) > self.settings.max_exact_samples:
@@ -656,7 +656,7 @@ class FieldMap:
 
 
 def fits_footprint(samples: Samples, model: ModelName, extent_m: float) -> bool:
-    """Whether the counts do not object to the footprint of their samples.
+    """True if the counts do not object to the footprint of their samples.
 
     They object if neighbours differ more than means over the footprint can: the restricted likelihood is then
     higher without it, by the factor 7 at least. Few counts never object.
@@ -682,7 +682,7 @@ def default_merge_radius_m(grid: FieldGrid, footprint_radius_m: float) -> float:
 
 
 def _has_grown(fitted: Samples, samples: Samples, earlier: int = 0, growth: float | None = None) -> bool:
-    """Whether a new fit is due. It depends on the records alone, not on which maps were computed."""
+    """True if a new fit is due. It depends on the records alone, not on which maps were computed."""
     if growth is None:
         growth = LATER_REFIT_GROWTH if len(fitted) + earlier >= MANY_SAMPLES else REFIT_GROWTH
     factor = 1 + growth

@@ -96,7 +96,7 @@ class Knowledge:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no other survey and no covariate is known, and the fit is that of the survey alone."""
+        """True if no other survey and no covariate is known, and the fit is that of the survey alone."""
         return not self.earlier and not self.covariates
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Whether records lie in the field of a map, how far away they are if not, and why that may be."""
+"""Records outside the field of a map: how far away they are, and why that may be."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class Placement:
         return float(latitude), float(longitude)
 
     def words(self, source: PositionSource = _ANY) -> str:
-        """How far away the records are: distance, direction and bearing."""
+        """Distance of the records from the field: length, direction and bearing."""
         bearing_deg = self.nearest_from_centre[1]
         count = len(self.latlon)
         whose = source.subject or ("the only record lies" if count == 1 else f"all {count} records lie")

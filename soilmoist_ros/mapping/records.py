@@ -41,7 +41,7 @@ _MIN_GAP, _MAX_GAP = 0.9, 2.5
 
 
 class Skip(enum.Enum):
-    """Why a record is not in the map; the value is the name that users see."""
+    """Reason why a record is not in the map; the value is the name that users see."""
 
     NO_POSITION = "no position"
     OUTSIDE = "outside the field"
@@ -68,7 +68,7 @@ class Skip(enum.Enum):
 
 
 def check_record(record: CountRecord, area: BaseGeometry) -> tuple[Skip | None, str]:
-    """Why a record is left out, as a code and in words; ``None`` if it can be used.
+    """Reason why a record is left out, as a code and in words; ``None`` if it can be used.
 
     :param record: the record
     :param area: the field and its margin [m]
@@ -117,7 +117,7 @@ class StampLimits:
     max_age_s: float = 86400.0
 
     def fault(self, stamp_s: float, clock_s: float) -> str:
-        """Why a stamp is impossible, in words; empty if it is not.
+        """Reason why a stamp is impossible, in words; empty if it is not.
 
         :param stamp_s: the stamp [s]
         :param clock_s: time of the clock that stamps records [s]; nothing is impossible while that is 0
@@ -138,7 +138,7 @@ Array = NDArray[np.float64]
 
 
 class DrivenPaths:
-    """How far the robot drove during each record, from the places of successive records.
+    """Distance that the robot drove during each record, from the places of successive records.
 
     Records come in order of time, maybe of several robots at once: a record follows the nearest of those that
     had ended when it began. Its path is the vector from the place of that one, scaled to the exposure.

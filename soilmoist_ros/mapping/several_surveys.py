@@ -50,7 +50,7 @@ _SLOPE_STEP = 1e-4
 
 @dataclass(frozen=True)
 class Persistence:
-    """How alike the patterns of surveys are: ``T(s, t) = share * exp(-days / decay_days)``.
+    """Likeness of the patterns of surveys: ``T(s, t) = share * exp(-days / decay_days)``.
 
     :param share: correlation of the patterns of two surveys on one day, 0..1
     :param sd: its standard deviation

@@ -286,7 +286,7 @@ class SoilMap:
 
     @property
     def accuracy(self) -> Accuracy | None:
-        """How far a map made tile by tile is from the exact one; ``None`` if it is exact."""
+        """Distance of a map made tile by tile from the exact one; ``None`` if it is exact."""
         return self.made_by.accuracy if isinstance(self.made_by, TiledKriging) else None
 
     def to_dataframe(self) -> pandas.DataFrame:

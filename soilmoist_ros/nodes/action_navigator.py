@@ -261,7 +261,7 @@ class ActionNavigator(ABC):
 
     @abstractmethod
     def verdict(self, result: Any) -> tuple[bool, str]:
-        """Whether a result reports the arrival, and what it says about a failure."""
+        """True if a result reports the arrival, and what it says about a failure."""
 
     # What the client asks for --------------------------------------------------------------------------------
 

@@ -229,14 +229,14 @@ class RobotInterface:
 
     @property
     def connected(self) -> bool:
-        """Whether the devices and the records of the properties have receivers."""
+        """True if the devices and the records of the properties have receivers."""
         return all(server.clients for server in self._servers.values()) and all(
             publisher.get_subscription_count() > 0 for publisher in self._properties.values()
         )
 
     @property
     def progress(self) -> RobotProgress:
-        """How far robot and planner are."""
+        """Progress of robot and planner."""
         if self._progress.phase is None or not self._node.count_publishers(self._mission):
             return RobotProgress()  # a planner that has died is not waited for
         has_driver = bool(self._servers[LOGGER].clients)

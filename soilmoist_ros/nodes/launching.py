@@ -188,7 +188,7 @@ def enclave(prefix: str, namespace: str, node: str) -> list[str]:
 
 
 def foxglove_wanted(choice: str) -> bool:
-    """Whether ``foxglove_bridge`` is to serve the viewer Foxglove.
+    """True if ``foxglove_bridge`` is to serve the viewer Foxglove.
 
     :param choice: the argument ``foxglove``
     :raises InputError: if the argument is invalid

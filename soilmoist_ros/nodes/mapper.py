@@ -255,7 +255,7 @@ class Mapper(Node):
         return ()
 
     def _fault(self, record: CountRecord, stored: bool = False) -> str:
-        """Why the stamp of a record is impossible; what was stored before the start may be of any age."""
+        """Reason why the stamp of a record is impossible; what was stored before the start may be of any age."""
         limits = self._stored_stamps if stored else self._stamps
         return limits.fault(record.stamp_s, self.get_clock().now().nanoseconds * 1e-9)
 

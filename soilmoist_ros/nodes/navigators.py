@@ -258,7 +258,7 @@ class GoalPoseNavigator:
 
     @property
     def on_the_way(self) -> str:
-        """How the robot can be stopped; there is no feedback."""
+        """Ways to stop the robot; there is no feedback."""
         action = self._cancels.service_is_ready()
         return f"no feedback; a stop {'cancels the action' if action else 'is a pose where the robot is'}"
 

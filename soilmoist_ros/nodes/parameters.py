@@ -243,7 +243,7 @@ def names_for_all(arguments: Sequence[str], node: str) -> set[str]:
 
 
 def _is_misspelt(name: str, rows: Mapping[str, Parameter]) -> bool:
-    """Whether a name is nearly that of a parameter of this node, and of no other node of the package."""
+    """True if a name is nearly that of a parameter of this node, and of no other node of the package."""
     if not get_close_matches(name, rows, 1, MISSPELT):
         return False
     table_of = import_module("soilmoist_ros.nodes.parameter_tables").table_of

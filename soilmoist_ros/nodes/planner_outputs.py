@@ -68,7 +68,7 @@ class PlannerOutputs:
 
     @property
     def all_done(self) -> bool:
-        """Whether the mission has ended, and all save requests have finished or :data:`SAVE_LIMIT_S` is over."""
+        """True if the mission has ended, and all save requests have finished or :data:`SAVE_LIMIT_S` is over."""
         if self._leave_by_s is None:
             return False
         return all(saving.done() for saving in self._saving) or time.monotonic() > self._leave_by_s

@@ -136,7 +136,7 @@ def _interrupt(process: subprocess.Popen[bytes], limit_s: float) -> None:
 
 
 def _has_ended(process: subprocess.Popen[bytes]) -> bool:
-    """Whether a process has ended; if so, the processes that it started are killed."""
+    """True if a process has ended; if so, the processes that it started are killed."""
     if process.returncode is None and process.poll() is not None:
         _kill_group(process)  # at once, since another process may get the number later
     return process.returncode is not None

@@ -259,7 +259,7 @@ def _candidates(reader: BagReader) -> list[list[str]]:
 
 
 def _is_nmea(reader: BagReader, topic: str) -> bool:
-    """Whether texts are the sentences of a receiver."""
+    """True if texts are the sentences of a receiver."""
     found = 0
     for message in islice(reader.messages([topic]), _SNIFFED):
         try:

@@ -134,7 +134,7 @@ class ReplaySettings(MappingSettings):
 
     @property
     def from_lines(self) -> bool:
-        """Whether the raw lines are the source."""
+        """True if the raw lines are the source."""
         return self.source == "raw" or bool(self.logger_topic)
 
 
@@ -387,7 +387,7 @@ class _Recording:
 
     @property
     def simulated(self) -> bool:
-        """Whether the lines of a logger declare simulated counts."""
+        """True if the lines of a logger declare simulated counts."""
         loggers = filter(None, (robot.find("raw/logger", TEXT) for robot in self.robots))
         return any(
             line.startswith(b"#simulated=yes") for name in loggers for line in text_lines(self._reader, name)
@@ -569,7 +569,7 @@ def _mistake(
 
 
 def _end(mission: MissionResult | None) -> str:
-    """How the mission ended, in a sentence; empty without a mission."""
+    """End of the mission, in a sentence; empty without a mission."""
     if mission is None or not mission.series:
         return ""
     end = mission.series[-1]

@@ -56,7 +56,7 @@ SAME_RECORDS = 0.5
 SAME_SENSOR = 0.01
 """Relative difference of their rates over equal soil up to which two sensors are one."""
 MAX_AHEAD_S = DAY_S
-"""How far after the time of the report a record may be dated [s]: clocks of loggers are local."""
+"""Time after that of the report up to which a record may be dated [s]: clocks of loggers are local."""
 MAX_RATE_RATIO = 2.0
 """Largest ratio of the mean rates of two surveys without a doubt: dry to saturated soil (Desilets 2010)."""
 MAX_YEARS = 5.0
@@ -279,7 +279,7 @@ def with_corrections(run: EarlierRun, applied: Mapping[str, Mapping[str, Any]]) 
 
 
 def same_survey(first: Sequence[CountRecord], second: Sequence[CountRecord]) -> bool:
-    """Whether most records of the shorter survey are in the other one: stamp, counts and exposure."""
+    """True if most records of the shorter survey are in the other one: stamp, counts and exposure."""
     keys = [
         Counter((one.stamp_s, one.raw_counts, one.exposure_s) for one in records) for records in (first, second)
     ]

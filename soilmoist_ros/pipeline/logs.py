@@ -155,7 +155,7 @@ def skipped_text(skipped: Sequence[Mistake]) -> str:
 
 
 def reading_of(logs: Sequence[LogFile]) -> dict[str, str]:
-    """How logs were read, for the user to check: tubes, clock, notation, columns without use."""
+    """Reading of logs, for the user to check: tubes, clock, notation, columns without use."""
     texts: dict[str, dict[str, None]] = {"counts of": {}, "clock": {}, "notation": {}, "not used": {}}
     for log in logs:
         if (form := log.logger) is None:

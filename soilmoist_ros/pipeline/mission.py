@@ -223,7 +223,7 @@ class RobotMission:
 
     @property
     def ended(self) -> str:
-        """Why the mission ended."""
+        """Reason why the mission ended."""
         last = self.statuses[-1]
         return last.reason if last.state == "finished" else f"the recording ends while {last.state}"
 

@@ -133,7 +133,7 @@ def recorded_places(configuration: Path | None, field: Field) -> RecordedPlaces:
 
 
 def _why_unplaced(records: Sequence[CountRecord], path: Path) -> Mistake | None:
-    """Why no record of a recording has a place, from its positions; ``None`` if these do not say."""
+    """Reason why no record of a recording has a place, from its positions; ``None`` if these do not say."""
     heard = Heard()
     try:
         with BagReader(path) as reader:
@@ -149,7 +149,7 @@ def _why_unplaced(records: Sequence[CountRecord], path: Path) -> Mistake | None:
 
 
 def why_nothing(survey: FieldSurvey, records: Sequence[CountRecord], path: Path) -> InputError:
-    """Why none of the records is in the map: they lie elsewhere, or have other faults."""
+    """Reason why none of the records is in the map: they lie elsewhere, or have other faults."""
     places = [(record.x_m, record.y_m) for record in records if np.isfinite(record.x_m + record.y_m)]
     field = survey.field
     if not places and (why := _why_unplaced(records, path)) is not None:
@@ -199,7 +199,7 @@ class Comparison:
 
     @property
     def is_rounding(self) -> bool:
-        """Whether the maps differ at most by rounding, as on another processor."""
+        """True if the maps differ at most by rounding, as on another processor."""
         return self.difference < _ROUNDING
 
 
@@ -389,7 +389,7 @@ def _require_settings(had: Mapping[str, Any], path: Path) -> None:
 
 
 def _is_robot(topics: RunTopics, counts: str) -> bool:
-    """Whether a namespace is another robot: it has a mission or the lines of a receiver."""
+    """True if a namespace is another robot: it has a mission or the lines of a receiver."""
     space = counts.rpartition("/")[0]
     own = {"mission": STATUS, "raw/gnss": TEXT, "raw/logger": TEXT, "fix": "sensor_msgs/msg/NavSatFix"}
     return any(topics.reader.topics.get(f"{space}/{name}") == kind for name, kind in own.items())

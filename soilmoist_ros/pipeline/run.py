@@ -75,7 +75,7 @@ class SurveyTimes:
 
 
 def inside_boundary(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each point (n, 2) lies within the boundary of the field, its holes and its edge included."""
+    """True if each point (n, 2) lies within the boundary of the field, its holes and its edge included."""
     from shapely import Polygon, intersects_xy, union_all
 
     area = union_all([Polygon(ring) for ring in soil_map.grid.polygons])
@@ -438,7 +438,7 @@ class MapRun(SurveyTimes):
 
     @property
     def calibrated(self) -> bool:
-        """Whether the map has soil moisture in addition to the count rate."""
+        """True if the map has soil moisture in addition to the count rate."""
         return self.soil_map.curve is not None
 
 

@@ -110,7 +110,7 @@ class RecordLog:
 
     @property
     def waits(self) -> bool:
-        """Whether the disk has refused records that were not written since."""
+        """True if the disk has refused records that were not written since."""
         return bool(self._waiting)
 
 

@@ -96,7 +96,7 @@ def bag_of(path: Path) -> Path:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a bag: a file of one, or a folder with several."""
+    """True if a path is a bag: a file of one, or a folder with several."""
     return path.suffix in BAG_FILES or (path / "metadata.yaml").is_file() or any(path.glob("*.bag"))
 
 

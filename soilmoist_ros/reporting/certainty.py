@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""When the map is certain of a class of moisture: one definition for report, page, summary and exports.
+"""Certainty of the map about a class of moisture: one definition for report, page, summary and exports.
 
 A place is certain of a class if its true value lies in it with a probability of :data:`CERTAIN` or more. A zone is
 certain if this share of its area, or more, can be expected to belong to its class: the mean of the probabilities
@@ -42,7 +42,7 @@ def calibration_state(calibrated: bool, absolute: bool, simulated: bool) -> str:
 
 
 def absolute(run: MapRun) -> bool:
-    """Whether the map has moistures that limits can be compared with."""
+    """True if the map has moistures that limits can be compared with."""
     return run.calibrated and not (run.calibration is not None and run.calibration.illustrative)
 
 
@@ -82,7 +82,7 @@ def class_probability(
 
 @dataclass(frozen=True)
 class Certainty:
-    """How sure the map is of a zone.
+    """Certainty of the map about a zone.
 
     :param expected: share of its area that can be expected to belong to its class [0..1], NaN if it is empty
     :param sure: share of its area that is certain place by place [0..1], NaN if it is empty
@@ -93,7 +93,7 @@ class Certainty:
 
     @property
     def certain(self) -> bool:
-        """Whether the zone is certain; an empty one is not."""
+        """True if the zone is certain; an empty one is not."""
         return self.expected >= CERTAIN
 
 

@@ -48,7 +48,7 @@ def rings(soil_map: SoilMap) -> list[NDArray[np.float64]]:
 
 
 def inside_field(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each point (n, 2) lies in the field and in none of its holes."""
+    """True if each point (n, 2) lies in the field and in none of its holes."""
     from shapely import contains_xy, prepare
 
     polygon = field_polygon(soil_map)

@@ -300,7 +300,7 @@ class LiveMission:
         self.clock_waits_for = ""
         """What simulated time waits for, if that has lasted long."""
         self.rain = ""
-        """Why rain is likely, and what to do; empty if it is not."""
+        """Reason why rain is likely, and what to do; empty if it is not."""
 
     @property
     def values(self) -> dict[str, Any]:
@@ -358,7 +358,7 @@ class LiveMission:
 
 
 def _counted(status: Mapping[str, str]) -> str:
-    """How far the measurement at the target is."""
+    """Progress of the measurement at the target."""
     planned_s, elapsed_s = (float(status[key]) for key in ("planned_dwell_s", "elapsed_dwell_s"))
     of = f" of about {planned_s:.0f} s" if math.isfinite(planned_s) else ""
     return f"{status['target']}, counted {elapsed_s:.0f} s{of}"

@@ -45,7 +45,7 @@ class MoistureSeries:
 
 
 def at_one_place(run: MapRun) -> bool:
-    """Whether all records of a map make one sample; a mission has its visits instead."""
+    """True if all records of a map make one sample; a mission has its visits instead."""
     return run.mission is None and len(run.soil_map.samples) == 1 and len(run.track) > 1
 
 

@@ -169,7 +169,7 @@ def _records(run: MapRun) -> dict[str, Any]:
 
 
 def _fit(run: MapRun) -> dict[str, Any] | None:
-    """How the variogram was fitted; ``None`` if it was given."""
+    """Fit of the variogram; ``None`` if it was given."""
     fit = run.soil_map.fit
     if fit is None:
         return None
@@ -184,7 +184,7 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
 
 
 def _within_survey(soil_map: SoilMap) -> dict[str, Any]:
-    """How the mean rate changed during the survey."""
+    """Change of the mean rate during the survey."""
     change = soil_map.change
     certain = change.jump is not None and change.jump.is_certain
     return {
@@ -201,7 +201,7 @@ def _drift(drift: Drift, mean_rate: float) -> dict[str, Any]:
 
 
 def _local(fit: VariogramFit, local: LocalFit) -> dict[str, Any]:
-    """Whether the rate varies more here than there."""
+    """True if the rate varies more here than there."""
     amplitude = fit.variogram.amplitude
     return {
         "used": amplitude is not None,
@@ -352,7 +352,7 @@ def mission_summary(mission: MissionResult) -> dict[str, Any]:
 
 
 def _travel(learned: LearnedMotion) -> dict[str, float | int]:
-    """How a robot moves, as the planner has learned, and from how many legs."""
+    """Motion of a robot, as the planner has learned, and from how many legs."""
     motion = learned.motion
     return {
         "speed_mps": motion.speed_mps,

@@ -126,7 +126,7 @@ class ClockDrift:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the clock has drifted by more than delays of lines can explain."""
+        """True if the clock has drifted by more than delays of lines can explain."""
         return abs(self.change_s) > max(MIN_DRIFT_S, JITTERS * self._thirds[4])
 
     @property

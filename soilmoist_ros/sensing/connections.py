@@ -170,7 +170,7 @@ class Senders:
         return tuple(sender for sender, at_s in self._heard_s.copy().items() if now_s - at_s <= RECENT_S)
 
     def accepts(self, sender: str) -> bool:
-        """Whether a datagram is accepted."""
+        """True if a datagram is accepted."""
         known = self._heard_s.pop(sender, None) is not None
         if not known and self.allowed and not self._is_allowed(sender):
             self.n_refused += 1
@@ -203,7 +203,7 @@ def bind_to_interface(link: socket.socket, interface: str) -> int:
 
 
 def is_same_interface(interface: str, index: int) -> bool:
-    """Whether an interface is there and not another one: an adapter that was unplugged gets another index."""
+    """True if an interface is there and not another one: an adapter that was unplugged gets another index."""
     try:
         return socket.if_nametoindex(interface) == index
     except OSError:
@@ -214,7 +214,7 @@ class Connection(Protocol):
     """One connection over some transport."""
 
     datagrams: bool
-    """Whether each piece contains whole lines; silence then does not indicate a broken connection."""
+    """True if each piece contains whole lines; silence then does not indicate a broken connection."""
 
     def receive(self, timeout_s: float) -> bytes | None:
         """Some bytes, ``None`` after the timeout.

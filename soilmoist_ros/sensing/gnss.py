@@ -35,7 +35,7 @@ SIMULATED = "simulated time, or the time since the device was switched on"
 
 
 class FixStatus(enum.IntEnum):
-    """Whether there is a fix, and its augmentation; the numbers are those of sensor_msgs/NavSatStatus."""
+    """True if there is a fix, and its augmentation; the numbers are those of sensor_msgs/NavSatStatus."""
 
     NO_FIX = -1
     FIX = 0
@@ -165,7 +165,7 @@ class Fix:
 
 
 def is_place(latitude_deg: float, longitude_deg: float) -> bool:
-    """Whether these can be coordinates of a receiver: 0, 0 is what some send without a fix."""
+    """True if these can be coordinates of a receiver: 0, 0 is what some send without a fix."""
     possible = abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180
     return possible and not latitude_deg == longitude_deg == 0
 
@@ -318,7 +318,7 @@ class Heard:
         return f"its positions are from {times}{f'; {self.gaps}' if self.gaps else ''}"
 
     def why_none(self) -> Mistake | None:
-        """Why there is no position with a time, ``None`` if there is one."""
+        """Reason why there is no position with a time, ``None`` if there is one."""
         if self.first_s < math.inf:
             return None
         if not self.epochs and self.other_type:
@@ -335,7 +335,7 @@ class Heard:
         return Mistake(f"has no position in {self.epochs} epochs: {reasons}", common[0][0][0].remedy)
 
     def why_not_at(self, first_s: float, last_s: float, clock_known: bool = False) -> Mistake | None:
-        """Why positions and records do not belong together in time, ``None`` if they do.
+        """Reason why positions and records do not belong together in time, ``None`` if they do.
 
         :param first_s: begin of the first record [s since 1970 UTC]
         :param last_s: end of the last record

@@ -254,7 +254,7 @@ class PlaybackClock:
         self._set_position(number, math.inf)
 
     def is_due(self, number: int, stamp_s: float, speed: float, timeout_s: float) -> bool:
-        """Whether the next line of a recording is due; waits up to the timeout.
+        """True if the next line of a recording is due; waits up to the timeout.
 
         :param number: number of the recording
         :param stamp_s: time at which the line was sent [s since 1970 UTC]; the first line of all is due at once

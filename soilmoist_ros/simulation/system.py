@@ -99,7 +99,7 @@ class VirtualSystem:
         return out
 
     def _is_step(self, robot: SimulatedRobot, outputs: Sequence[Output]) -> bool:
-        """Whether a planner may have to decide something now."""
+        """True if a planner may have to decide something now."""
         return robot.sent_s == self.now_s or any(isinstance(output, GoalEnded) for output in outputs)
 
     @property
@@ -248,7 +248,7 @@ class SimulatedRobot:
         return self.navigation.drive(self.now_s, xy, self._free_travel)
 
     def waits_for_goal(self, target_xy: tuple[float, float]) -> bool:
-        """Whether the robot stands without a goal, away from a target [m], though the navigation is there."""
+        """True if the robot stands without a goal, away from a target [m], though the navigation is there."""
         idle = self.goal_id is None and self.body.stands(self.now_s) and self.navigation.present
         return idle and math.dist(self.body.at(self.now_s), target_xy) > AWAY_M
 

@@ -137,7 +137,7 @@ class Explorer:
             self._home_s = np.maximum(self._to_home_s, kept)
 
     def has_map(self, name: str) -> bool:
-        """Whether there is a map of a property."""
+        """True if there is a map of a property."""
         return any(each.name == name and each.field_map.soil_map is not None for each in self.properties)
 
     def plan(
@@ -387,7 +387,7 @@ def planning_grid(grid: FieldGrid) -> FieldGrid:
 
 @dataclass(frozen=True, kw_only=True)
 class ExplorerSettings:
-    """How stops are chosen, and where the robot may drive.
+    """Choice of stops, and where the robot may drive.
 
     :param strategy: one of :data:`STRATEGIES`
     :param preset: one of :data:`PRESETS`
@@ -412,7 +412,7 @@ class ExplorerSettings:
 
     @property
     def needs_map(self) -> bool:
-        """Whether the strategy cannot do without a map."""
+        """True if the strategy cannot do without a map."""
         return strategy_kind(self.strategy).needs_map
 
     @property
@@ -426,7 +426,7 @@ OpenSurvey = Callable[[Changes], tuple[Field, ExplorerSettings]]
 
 
 def changed_settings(settings: ExplorerSettings, changes: Changes | None) -> ExplorerSettings:
-    """How stops are chosen after an operator's changes."""
+    """Choice of stops after an operator's changes."""
     if changes is None:
         return settings
     curve = settings.curve

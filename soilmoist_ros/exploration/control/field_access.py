@@ -113,7 +113,7 @@ class FieldAccess:
         return self._fenced is not None
 
     def serves(self, place: tuple[float, float]) -> bool:
-        """Whether a robot at this place can use it; otherwise make one for the place."""
+        """True if a robot at this place can use it; otherwise make one for the place."""
         return self._fenced is None or self._fenced.serves(place)
 
     def with_home(self, home: str, place: tuple[float, float] | None) -> FieldAccess:
@@ -149,7 +149,7 @@ class FieldAccess:
         return FieldAccess(around, motion, graph, rules, cell_m, home, place)
 
     def refusal(self, stop: Stop) -> str:
-        """Why a stop must not be measured at or driven to; empty if it may be."""
+        """Reason why a stop must not be measured at or driven to; empty if it may be."""
         return self.fence.refusal([(stop.x_m, stop.y_m)])
 
     def way(self, place: tuple[float, float], stop: Stop) -> Way:

@@ -259,12 +259,12 @@ class MissionControl:
 
     @property
     def under_way(self) -> bool:
-        """Whether a mission has started and not ended."""
+        """True if a mission has started and not ended."""
         return self._mission.state.under_way
 
     @property
     def takes_graph(self) -> bool:
-        """Whether :meth:`use_graph` may be called: in mid-mission only while it is paused and the robot stands.
+        """True if :meth:`use_graph` may be called: in mid-mission only while it is paused and the robot stands.
 
         Or if none has been used yet.
         """
@@ -282,7 +282,7 @@ class MissionControl:
 
     @property
     def dangers(self) -> str:
-        """Why a start would be refused now although nothing is missing; empty without a reason."""
+        """Reason why a start would be refused now although nothing is missing; empty without a reason."""
         return self._mission.state.start_hindrance
 
     def command(self, verb: Verb) -> Answer:
@@ -617,7 +617,7 @@ class MissionControl:
         self._outputs.show(status, ahead, more)
 
     def health(self) -> list[Health]:
-        """How well what the mission depends on works."""
+        """Health of what the mission depends on."""
         now_s = self._clock.now_s()
         navigation = self.navigator.waiting_for
         there = Health("navigation", Level.OK, self.navigator.on_the_way or "there")

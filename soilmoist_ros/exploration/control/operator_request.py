@@ -92,7 +92,7 @@ class Reply:
 
     @property
     def accepted(self) -> bool:
-        """Whether it is carried out."""
+        """True if it is carried out."""
         return self.code is ReplyCode.ACCEPTED
 
 

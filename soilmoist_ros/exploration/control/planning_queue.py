@@ -47,11 +47,11 @@ class PropertyMap:
 
     @property
     def is_complete(self) -> bool:
-        """Whether samples and variogram have come."""
+        """True if samples and variogram have come."""
         return self.samples is not None and self.fit is not None
 
     def lacks(self, measured_s: float, kind: PlanKind) -> bool:
-        """Whether a stop that ended at a time [s] is not yet in it, and it is worth waiting for.
+        """True if a stop that ended at a time [s] is not yet in it, and it is worth waiting for.
 
         Before the first stop nothing can be; samples are all that a warm-up stop needs of a required map.
         """
@@ -215,7 +215,7 @@ class Terms(NamedTuple):
     rules: MissionRules  # rules of the mission, with the changes of an operator
 
     def same_explorer(self, other: Terms) -> bool:
-        """Whether one explorer serves both."""
+        """True if one explorer serves both."""
         return self._made_for == other._made_for
 
     @property

@@ -101,7 +101,7 @@ class Fence:
         )
 
     def avoids_no_go(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:
-        """Whether each straight line stays out of the no-go areas, in the field or not, shape (k,).
+        """True for each straight line that stays out of the no-go areas, in the field or not, shape (k,).
 
         :param start_xy: shape (k, 2) [m]
         :param end_xy: likewise [m]
@@ -115,14 +115,14 @@ class Fence:
         return ~np.asarray(shapely.intersects(entered, lines), bool)
 
     def contains(self, xy: ArrayLike) -> Flags:
-        """Whether each place is inside, shape (k,); a place that is not finite is not.
+        """True for each place that is inside, shape (k,); a place that is not finite is not.
 
         :param xy: places, shape (k, 2) or (2,) [m]
         """
         return self.area.contains(xy)
 
     def allows(self, polyline: ArrayLike) -> bool:
-        """Whether a whole route stays inside.
+        """True if a whole route stays inside.
 
         :param polyline: corners of the route, shape (p, 2); one place is a route too [m]
         """
@@ -132,7 +132,7 @@ class Fence:
         return bool(self.area.contains(corners).all() and self.area.allows(corners[:-1], corners[1:]).all())
 
     def outside_m(self, place: ArrayLike) -> float:
-        """How far a place is outside the field, or in a no-go area [m]: 0 inside and in the margin.
+        """Distance of a place outside the field, or into a no-go area [m]: 0 inside and in the margin.
 
         Inf for a place that is not finite.
 
@@ -165,7 +165,7 @@ class Fence:
         return self.margin_m + max(self.margin_m, _STUCK_M)
 
     def refusal(self, polyline: ArrayLike) -> str:
-        """Why a route or place is not allowed: what it enters or leaves, where, and by how much; empty if it is.
+        """Reason why a route or place is not allowed: what it enters or leaves, where, how far; empty if it is.
 
         :param polyline: corners of the route, shape (p, 2); one place is a route too [m]
         """
@@ -188,7 +188,7 @@ class Fence:
         return self._text(what, line, left if not left.is_empty else line, "outside")
 
     def may_enter(self, place: ArrayLike, xy: ArrayLike, entry_m: float) -> Flags:
-        """Whether a robot may drive straight from its place to others, shape (k,); outside only to the nearest.
+        """True if a robot may drive straight from its place to others, shape (k,); outside only to the nearest.
 
         :param place: where the robot is, shape (2,) [m]
         :param xy: where it may drive to, shape (k, 2) [m]
@@ -228,7 +228,7 @@ class Fence:
         return self.refusal(line) if too_far else self._refusal_to_leave(line)
 
     def _refusal_to_leave(self, line: Array) -> str:
-        """Why a straight line that begins in no-go areas, or in their margin, does not lead out of them."""
+        """Reason why a straight line that begins in no-go areas, or in their margin, does not lead out of them."""
         import shapely
 
         here, driven = shapely.Point(line[0]), shapely.LineString(line)

@@ -102,7 +102,7 @@ class FencedGraph:
             self.warning = ". ".join(filter(None, (self.warning, home_text)))
 
     def serves(self, place: tuple[float, float]) -> bool:
-        """Whether the part that is used is the one where the robot stands."""
+        """True if the part that is used is the one where the robot stands."""
         return bool(self._nodes[self._nearest(place)])
 
     # Which part of the map ------------------------------------------------------------------------------------
@@ -236,7 +236,7 @@ class FencedGraph:
         )
 
     def _drives_in(self, place: tuple[float, float], entry_m: float, origin: int, target: int) -> bool:
-        """Whether a robot away from its origin may drive straight to the node after it, as some versions do."""
+        """True if a robot away from its origin may drive straight to the node after it, as some versions do."""
         if math.dist(place, self.whole.xy[origin]) <= AT_NODE_M or origin == target:
             return True
         names = self.whole.names
@@ -280,7 +280,7 @@ class FencedGraph:
         return list(dict.fromkeys([nearest, *self.whole.edges[close].ravel().tolist()]))
 
     def _is_safe(self, start: int, end: int) -> bool:
-        """Whether every shortest route of the whole map avoids the forbidden edges."""
+        """True if every shortest route of the whole map avoids the forbidden edges."""
         shortest, forbidden = self._lengths_from(start)
         return bool(forbidden[end] > shortest[end] + _TIE_M)
 
@@ -366,7 +366,7 @@ def _cause(graph: TravelGraph, fence: Fence) -> Misplaced | None:
 
 
 def _in_degrees(graph: TravelGraph, fence: Fence) -> bool:
-    """Whether the places of a map are rather degrees: as numbers of metres, they may even lie in the field."""
+    """True if the places of a map are rather degrees: as numbers of metres, they may even lie in the field."""
     return len(graph.xy) > 1 and _cause(graph, fence) in (Misplaced.LONLAT, Misplaced.LATLON)
 
 

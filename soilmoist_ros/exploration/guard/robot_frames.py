@@ -110,7 +110,7 @@ class TransformTree:
         return FramePose(x, y, _yaw(_product(back, turn)), 0.0 if math.isinf(age_s) else max(age_s, 0.0))
 
     def gap(self, frame: str, within: str) -> str:
-        """Why a frame has no pose in another, in words."""
+        """Reason why a frame has no pose in another, in words."""
         known = {name for above, _ in list(self._above.values()) for name in (above.parent, above.child)}
         for name in (frame, within):
             if name not in known:
@@ -198,7 +198,7 @@ _DIRECTIONS = ("east", "north-east", "north", "north-west", "west", "south-west"
 
 
 class Agreement(StrEnum):
-    """Whether TF and fixes agree."""
+    """True if TF and fixes agree."""
 
     UNKNOWN = "unknown"
     AGREE = "agree"
@@ -576,7 +576,7 @@ class RobotFrames:
 
     @property
     def fault(self) -> str:
-        """Why the robot must not drive, in words; empty if nothing is known against it.
+        """Reason why the robot must not drive, in words; empty if nothing is known against it.
 
         A disagreement of TF and fixes stays one until they agree: without TF, or without fixes, the navigation
         still has the wrong frame.
@@ -629,7 +629,7 @@ class RobotFrames:
         return pose if pose is not None and pose.age_s <= MAX_TF_AGE_S else None
 
     def _doubt(self, tf: FramePose | None, now_s: float) -> str:
-        """Why the frames are not trusted yet; empty without TF, and once they have agreed: then faults decide."""
+        """Reason why frames are not trusted yet; empty without TF, and once they agreed: then faults decide."""
         if self._agreed or (tf is None and not self._disagreed):
             return ""
         return f"agreement of TF and fixes ({self._disagreed or self._check.verdict(now_s).message})"

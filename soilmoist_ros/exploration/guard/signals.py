@@ -105,7 +105,7 @@ class BatteryLimit:
             _Quantity(voltage_v, voltage_v * (1 + RECHARGED), "{:.1f} V"),
         )
         self.fault = ""
-        """Why the battery is low; empty if it is not."""
+        """Reason why the battery is low; empty if it is not."""
 
     def take(self, charge: float, voltage_v: float) -> None:
         """A message has come, with NaN for what it leaves out; that stays as it was.
@@ -154,7 +154,7 @@ class CountTrust:
             self._records.append((now_s, reason))
 
     def fault(self, now_s: float) -> str:
-        """Why the counts cannot be trusted now: more than half of them are quarantined; empty if they can.
+        """Reason why the counts cannot be trusted now: more than half of them are quarantined; empty if they can.
 
         :param now_s: time [s]
         """

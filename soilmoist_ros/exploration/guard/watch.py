@@ -138,7 +138,7 @@ class Surroundings:
 
 @dataclass
 class _Heard:
-    """When something was heard last, and the number of checks since then."""
+    """Time when something was heard last, and the number of checks since then."""
 
     now_s: float
     checks: int = 0
@@ -198,7 +198,7 @@ class Watch:
         self._trust = CountTrust(self.limits.counts_bad_s)
         self._logger_fault = ""
         self.fix_fault = ""
-        """Why the last epoch of the receiver had no place; empty if it had one."""
+        """Reason why the last epoch of the receiver had no place; empty if it had one."""
         self._battery = Battery()
         self._battery_limits = {
             Cause.BATTERY_LOW: BatteryLimit(self.limits.battery_low, self.limits.battery_low_v),

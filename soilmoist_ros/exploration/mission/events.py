@@ -315,7 +315,7 @@ class Finish:
 
     @property
     def aborted(self) -> bool:
-        """Whether the operator, a silent sensor or the guard ended it."""
+        """True if the operator, a silent sensor or the guard ended it."""
         return self.code in (MissionEnd.ABORTED, MissionEnd.SILENT_SENSOR, MissionEnd.FAILSAFE)
 
 

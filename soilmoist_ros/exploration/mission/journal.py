@@ -225,7 +225,7 @@ def noted_records(events: Iterable[Mapping[str, Any]], name: str = "") -> list[C
 
 
 def is_under_way(snapshot: str | None, events: Iterable[Mapping[str, Any]]) -> bool:
-    """Whether a mission was under way when its process ended.
+    """True if a mission was under way when its process ended.
 
     :param snapshot: the last state written down, if any
     :param events: all events written down
@@ -245,7 +245,7 @@ def _starts_and_records(events: Iterable[Mapping[str, Any]], name: str | None) -
 
 
 def _started_s(snapshot: str | None, events: Iterable[Event]) -> float | None:
-    """When the mission that is under way started [s]; ``None`` if none is."""
+    """Time when the mission that is under way started [s]; ``None`` if none is."""
     if snapshot is None:
         turns = [e for e in events if isinstance(e, Command) and e.verb in (Verb.START, Verb.ABORT)]
         return turns[-1].now_s if turns and turns[-1].verb is Verb.START else None

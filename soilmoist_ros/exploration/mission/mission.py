@@ -126,7 +126,7 @@ _ROUNDING: Final = 1e-9
 
 Place = tuple[float, float]
 Done = tuple[bool, str]
-"""Whether a command is accepted, and what happens or why not."""
+"""Verdict on a command: if it is accepted, and what happens or why not."""
 
 
 class Mission:
@@ -678,7 +678,7 @@ class Step:
 
     @property
     def stands(self) -> bool:
-        """Whether places reported after the cancellation show that the robot stands still."""
+        """True if places reported after the cancellation show that the robot stands still."""
         state, cancelled_s = self.state, self.goal.cancelled_s
         assert cancelled_s is not None
         if self.rules.standstill_s == 0:
@@ -837,7 +837,7 @@ class Step:
         return travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(xy(stop), home_s)
 
     def fits(self, stop: Stop, travel_s: float, home_s: float = 0.0) -> bool:
-        """Whether the time left suffices for a stop and the way home from it."""
+        """True if the time left suffices for a stop and the way home from it."""
         return self.needed_s(stop, travel_s, home_s) <= self.left_s and self.now_s < self.leave_by_s()
 
     @property
@@ -913,7 +913,7 @@ class Step:
         self.state = replace(self.state, blacklist=(*others, out))
 
     def leave_by_s(self) -> float:
-        """When to set off for home at the latest, from here and from the target."""
+        """Time when to set off for home at the latest, from here and from the target."""
         home_s = 0.0 if self.state.target is None else self.state.target.home_s
         return self.started_s + self.rules.budget_s - self.rules.way_home_s(self.place, home_s)
 
@@ -1103,41 +1103,41 @@ class Step:
             act(self)
 
     def longest_dwell_s(self) -> float:
-        """When the longest dwell is over [s]; never where the rest of the time is counted."""
+        """Time when the longest dwell is over [s]; never where the rest of the time is counted."""
         counting = self.counting
         assert counting.since_s is not None
         longest_s = counting.since_s + counting.earlier_s + self.rules.dwell.longest_s - counting.before_s
         return math.inf if counting.to_the_end else longest_s
 
     def silence_s(self) -> float:
-        """When the sensor counts as silent [s]; never again once that is reported."""
+        """Time when the sensor counts as silent [s]; never again once that is reported."""
         return math.inf if self.counting.silent else self.counting.heard_s + self.rules.silence_limit_s
 
     def plan_deadline_s(self) -> float:
-        """When the plan is late [s]."""
+        """Time when the plan is late [s]."""
         assert self.state.plan is not None
         return self.state.plan.deadline_s
 
     def goal_deadline_s(self) -> float:
-        """When the goal is late [s]."""
+        """Time when the goal is late [s]."""
         return self.goal.deadline_s
 
     def cancel_deadline_s(self) -> float:
-        """When to cancel the goal again [s]."""
+        """Time when to cancel the goal again [s]."""
         assert self.goal.cancelled_s is not None
         return self.goal.cancelled_s + self.rules.cancel_limit_s
 
     def wait_deadline_s(self) -> float:
-        """When the wait after a failure is over [s]."""
+        """Time when the wait after a failure is over [s]."""
         assert self.state.wait_until_s is not None
         return self.state.wait_until_s
 
     def end_of_wait_s(self) -> float:
-        """When the time is up in a wait [s]; never on the way home."""
+        """Time when the time is up in a wait [s]; never on the way home."""
         return math.inf if self.state.todo is Todo.RETURN else self.leave_by_s()
 
     def end_of_pause_s(self) -> float:
-        """When the time is up in a pause [s]; never on the way home.
+        """Time when the time is up in a pause [s]; never on the way home.
 
         In a pause that the mission began, the place may be wrong, so it does not decide.
         """
@@ -1267,7 +1267,7 @@ DEADLINES: Final[dict[Phase, tuple[tuple[Callable[[Step], float], Callable[[Step
     Phase.PAUSED: ((Step.end_of_pause_s, Step.time_up_in_pause),),
     Phase.RETURNING: ((Step.goal_deadline_s, Step.goal_late),),
 }
-"""When a mission acts without an event, and what it does then."""
+"""Times when a mission acts without an event, and what it does then."""
 
 _KEPT: Final = (
     "now_s", "position", "position_s", "position_sd_m", "still_at", "still_since_s", "unseen_mps",
@@ -1282,7 +1282,7 @@ def _set(step: Step, **changes: Any) -> None:
 
 
 def satisfied(rules: MissionRules, forecast: Forecast) -> tuple[MissionEnd, str] | None:
-    """Why a mission may end by a forecast, as code and in words; ``None`` if it goes on."""
+    """Reason why a mission may end by a forecast, as code and in words; ``None`` if it goes on."""
     if rules.until_sd > 0 and forecast.sd <= rules.until_sd:
         limit = f"{100 * rules.until_sd:.3g} {forecast.unit}"
         return MissionEnd.GOOD_ENOUGH, f"the map is good enough: ±{100 * forecast.sd:.3g} of {limit} demanded"

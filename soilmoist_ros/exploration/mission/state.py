@@ -207,25 +207,25 @@ class MissionState:
 
     @property
     def waits_for_people(self) -> bool:
-        """Whether it was paused or stopped until people resume."""
+        """True if it was paused or stopped until people resume."""
         paused = self.resume is not None and not self.held and not self.interrupted
         return paused or bool(self.emergency)
 
     @property
     def under_way(self) -> bool:
-        """Whether a mission has started and not ended."""
+        """True if a mission has started and not ended."""
         return self.started_s is not None and self.ended_s is None
 
     @property
     def hindrance(self) -> str:
-        """Why the robot must not move, in words; empty if it may."""
+        """Reason why the robot must not move, in words; empty if it may."""
         if self.emergency:
             return f"the emergency stop is pressed ({', '.join(self.emergency)}): release it first"
         return "; ".join(alarm.reason for alarm in self.alarms if alarm.response.stops)
 
     @property
     def start_hindrance(self) -> str:
-        """Why no mission may start, in words; empty if one may."""
+        """Reason why no mission may start, in words; empty if one may."""
         home = (alarm.reason for alarm in self.alarms if alarm.response is Response.RETURN)
         return "; ".join(filter(None, (self.hindrance, *home)))
 

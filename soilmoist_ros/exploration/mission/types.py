@@ -80,7 +80,7 @@ class Response(StrEnum):
 
     @property
     def stops(self) -> bool:
-        """Whether the robot must not move while the cause lasts."""
+        """True if the robot must not move while the cause lasts."""
         return self in (Response.PAUSE, Response.HOLD, Response.ABORT)
 
 
@@ -92,7 +92,7 @@ class PlanKind(StrEnum):
 
 
 class MissionEnd(StrEnum):
-    """Why a mission ended."""
+    """Reason why a mission ended."""
 
     TIME_UP = "time_up"
     """The budget was used up, or the rest was too short for another stop."""

@@ -10,7 +10,7 @@ from enum import StrEnum
 
 
 class VisitEnd(StrEnum):
-    """Why counting ended at a stop."""
+    """Reason why counting ended at a stop."""
 
     ENOUGH = "enough"
     """The dwell rule was met."""

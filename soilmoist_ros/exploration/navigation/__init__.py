@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""How goals reach the navigation of a robot, and what its answers mean."""
+"""Goals for the navigation of a robot, and the meaning of its answers."""

@@ -271,7 +271,7 @@ class GoalClient:
 
     @property
     def stop_unheard(self) -> bool:
-        """Whether the server may not have heard of a cancellation yet."""
+        """True if the server may not have heard of a cancellation yet."""
         return self._servers > 0 and any(goal.cancel and not goal.heard for goal in self._goals.values())
 
     @property

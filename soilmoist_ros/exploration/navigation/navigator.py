@@ -14,7 +14,7 @@ from soilmoist_ros.foundation import PlaneMove
 
 
 class Outcome(StrEnum):
-    """How a goal ended."""
+    """End of a goal."""
 
     SUCCEEDED = "succeeded"
     CANCELED = "canceled"
@@ -67,7 +67,7 @@ class Navigator(Protocol):
 
     @property
     def stop_unheard(self) -> bool:
-        """Whether the navigation may not have heard of a cancellation yet: a process that ends waits a moment."""
+        """True if the navigation may not have heard of a cancellation yet: a process that ends waits a moment."""
         ...
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:

@@ -85,7 +85,7 @@ class PoseClient:
 
     @property
     def caution(self) -> str:
-        """Why the robot cannot be stopped now; empty if it can, or if there is nothing to stop."""
+        """Reason why the robot cannot be stopped now; empty if it can, or if there is nothing to stop."""
         if self._goal is None or self._cancels or self._place_to_stop is not None:
             return ""
         what = "is not asked to stop" if self._cancelling else "could not be stopped"

@@ -51,7 +51,7 @@ class Track:
         self.resumed_s = -math.inf
         """Time of the first place after the last gap of more than :data:`MAX_AGE_S` [s]."""
         self.leaped = False
-        """Whether the robot would have had to be faster than expected in that gap."""
+        """True if the robot would have had to be faster than expected in that gap."""
 
     def tick(self, now_s: float) -> None:
         """Time has passed [s]; a clock that goes back far starts a new track."""
@@ -108,7 +108,7 @@ class Track:
         return None
 
     def stands(self, for_s: float, since_s: float = -math.inf) -> bool:
-        """Whether the robot stands still, as :meth:`.Motion.standing`.
+        """True if the robot stands still, as :meth:`.Motion.standing`.
 
         :param for_s: for how long at least [s]
         :param since_s: only places after this time count [s]
@@ -116,7 +116,7 @@ class Track:
         return self.place is not None and self._motion.standing(for_s, since_s).for_s > 0
 
     def standing_at(self, stop: Stop, within_m: float) -> bool:
-        """Whether the robot stands at a stop, and within this distance of it [m]."""
+        """True if the robot stands at a stop, and within this distance of it [m]."""
         here = self.place
         near = here is not None and math.dist(here, (stop.x_m, stop.y_m)) <= min(within_m, stop.reach_m)
         return near and self.stands(STILL_S)

@@ -43,7 +43,7 @@ class DwellRule(Protocol):
         ...
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """Whether to stop counting.
+        """True if to stop counting.
 
         :param raw_counts: raw counts at the stop
         :param live_s: exposure of these counts [s]
@@ -93,7 +93,7 @@ class FixedInterval:
     longest_s: float = MAX_DWELL_S
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """Whether the exposure covers the interval."""
+        """True if the exposure covers the interval."""
         return live_s >= self.interval_s * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
@@ -131,7 +131,7 @@ class AdaptiveInterval:
         return math.ceil(1 / Fraction(repr(float(self.threshold))) ** 2)
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """Whether the threshold is met, or the longest dwell is over."""
+        """True if the threshold is met, or the longest dwell is over."""
         return raw_counts >= self.counts_needed or live_s >= self.longest_s * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
@@ -171,7 +171,7 @@ class Optimal:
     """Dwell without a map [s]."""
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """Whether the dwell without a map is over."""
+        """True if the dwell without a map is over."""
         return live_s >= min(self.UNKNOWN_S, self.longest_s) * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
@@ -207,7 +207,7 @@ class MarginalValue:
     others: tuple[tuple[float, float, float], ...] = ()  # A, B and n of each further property
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """Whether more counting is worth less than the price, or the longest dwell is over."""
+        """True if more counting is worth less than the price, or the longest dwell is over."""
         return live_s >= self._best_s(self._noise(raw_counts, live_s)) * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:

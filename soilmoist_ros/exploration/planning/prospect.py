@@ -35,7 +35,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Counting:
-    """When the robot counts.
+    """Times when the robot counts.
 
     :param cadence_s: duration of a record [s]
     :param on_way: whether records taken while driving are mapped too
@@ -159,7 +159,7 @@ class Prospect:
 
     @property
     def counts_on_way(self) -> bool:
-        """Whether records taken while driving are mapped too."""
+        """True if records taken while driving are mapped too."""
         return self.counting.on_way
 
     @property

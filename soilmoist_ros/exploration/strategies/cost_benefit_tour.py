@@ -107,7 +107,7 @@ class Ground:
 
     @property
     def is_uneven(self) -> bool:
-        """Whether the map says that the field varies more here than there."""
+        """True if the map says that the field varies more here than there."""
         return self.prospect is not None and any(
             model.is_uneven for model in (self.prospect.model, *self.prospect.model.others)
         )

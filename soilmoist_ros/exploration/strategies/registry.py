@@ -153,7 +153,7 @@ def make_strategy(
 def warm_up(
     given: str | StrategyKind | Strategy | type[Strategy], preset: str | Preset = "paper"
 ) -> tuple[int, Strategy]:
-    """How a mission of a strategy begins, before a map can guide it: number of stops, and who chooses them.
+    """Begin of a mission of a strategy, before a map can guide it: number of stops, and who chooses them.
 
     Parameters as of :func:`make_strategy`.
     """

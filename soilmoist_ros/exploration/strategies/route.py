@@ -103,7 +103,7 @@ def nearest_neighbour(from_start_s: Array, between_s: Array) -> Indices:
 
 
 def can_be_shortened(from_start_s: Array, between_s: Array) -> bool:
-    """Whether :func:`shortened` can do something for these times."""
+    """True if :func:`shortened` can do something for these times."""
     finite = np.isfinite(from_start_s).all() and np.isfinite(between_s).all()
     return bool(finite and (np.abs(between_s - between_s.T) <= 1e-8 + 1e-5 * np.abs(between_s)).all())
 

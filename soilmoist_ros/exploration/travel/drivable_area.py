@@ -77,7 +77,7 @@ class DrivableArea:
 
     @cached_property
     def is_convex(self) -> bool:
-        """Whether every straight line between two places inside stays inside."""
+        """True if every straight line between two places inside stays inside."""
         return len(self._parts) == 1 and not len(self.turning_corners)
 
     @cached_property
@@ -97,7 +97,7 @@ class DrivableArea:
         return np.unique(np.concatenate(found), axis=0)
 
     def contains(self, xy: ArrayLike) -> Flags:
-        """Whether each place is inside or on the border, shape (k,)."""
+        """True for each place that is inside or on the border, shape (k,)."""
         import shapely
 
         x, y = np.asarray(xy, float).reshape(-1, 2).T
@@ -105,7 +105,7 @@ class DrivableArea:
             return np.asarray(shapely.intersects_xy(self._tolerant, x, y), bool)
 
     def allows(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:
-        """Whether each straight line from a start to its end stays inside, shape (k,).
+        """True if each straight line from a start to its end stays inside, shape (k,).
 
         :param start_xy: shape (k, 2) or (2,) [m]
         :param end_xy: likewise [m]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""How the robot really moves: speed, turning time and stop overhead, learned from the legs that it has driven.
+"""Real motion of the robot: speed, turning time and stop overhead, learned from the legs that it has driven.
 
 A leg takes ``length / speed + turn * turning time + overhead``. The parameters are the prior of a regression on
 the legs; errors follow a Student t distribution, so that a leg with an obstacle hardly counts.

@@ -44,7 +44,7 @@ def stops_xy(stops: Sequence[Stop]) -> Array:
 
 
 def inside_any(polygons: Sequence[ArrayLike], xy: ArrayLike) -> NDArray[np.bool_]:
-    """Whether each place lies in one of some polygons, shape (k,).
+    """True if each place lies in one of some polygons, shape (k,).
 
     :param polygons: corners of each, shape (c, 2) [m]
     :param xy: places, shape (k, 2) or (2,) [m]
@@ -59,7 +59,7 @@ def inside_any(polygons: Sequence[ArrayLike], xy: ArrayLike) -> NDArray[np.bool_
 
 
 def is_polygon(corners: ArrayLike) -> bool:
-    """Whether corners, shape (c, 2) [m], enclose an area without crossing their own border."""
+    """True if corners, shape (c, 2) [m], enclose an area without crossing their own border."""
     import shapely
 
     polygon = shapely.Polygon(np.asarray(corners, float))

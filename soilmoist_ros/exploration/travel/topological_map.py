@@ -75,7 +75,7 @@ class TopologicalMap:
         return foreign_text(str(self.document.get("name", "")))
 
     def has_ways_of(self, other: TopologicalMap) -> bool:
-        """Whether nodes, places, edges, frame and datum are those of another map; names and dates may differ."""
+        """True if nodes, places, edges, frame and datum are those of another map; names and dates may differ."""
         same = (self.document["nodes"], self.datum, self.frame) == (
             other.document["nodes"],
             other.datum,
@@ -456,7 +456,7 @@ def _datum(content: Mapping[str, Any], path: Path | None) -> LocalFrame | None:
 
 
 def _is_name(value: Any) -> bool:
-    """Whether a value names a node: a text, or a number such as 0."""
+    """True if a value names a node: a text, or a number such as 0."""
     return value is not None and not isinstance(value, (Mapping, list)) and bool(str(value))
 
 

@@ -25,7 +25,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class RobotMotion:
-    """How the robot moves; the defaults are those of the published experiments.
+    """Motion of the robot; the defaults are those of the published experiments.
 
     :param speed_mps: speed on the way [m/s], > 0
     :param stop_overhead_s: time lost at each stop: braking, settling, the next goal [s], >= 0
@@ -67,7 +67,7 @@ class RobotMotion:
 
     @property
     def has_costs(self) -> bool:
-        """Whether a trip costs more than its time."""
+        """True if a trip costs more than its time."""
         return self.stop_cost_s > 0 or self.metre_cost_s > 0
 
 
@@ -217,7 +217,7 @@ class FreeTravel(TravelModel):
         return self.motion.travel_s(np.hypot(*np.diff(places[indices], axis=0).T))
 
     def _are_straight(self, inside: NDArray[np.bool_]) -> bool:
-        """Whether all routes between places are straight, from whether each is inside the field."""
+        """True if all routes between places are straight, from whether each is inside the field."""
         return self._area is None or (self._area.is_convex and bool(inside.all()))
 
     def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
@@ -230,7 +230,7 @@ class FreeTravel(TravelModel):
         return np.asarray(places)
 
     def _straight(self, start: Array, places: Array, inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Whether the route to each place is a straight line, shape (k,)."""
+        """True if the route to each place is a straight line, shape (k,)."""
         if self._area is None:
             return np.ones(len(places), bool)
         if self._area.is_convex:

@@ -46,7 +46,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Relation:
-    """How an earlier survey is related to this one."""
+    """Relation of an earlier survey to this one."""
 
     name: str  # of the earlier survey
     correlation: float  # of the patterns of the two surveys, posterior mean

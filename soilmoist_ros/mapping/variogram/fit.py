@@ -83,7 +83,7 @@ class VariogramFit:
 
     @property
     def local_text(self) -> str:
-        """Whether the rate varies more here than there, and the evidence, in words."""
+        """True if the rate varies more here than there, and the evidence, in words."""
         if self.local is None:
             return "not tested"
         evidence = f"logarithm of the Bayes factor {self.local.evidence:.1f}"
@@ -99,7 +99,7 @@ class VariogramFit:
 
     @property
     def prior_mattered(self) -> bool:
-        """Whether the prior determined the structured sill or the range more than the data did."""
+        """True if the prior determined the structured sill or the range more than the data did."""
         return max(self.prior_share[:2]) > 0.5
 
 

@@ -179,7 +179,7 @@ class LocalFit:
 
     @property
     def is_local(self) -> bool:
-        """Whether the evidence asks for a local model."""
+        """True if the evidence asks for a local model."""
         return self.evidence >= MIN_EVIDENCE
 
 

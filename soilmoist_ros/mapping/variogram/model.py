@@ -416,7 +416,7 @@ class Variogram:
 
     @property
     def along_axes(self) -> bool:
-        """Whether the variogram is isotropic or its longest range lies along an axis."""
+        """True if the variogram is isotropic or its longest range lies along an axis."""
         return self.anisotropy == 1 or self.angle_deg % 90 == 0
 
     def scaled(self, xy: Array) -> Array:

@@ -54,7 +54,7 @@ class FileBytes:
 
     def __init__(self, file: BinaryIO, salvage: bool = False) -> None:
         self.fault = ""
-        """Why bytes could not be read; empty if all could."""
+        """Reason why bytes could not be read; empty if all could."""
         self._file = file
         self._salvage = salvage
         self._size = os.fstat(file.fileno()).st_size
@@ -89,7 +89,7 @@ class FileBytes:
         return form.unpack_from(block, at - begin)
 
     def is_lost(self, begin: int, end: int) -> bool:
-        """Whether bytes of a range that was read are zeros because they could not be read."""
+        """True if bytes of a range that was read are zeros because they could not be read."""
         return bool(self._lost) and any(first < end and begin < last for first, last in self._lost)
 
     def _load(self, begin: int) -> tuple[int, bytes]:
@@ -178,7 +178,7 @@ class Chunk(NamedTuple):
 
     @property
     def too_large(self) -> bool:
-        """Whether it is larger than what is unpacked."""
+        """True if it is larger than what is unpacked."""
         return max(self.size, self.end - self.begin) > MAX_CHUNK_BYTES
 
 

@@ -89,7 +89,7 @@ class BagInfo:
 
     @property
     def whole(self) -> bool:
-        """Whether it has no problems."""
+        """True if it has no problems."""
         return not self.problems
 
     def __repr__(self) -> str:

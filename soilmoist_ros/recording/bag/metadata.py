@@ -324,7 +324,7 @@ class Request:
     depth: int
 
     def is_weaker(self, other: Request) -> bool:
-        """Whether the other requests more than this one."""
+        """True if the other requests more than this one."""
         return (other.reliable and not self.reliable) or (other.latched and not self.latched)
 
     def weakened(self, other: Request) -> Request:

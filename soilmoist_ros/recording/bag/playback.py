@@ -43,7 +43,7 @@ class TopicChoice:
         self._exclude = _compiled("exclude", exclude) if exclude else None
 
     def wanted(self, name: str) -> bool:
-        """Whether to record a topic.
+        """True if to record a topic.
 
         :param name: its full name
         """
@@ -92,7 +92,7 @@ class Playback:
         """Names of the topics, and their types; recorded clocks are always among them."""
         self._offered = reader.offered
         self.has_clock = bool(clocks)
-        """Whether the bag has simulated time; otherwise time comes from the messages."""
+        """True if the bag has simulated time; otherwise time comes from the messages."""
 
     def leave_out(self, topic: str) -> None:
         """Skip a topic."""

@@ -427,7 +427,7 @@ class _Publishers:
         self.count = count
         self._next: list[int] = []  # the last entry has come last
         self._followed: list[bool] = []
-        """Whether the very next number has come after each since the last one was new. All have: these are all the
+        """True if the very next number has come after each since the last one was new. All have: these are all the
         publishers, each with one entry; so is a single one at once."""
 
     def missing(self, number: int) -> int:

@@ -68,7 +68,7 @@ class ClockWatch:
 
 
 def is_synchronised() -> bool:
-    """Whether the kernel knows of something that keeps the clock of this computer right, such as NTP or GNSS."""
+    """True if the kernel knows of something that keeps the clock of this computer right, such as NTP or GNSS."""
     state = getattr(ctypes.CDLL(None), "adjtimex", None)
     return state is not None and 0 <= state(ctypes.create_string_buffer(_TIMEX_BYTES)) < _TIME_ERROR
 
@@ -86,7 +86,7 @@ class Limits:
 
     @property
     def exist(self) -> bool:
-        """Whether there is a limit."""
+        """True if there is a limit."""
         return math.isfinite(self.size_bytes) or math.isfinite(self.age_s)
 
 

@@ -80,7 +80,7 @@ class McapScan:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.finished = False
-        """Whether the file was closed."""
+        """True if the file was closed."""
         self.cut_bytes = 0
         """Size of the incomplete record at the end [bytes]."""
         self.damaged = 0
@@ -90,9 +90,9 @@ class McapScan:
         self.too_large = 0
         """Number of chunks that are too large to be read."""
         self.fault = ""
-        """Why parts of the file could not be read; empty if all could. They are damaged places."""
+        """Reason why parts of the file could not be read; empty if all could. They are damaged places."""
         self.too_much = False
-        """Whether reading ended because the file unpacks to more than a recording of its size can."""
+        """True if reading ended because the file unpacks to more than a recording of its size can."""
         self.statistics: Statistics | None = None
         """Numbers of messages, from the end of a closed file."""
         self._schemas: dict[int, Schema] = {}
@@ -283,7 +283,7 @@ class McapScan:
 
 
 def _plausible(data: FileBytes, opcode: int, start: int, end: int) -> bool:
-    """Whether a record outside of chunks is as long as its content; a wrong length would skip what follows."""
+    """True if a record outside of chunks is as long as its content; a wrong length would skip what follows."""
     size = len(data)
     if opcode not in _KNOWN or end > size:
         return False

@@ -252,7 +252,7 @@ def _read(file: Path, counts: Counter[str], note: Note) -> tuple[Extent, list[st
 
 
 def _cut(file: Path) -> list[str]:
-    """Whether an SQLite file is shorter than its header says, in words."""
+    """True if an SQLite file is shorter than its header says, in words."""
     with file.open("rb") as stream:
         header = stream.read(100)
     page, pages = (int.from_bytes(header[at : at + size]) for at, size in ((16, 2), (28, 4)))

@@ -268,7 +268,7 @@ class BagWriter:
 
 
 def is_being_written(path: Path) -> bool:
-    """Whether a recorder on this machine has an MCAP file open."""
+    """True if a recorder on this machine has an MCAP file open."""
     try:
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

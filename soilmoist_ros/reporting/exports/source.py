@@ -210,7 +210,7 @@ class RunSource:
 
     @property
     def simulated(self) -> bool:
-        """Whether the counts come from a simulation."""
+        """True if the counts come from a simulation."""
         return bool(self.run.summary.get("simulated"))
 
     @property
@@ -263,7 +263,7 @@ def _calibration(about: Mapping[str, Any], bands: Columns) -> str:
 
 
 def _no_map(run: OpenedRun) -> tuple[str, str]:
-    """Why there is no map to export, and what to do."""
+    """Reason why there is no map to export, and what to do."""
     about = run.summary
     if not about.get("map"):
         return "the run has no map, so there is nothing to export", "report.html of the run says why"

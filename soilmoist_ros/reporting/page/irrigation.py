@@ -145,12 +145,12 @@ def stress_point(limits: IrrigationLimits) -> float | None:
 
 
 def has_level(run: MapRun) -> bool:
-    """Whether limits, amounts of water and advice may rest on the moisture of a map."""
+    """True if limits, amounts of water and advice may rest on the moisture of a map."""
     return absolute(run) and is_usable(run.soil_map)
 
 
 def _of_moisture(run: MapRun) -> bool:
-    """Whether the zones are of the moisture, else of the count rate."""
+    """True if the zones are of the moisture, else of the count rate."""
     return run.calibrated and is_usable(run.soil_map)
 
 
@@ -321,7 +321,7 @@ def _steps(run: MapRun, found: Irrigation) -> Iterator[str]:
 
 
 def _on_place(run: MapRun, found: Irrigation) -> Iterator[str]:
-    """Whether a probe that stays at one place asks for water, by the last step of its series."""
+    """True if a probe that stays at one place asks for water, by the last step of its series."""
     bands, edges = moisture_series(run.track, run.soil_map.curve).bands, np.array(absolute_limits(run))
     dry = float(class_probability(bands.rate[-1:], bands.rate_sd[-1:], 0, edges, run.soil_map.curve, False)[0])
     name, is_dry = found.zones[0].name, float(bands.vwc[-1]) < edges[0]

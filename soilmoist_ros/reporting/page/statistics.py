@@ -129,7 +129,7 @@ def unusable_share(soil_map: SoilMap) -> float:
 
 
 def is_usable(soil_map: SoilMap) -> bool:
-    """Whether zones, water and advice may rest on the moisture: most of the area has a possible one."""
+    """True if zones, water and advice may rest on the moisture: most of the area has a possible one."""
     return not unusable_share(soil_map) > MAX_UNUSABLE
 
 

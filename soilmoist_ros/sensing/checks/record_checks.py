@@ -174,7 +174,7 @@ class Dispersion:
 
     @property
     def is_high(self) -> bool:
-        """Whether the scatter is higher than counting statistics, clearly and significantly."""
+        """True if the scatter is higher than counting statistics, clearly and significantly."""
         if self.pairs < MIN_PAIRS or self.index <= HIGH_DISPERSION:
             return False
         from scipy.special import chdtrc
@@ -284,12 +284,12 @@ def _young(records: Iterable[_Counted], stamp_s: float) -> list[_Counted]:
 
 
 def _same_place(one: CountRecord, other: CountRecord) -> bool:
-    """Whether two records were counted at one place; unknown places count as different."""
+    """True if two records were counted at one place; unknown places count as different."""
     return math.hypot(one.x_m - other.x_m, one.y_m - other.y_m) <= STOP_RADIUS_M
 
 
 def _are_above(counts: int, mean: float, level: float) -> bool:
-    """Whether so many counts have a probability below a level, which is below 1/2."""
+    """True if so many counts have a probability below a level, which is below 1/2."""
     from scipy.special import pdtrc
 
     return counts > mean and bool(pdtrc(counts - 1, mean) < level)

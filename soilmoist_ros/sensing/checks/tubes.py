@@ -280,7 +280,7 @@ def share_ratios(counts: Array, weights: Array, use: Mask, good: Mask, behind: A
 
 @dataclass
 class Run:
-    """How often a tube has repeated a number."""
+    """Number of times that a tube has repeated a number."""
 
     value: float = math.nan
     begin_s: float = math.nan
@@ -448,7 +448,7 @@ class TubeChecks:
         return group
 
     def _score(self, counts: Array, weights: Array, tubes: NDArray[np.intp], group: Sequence[int]) -> float:
-        """How credible it is that a group of tubes is the good one: many tubes, and a rate as before."""
+        """Credibility of a group of tubes as the good one: many tubes, and a rate as before."""
         chosen = list(group)
         size = float(weights[chosen].sum() / weights[tubes].sum())
         if not self._rates:
@@ -503,7 +503,7 @@ class TubeChecks:
         self._charts.clear(tube)
 
     def _is_guilty(self, tube: int, good: Mask, begin_s: float) -> bool:
-        """Whether a tube of two, rather than the other one, counts otherwise than before."""
+        """True if a tube of two, rather than the other one, counts otherwise than before."""
         before = [counted for stamp_s, *counted in self._counted if stamp_s < begin_s]
         after = [counted for stamp_s, *counted in self._counted if stamp_s >= begin_s]
         if not before or not after:

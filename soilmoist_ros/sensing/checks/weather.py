@@ -155,7 +155,7 @@ class WeatherChecks:
 
 
 class _FrozenPressure:
-    """How long the pressure has had one value while the temperature changed."""
+    """Time for which the pressure has had one value while the temperature changed."""
 
     def __init__(self) -> None:
         self._value, self._begin_s, self._records = NAN, NAN, 0

@@ -122,7 +122,7 @@ class IntensityCorrection(Section):
     monitor: Monitor | None = None
     """The neutron monitor: a code such as JUNG, or name, place and cutoff rigidity."""
     scaling: Scaling = "none"
-    """How a change at the monitor becomes one at the site: none, hawdon2014 or mcjannet2023."""
+    """Conversion of a change at the monitor into one at the site: none, hawdon2014 or mcjannet2023."""
     gaps: Literal["interpolate", "hold"] = "interpolate"
     """In gaps of the file: interpolate between the two neighbours, or hold the last value."""
     max_gap_hours: Annotated[float, Field(ge=0, le=240)] = 6.0

@@ -93,7 +93,7 @@ class Table:
         return [value for value in found if value is not None]
 
     def is_numeric(self, column: Column) -> bool:
-        """Whether almost all of a column is numbers."""
+        """True if almost all of a column is numbers."""
         return bool(column.texts) and len(self.numbers(column)) > 0.9 * len(column.texts)
 
 

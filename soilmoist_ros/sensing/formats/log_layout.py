@@ -207,7 +207,7 @@ class _Columns:
 
 
 def is_header(logger: LoggerFormat, fields: Sequence[str]) -> bool:
-    """Whether a line is a header: one of its fields is the name of a time column."""
+    """True if a line is a header: one of its fields is the name of a time column."""
     known = {plain_name(part) for name in logger.time.columns for part in name.split("+")}
     return any(plain_name(field) in known for field in fields)
 
@@ -320,7 +320,7 @@ class HeaderReader:
         self.metadata: dict[str, str] = {}
         """Values by their key as written."""
         self.is_new = bool(self.names)
-        """Whether names or units have changed; reset by the reader of the records."""
+        """True if names or units have changed; reset by the reader of the records."""
         self._values: dict[str, str] = {}
         self._continued: set[str] = set()
         self._lines_left = 0

@@ -282,7 +282,7 @@ def units_of(quantity: Quantity) -> tuple[str, ...]:
 
 
 def measures(quantity: Quantity, unit: str) -> bool:
-    """Whether a unit is one of a quantity."""
+    """True if a unit is one of a quantity."""
     return unit in _SCALES[quantity]
 
 
@@ -298,7 +298,7 @@ def rate_of(text: str) -> str:
 
 
 def same(one: str, other: str) -> bool:
-    """Whether two units are equal, as hPa and mbar are."""
+    """True if two units are equal, as hPa and mbar are."""
     return {one, other} <= {"hPa", "mb", "mbar"}
 
 

@@ -111,7 +111,7 @@ class Header(Section):
     lines_after_names: int = Field(default=0, ge=0, le=10)
     """Number of lines after the names that are not records, such as units and processing."""
     units_line: bool = False
-    """Whether the first of these lines has the units; they replace those of this file, with a note."""
+    """True if the first of these lines has the units; they replace those of this file, with a note."""
 
 
 class Time(Section):
@@ -124,7 +124,7 @@ class Time(Section):
     date_order: DateOrder = "auto"
     """With formats of both orders: day_first, month_first, or auto, decided once for a file from its stamps."""
     marks: Literal["start", "end"] = "end"
-    """Whether the stamp is the start or the end of the counting interval."""
+    """Meaning of the stamp: the start or the end of the counting interval."""
     utc_offset_hours: float = Field(default=0.0, ge=-12, le=14)
     """Logger's clock minus UTC [h]. A zone in a stamp has priority."""
     zone: ZoneName = ""
@@ -200,7 +200,7 @@ class LiveTime(Section):
     covers: int = Field(default=1, ge=1)
     """Number of neighbouring tubes that share one column: with 2, N1ETsec also applies to tube 2."""
     from_stamps: bool = False
-    """Whether the live time is the time since the previous record's stamp. After a gap in the record numbers it is
+    """True if the live time is the time since the previous record's stamp. After a gap in the record numbers it is
     the period, or else the last time between two records."""
     range: Limits = (0, 90_000)
     """Limits of the live time [s]; a line with a value outside is damaged."""
@@ -286,7 +286,7 @@ class LoggedPosition(Section):
     longitude: tuple[str, ...] = Field(min_length=1)
     """Alternative names of the longitude column."""
     longitude_signed: bool
-    """Whether western longitudes are negative. If false, the site file must name the side of Greenwich."""
+    """True if western longitudes are negative. If false, the site file must name the side of Greenwich."""
     notation: Literal["auto", "degrees", "degrees_minutes"] = "auto"
     """degrees, as in 51.35; degrees_minutes, as in 5121.00 of NMEA; auto: decided once for a file."""
     latitude_hemisphere: tuple[str, ...] = ()
@@ -302,9 +302,9 @@ class LoggedPosition(Section):
     no_fix_quality: tuple[str, ...] = ("0",)
     """Texts in the quality column that mark a missing fix."""
     zero_is_no_fix: bool = True
-    """Whether latitude and longitude 0 mark a missing fix."""
+    """True if latitude and longitude 0 mark a missing fix."""
     required: bool = True
-    """Whether a log needs these columns to have this format."""
+    """True if a log needs these columns to have this format."""
     time_of_day: tuple[str, ...] = ()
     """Alternative names of the column of the receiver's UTC time of day, for the offset of the logger's clock."""
     time_of_day_format: str = "%H%M%S"

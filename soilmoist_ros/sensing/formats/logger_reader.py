@@ -100,7 +100,7 @@ class LogFile:
 
     @property
     def simulated(self) -> bool:
-        """Whether the header marks the counts as simulated."""
+        """True if the header marks the counts as simulated."""
         return self.metadata.get("simulated") == "yes"
 
     @property
@@ -268,7 +268,7 @@ class RecordParser:
         return None
 
     def _has_record(self, body: bytes) -> bool:
-        """Whether a text has the fields of a record and begins with its time."""
+        """True if a text has the fields of a record and begins with its time."""
         layout = self.layout
         fields = None if layout is None else layout.fit(split_fields(self.format, decode_line(body)))
         if layout is None or fields is None:
@@ -276,7 +276,7 @@ class RecordParser:
         return read_time(stamp_text(fields, layout), self.format.time.used_formats) is not None
 
     def _is_free_comment(self, line: bytes) -> bool:
-        """Whether a line without a checksum is a remark added by a person."""
+        """True if a line without a checksum is a remark added by a person."""
         comment = self.format.header.comment.encode()
         return bool(comment) and line.lstrip().startswith(comment) and b"*" not in line
 

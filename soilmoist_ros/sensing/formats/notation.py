@@ -215,7 +215,7 @@ def _with_position(logger: LoggerFormat, rows: Sequence[Row]) -> tuple[LoggerFor
 
 
 def is_packed(text: str, decimal: Decimal = "auto") -> bool:
-    """Whether a latitude can only be degrees and minutes in one number, as 5121.0 is."""
+    """True if a latitude can only be degrees and minutes in one number, as 5121.0 is."""
     digits = re.match(r"\d*", text.strip("NSEWnsew +-"))
     packed = read_coordinate(text, packed=True, decimal=decimal)
     plain = read_coordinate(text, decimal=decimal)

@@ -423,7 +423,7 @@ def _of_days(rows: list[_Row], days: Sequence[str], path: Path) -> tuple[list[_R
 
 
 def _month_first(texts: Sequence[str]) -> bool | None:
-    """Whether dates such as 5/8/2013 begin with the month; ``None`` if the file does not say so."""
+    """True if dates such as 5/8/2013 begin with the month; ``None`` if the file does not say so."""
     matches = [match for text in texts if (match := _DAY.match(text)) and match[5]]
     if any(match[6] == "." or int(match[5]) > 12 for match in matches):
         return False

@@ -88,11 +88,11 @@ class Calibration(Section):
     note: str | None = None
     """Method of the calibration."""
     illustrative: bool = False
-    """Whether N0 is a guess, not a calibration of this probe; absolute moisture is then not real."""
+    """True if N0 is a guess, not a calibration of this probe; absolute moisture is then not real."""
 
     @property
     def has_origin(self) -> bool:
-        """Whether the file says where N0 comes from: a day, a method or a standard deviation."""
+        """True if the file says where N0 comes from: a day, a method or a standard deviation."""
         return bool(self.date or self.note or self.n0_sd_cps)
 
     def curve_of(self, soil: Soil, reference_humidity_gm3: float = 0.0) -> MoistureCurve:
@@ -150,7 +150,7 @@ class Site(Section):
     footprint_radius_m: Annotated[float, Field(gt=0, le=1000)] = 10.0
     """Radius around the sensor that dominates its counts [m]; about 10 with the robot's shield."""
     deconvolve_footprint: bool | None = None
-    """Whether the map shows the rate at each place, or its mean over the footprint around the place. Each place if
+    """Map of the rate at each place if true, of its mean over the footprint around it if false. Each place if
     left out, where the radius is given and the counts do not object."""
     vegetation_height_m: NotNegative = 0.0
     """Height of the vegetation during the calibration [m]; it shortens the footprint."""
@@ -195,7 +195,7 @@ class Site(Section):
 
     @property
     def humidity_method(self) -> Literal["linear", "universal"]:
-        """How counts are corrected for humidity."""
+        """Correction of counts for humidity."""
         settings = self.corrections.humidity
         if settings is None:
             return "linear"

@@ -350,7 +350,7 @@ def _values(message: pynmea2.NMEASentence, fields: Mapping[str, str]) -> Values:
 
 
 def _are_sds(*values: float) -> bool:
-    """Whether all values are possible standard deviations."""
+    """True if all values are possible standard deviations."""
     return all(0 < value < 1e5 for value in values)
 
 
@@ -380,7 +380,7 @@ def _place(epoch: _Epoch) -> tuple[float, float] | None:
 
 
 def _is_other_message(line: bytes) -> bool:
-    """Whether bytes are no NMEA, but what receivers send between its sentences: binary, or ASCII of NovAtel."""
+    """True if bytes are no NMEA, but what receivers send between its sentences: binary, or ASCII of NovAtel."""
     return line[:1] in b"#%!" or 10 * sum(not (32 <= byte < 127 or byte in b"\t\r\n") for byte in line) > len(line)
 
 
@@ -496,7 +496,7 @@ _LOOKS = (
 
 
 def _no_sentence(lines: Sequence[bytes]) -> tuple[str, str]:
-    """Why lines hold no sentence, and what to do."""
+    """Reason why lines hold no sentence, and what to do."""
     head = b"\n".join(lines[:200])
     for pattern, what, remedy in _LOOKS:
         if re.search(pattern, head):

@@ -151,12 +151,12 @@ class PlaceFix:
 
     @property
     def measured_s(self) -> float:
-        """When it was measured, on the clock by which it came [s]; -inf if unknown."""
+        """Time when it was measured, on the clock by which it came [s]; -inf if unknown."""
         return self.now_s - self.age_s
 
     @property
     def time_s(self) -> float:
-        """When it was measured, or came if its age is unknown [s]; its stamp may be on another clock."""
+        """Time when it was measured, or came if its age is unknown [s]; its stamp may be on another clock."""
         return self.measured_s if math.isfinite(self.age_s) else self.now_s
 
 
@@ -337,7 +337,7 @@ class PlaceJudge:
         return Verdict.JUMP
 
     def _is_elsewhere(self, fix: PlaceFix) -> bool:
-        """Whether a place is nearer to the rejected ones: a jump may last long, but nobody has driven there."""
+        """True if a place is nearer to the rejected ones: a jump may last long, but nobody has driven there."""
         if not self.rejected or not self._candidates:
             return False
         return math.dist(self._candidates[-1].xy, fix.xy) < math.dist(self._track[-1].xy, fix.xy)
@@ -367,7 +367,7 @@ class PlaceJudge:
                 self._end_doubt(Outcome.LOST, fix)
 
     def _is_explained(self, fix: PlaceFix) -> bool:
-        """Whether the stated error of the places before, or of this one, explains the distance between them.
+        """True if the stated error of the places before, or of this one, explains the distance between them.
 
         The place of a standing robot does not step unless the receiver changes its kind of solution.
         """
@@ -378,7 +378,7 @@ class PlaceJudge:
         return changed and math.dist(self.fix.xy, fix.xy) <= WANDER_SDS * high_m
 
     def _agrees(self, fix: PlaceFix) -> bool:
-        """Whether enough places that contradict the track agree with each other, this one included."""
+        """True if enough places that contradict the track agree with each other, this one included."""
         if not self._candidates or not self._within_reach(fix, self._candidates):
             self._candidates.clear()
             self.agreeing, self._agreeing_since_s = 0, fix.now_s
@@ -394,11 +394,11 @@ class PlaceJudge:
         return lasted and self.agreeing >= self.limits.agree_fixes
 
     def _is_old(self, fix: PlaceFix) -> bool:
-        """Whether a place is too old when it comes, or of unknown age."""
+        """True if a place is too old when it comes, or of unknown age."""
         return fix.age_s > self.limits.max_gap_s
 
     def _within_reach(self, fix: PlaceFix, track: deque[PlaceFix]) -> bool:
-        """Whether the robot can have come to a place from the newest and the oldest of others."""
+        """True if the robot can have come to a place from the newest and the oldest of others."""
         speed_mps = self.limits.max_speed_mps
         if len(track) > 1:
             span_s = self._time_s(track[-2], track[-1])
@@ -421,7 +421,7 @@ class PlaceJudge:
 
     @property
     def _is_held(self) -> bool:
-        """Whether the receiver repeats a place to which it holds on: its first step then has the error of both."""
+        """True if the receiver repeats a place to which it holds on: its first step then has the error of both."""
         held = len(self._track) > 1 and all(fix.xy == self._track[-1].xy for fix in self._track)
         return held and self._expected is Expected.DRIVING
 
@@ -466,7 +466,7 @@ class PlaceJudge:
             self._end_doubt(Outcome.RETURNED if returned else Outcome.LOST, self._back)
 
     def _is_back(self, fix: PlaceFix) -> bool:
-        """Whether a plausible place is explained again while a doubt is open; otherwise people must look."""
+        """True if a plausible place is explained again while a doubt is open; otherwise people must look."""
         stood = self._stood
         if self._repeated is not None and math.dist(self._repeated, fix.xy) < REPEATED_M:
             return False
@@ -487,7 +487,7 @@ class PlaceJudge:
         return max(self.limits.max_jump_m, WANDER_SDS * max(sds) * grown)
 
     def _explains(self, first: PlaceFix, xy: tuple[float, float], fix: PlaceFix) -> bool:
-        """Whether a robot that stands at ``xy`` since the first place may be measured at another."""
+        """True if a robot that stands at ``xy`` since the first place may be measured at another."""
         return math.dist(xy, fix.xy) <= self._allowed_m(first, fix)
 
     def _begin_doubt(self, fix: PlaceFix, since_s: float | None = None) -> None:
@@ -556,7 +556,7 @@ class _Wander:
 
     @property
     def known(self) -> bool:
-        """Whether there were enough changes to learn from."""
+        """True if there were enough changes to learn from."""
         return len(self._changes) >= MIN_LEARNED
 
     @property

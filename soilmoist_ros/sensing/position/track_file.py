@@ -83,7 +83,7 @@ def read_positions(path: Path | str, log_s: tuple[float, float] | None = None) -
 
 
 def _why_no_table(head: str) -> tuple[str, str] | None:
-    """Why a table has no latitude and longitude, and what to do; ``None`` for what is no table."""
+    """Reason why a table has no latitude and longitude, and what to do; ``None`` for what is no table."""
     if "-ecef(m)" in head or "e-baseline(m)" in head:
         what = "from the centre of the earth" if "-ecef(m)" in head else "relative to a base"
         return f"has coordinates {what}, not latitude and longitude", "let RTKLIB write Lat/Lon/Height"

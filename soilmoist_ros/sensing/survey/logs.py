@@ -150,7 +150,7 @@ def process_logs(
 
 
 def why_unplaced(records: Sequence[LoggerRecord], track: Track, clock_known: bool = False) -> Mistake | None:
-    """Why positions of a separate receiver are not those of records, ``None`` if they are.
+    """Reason why positions of a separate receiver are not those of records, ``None`` if they are.
 
     :param records: records of a log, at least one
     :param clock_known: whether it was stated which time the logger's clock shows

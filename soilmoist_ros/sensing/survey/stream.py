@@ -295,7 +295,7 @@ class FaultyLines:
 
 
 def _is_noise(line: bytes) -> bool:
-    """Whether more than a tenth of a line is not ASCII text."""
+    """True if more than a tenth of a line is not ASCII text."""
     return 10 * sum(not (32 <= byte < 127 or byte == 9) for byte in line) > len(line)
 
 

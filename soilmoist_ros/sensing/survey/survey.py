@@ -123,7 +123,7 @@ class Survey:
         self.intensity_age_s = math.inf
         """Age of the latest intensity at the last record [s], infinite without one."""
         self.keeps_old_intensity = False
-        """Whether the latest intensity was too old for the last record, but the site had none."""
+        """True if the latest intensity was too old for the last record, but the site had none."""
         self._running_shares = RunningShares()
         self._shares: NDArray[np.float64] | None = None
         self._grows = ahead is None

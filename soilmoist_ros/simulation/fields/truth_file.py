@@ -147,7 +147,7 @@ def _random_variogram(section: TruthSection) -> Variogram | None:
 
 
 def has_truth(path: Path) -> bool:
-    """Whether a field file has a truth; the truth itself is not read.
+    """True if a field file has a truth; the truth itself is not read.
 
     :raises InputError: if the file cannot be read
     """

@@ -165,7 +165,7 @@ class Setting:
 
 
 def _is_of(value: object, kind: type) -> bool:
-    """Whether a value has a type; truth values do not count as numbers, texts of an enumeration count as texts."""
+    """True if a value has a type; truth values do not count as numbers, texts of an enumeration count as texts."""
     return isinstance(value, kind) and isinstance(value, bool) == (kind is bool)
 
 
@@ -444,7 +444,7 @@ class MissionSettings:
 
     @property
     def motion(self) -> RobotMotion:
-        """How the robots move, as the planner expects."""
+        """Motion of the robots, as the planner expects."""
         from soilmoist_ros.exploration import RobotMotion
 
         return RobotMotion(
@@ -453,12 +453,12 @@ class MissionSettings:
 
     @property
     def real_motion(self) -> RobotMotion:
-        """How the robots move."""
+        """Motion of the robots."""
         return replace(self.motion, speed_mps=self.real_speed_mps or self.speed_mps)
 
     @property
     def rate_drift(self) -> Drift:
-        """How the true rate changes with time."""
+        """Change of the true rate with time."""
         from soilmoist_ros.simulation.robot.scenario import RAIN_S, Drift
 
         if self.drift_hour is None:

@@ -139,7 +139,7 @@ class _Robot:
 
     @property
     def record_s(self) -> float:
-        """When the next record ends [s]."""
+        """Time when the next record ends [s]."""
         return (len(self.records) + 1) * self.sensors[0].cadence_s
 
     def next_s(self, now_s: float) -> float:

@@ -25,7 +25,7 @@ class Span(Section):
     for_s: Duration  # duration [s]
 
     def covers(self, now_s: float) -> bool:
-        """Whether a time since the start lies in the period."""
+        """True if a time since the start lies in the period."""
         return self.at_s <= now_s < self.at_s + self.for_s
 
     @property
@@ -41,7 +41,7 @@ class Occasion(Section):
     every: Number | None = None  # interval between further affected numbers; without it only the first is affected
 
     def hits(self, number: int) -> bool:
-        """Whether the fault affects this number."""
+        """True if the fault affects this number."""
         if number < self.nth:
             return False
         return number == self.nth if self.every is None else (number - self.nth) % self.every == 0

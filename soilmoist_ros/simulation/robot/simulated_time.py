@@ -98,7 +98,7 @@ LIMITS_S: Mapping[Awaited, float] = MappingProxyType(
 
 @dataclass(frozen=True)
 class RobotProgress:
-    """How far robot and planner are. All times count from the start of the simulation.
+    """Progress of robot and planner. All times count from the start of the simulation.
 
     :param phase: phase of the mission; ``None`` without a planner
     :param sent_s: end of the last record that the logger sent whole to a client [s]; -inf for none

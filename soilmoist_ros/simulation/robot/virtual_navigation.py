@@ -353,7 +353,7 @@ class VirtualRobot:
         self._way, self._along_m, self._drive_s = np.array([here]), np.zeros(1), 0.0
 
     def stands(self, now_s: float) -> bool:
-        """Whether the robot is at the end of its route."""
+        """True if the robot is at the end of its route."""
         return self._drive_s <= 0 or now_s - self._start_s >= self._drive_s
 
     def at(self, now_s: float) -> tuple[float, float]:
