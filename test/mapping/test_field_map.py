@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from count_records import record, records
 from soilmoist_ros.mapping import FieldGrid, Samples, make_soil_map
 from soilmoist_ros.mapping.field_map import (
     LATER_REFIT_GROWTH,
@@ -24,29 +25,13 @@ from soilmoist_ros.mapping.records import DrivenPaths, Skip
 from soilmoist_ros.mapping.samples import NO_SAMPLES, footprint_spread, merge_records, path_spread
 from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.sensing.records import NAN, CountRecord
+from soilmoist_ros.sensing.records import NAN
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 CURVE = CalibrationCurve(6.0, 1.4)
 GRID = FieldGrid.from_polygon(
     [(0, 0), (60, 0), (60, 50), (0, 50)], 5.0, [[(25, 20), (30, 20), (30, 26), (25, 26)]]
 )
-
-records = st.builds(
-    CountRecord,
-    stamp_s=st.integers(0, 10_000).map(float),
-    x_m=st.floats(0, 60, width=32),
-    y_m=st.floats(0, 50, width=32),
-    z_m=st.just(NAN),
-    raw_counts=st.integers(0, 500),
-    exposure_s=st.just(10.0),
-    effective_exposure_s=st.floats(5, 20),
-)
-
-
-def record(x_m=10.0, y_m=20.0, **changes):
-    values = {"stamp_s": 7.0, "z_m": NAN, "raw_counts": 40, "exposure_s": 10.0, "effective_exposure_s": 9.0}
-    return CountRecord(x_m=x_m, y_m=y_m, **{**values, **changes})
 
 
 def field_map(**changes):

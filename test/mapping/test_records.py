@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from count_records import record, records
 from soilmoist_ros.mapping.records import DrivenPaths, SampleMerger, Skip, StampLimits
 from soilmoist_ros.mapping.samples import MIN_SPREAD_M2, path_spread
-from soilmoist_ros.sensing.records import NAN, CountRecord
+from soilmoist_ros.sensing.records import NAN
 
 HOUR_S, DAY_S = 3600.0, 86400.0
 NOW_S = 1.78e9
@@ -44,23 +45,6 @@ def test_a_limit_of_zero_is_none():
 @pytest.mark.parametrize("reason", Skip)
 def test_each_reason_has_a_remedy(reason):
     assert reason.remedy
-
-
-records = st.builds(
-    CountRecord,
-    stamp_s=st.integers(0, 10_000).map(float),
-    x_m=st.floats(0, 60, width=32),
-    y_m=st.floats(0, 50, width=32),
-    z_m=st.just(NAN),
-    raw_counts=st.integers(0, 500),
-    exposure_s=st.just(10.0),
-    effective_exposure_s=st.floats(5, 20),
-)
-
-
-def record(x_m=10.0, y_m=20.0, **changes):
-    values = {"stamp_s": 7.0, "z_m": NAN, "raw_counts": 40, "exposure_s": 10.0, "effective_exposure_s": 9.0}
-    return CountRecord(x_m=x_m, y_m=y_m, **{**values, **changes})
 
 
 def merged(places, radius_m, counts=40, exposure_s=10.0):

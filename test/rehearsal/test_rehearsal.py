@@ -1,14 +1,26 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Rehearsals: ``rehearsal.py``, ``planner.py``, ``world.py``, ``cases.py``, ``clients.py``, ``faults.py``."""
+"""Rehearsals: ``rehearsal.py``, ``planner.py``, ``world.py``, ``cases.py``."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from rehearsal import planner as clients
-from rehearsal.cases import NAVIGATORS, RECEIVERS, Fault, Faults, Span, make_case, make_quiet_case
+from rehearsal.cases import (
+    GRAPHS,
+    NAVIGATORS,
+    OUTLINES,
+    RECEIVERS,
+    Fault,
+    Faults,
+    Span,
+    make_case,
+    make_quiet_case,
+    random_ground,
+)
 from rehearsal.judge import Kind, Violation
 from rehearsal.rehearsal import Outcome, rehearse
 from soilmoist_ros.exploration.control.watching import Watching
@@ -35,6 +47,29 @@ def rehearsed(safety, tmp_path):
         return rehearse(case, safety.Disk(tmp_path / str(next(stores))))
 
     return run
+
+
+@pytest.mark.parametrize("outline", OUTLINES)
+@pytest.mark.parametrize("graph", [None, *GRAPHS])
+def test_a_robot_can_begin(outline, graph):
+    ground = random_ground(np.random.default_rng(3), outline, graph)
+    area = shapely.Polygon(ground.field.polygon)
+    assert area.is_valid
+    no_go = shapely.union_all([shapely.Polygon(ring) for ring in ground.field.no_go])
+    assert area.difference(no_go).covers(shapely.Point(ground.start))
+    assert (ground.graph is None) == (graph is None)
+    assert ground.field.grid().mask.sum() > 20
+
+
+def test_wild_graphs_know_nothing_of_the_field():
+    ground = random_ground(np.random.default_rng(5), "holes", "wild")
+    area = shapely.Polygon(ground.field.polygon)
+    assert not area.covers(shapely.MultiPoint(ground.graph.xy))
+
+
+def test_islands_are_not_joined():
+    ground = random_ground(np.random.default_rng(5), "convex", "islands")
+    assert ground.graph.components().max() >= 1
 
 
 def quiet(number, **changes):

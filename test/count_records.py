@@ -1,0 +1,23 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Records of counts for the tests of maps."""
+
+from hypothesis import strategies as st
+
+from soilmoist_ros.sensing.records import NAN, CountRecord
+
+records = st.builds(
+    CountRecord,
+    stamp_s=st.integers(0, 10_000).map(float),
+    x_m=st.floats(0, 60, width=32),
+    y_m=st.floats(0, 50, width=32),
+    z_m=st.just(NAN),
+    raw_counts=st.integers(0, 500),
+    exposure_s=st.just(10.0),
+    effective_exposure_s=st.floats(5, 20),
+)
+
+
+def record(x_m=10.0, y_m=20.0, **changes):
+    values = {"stamp_s": 7.0, "z_m": NAN, "raw_counts": 40, "exposure_s": 10.0, "effective_exposure_s": 9.0}
+    return CountRecord(x_m=x_m, y_m=y_m, **{**values, **changes})
