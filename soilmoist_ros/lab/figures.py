@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from soilmoist_ros.lab.campaign_data import CampaignData, Case, strategies_in
 from soilmoist_ros.lab.mission_store import StoredMission
@@ -24,9 +24,11 @@ from soilmoist_ros.reporting import (
     SOFT,
     UNCERTAIN,
     Picture,
-    colour_ramp,
+    colour_map,
     data_uri,
     dwell_text,
+    extension,
+    plain_axes,
     robust_range,
     strategy_text,
     strategy_traits,
@@ -80,8 +82,8 @@ def strategies_figure(data: CampaignData, case: Case) -> Figure:
     """Distance and error against time, one line per strategy: mean and standard deviation over the runs."""
     rows = data.over_time(case, data.main_dwell(case))
     figure = new_figure(WIDTH_IN, 3.7)
-    left = plain_axes(figure.add_axes((0.065, 0.145, 0.27, 0.76)), "y")
-    right = plain_axes(figure.add_axes((0.555, 0.145, 0.29, 0.76)), "y")
+    left = _plain(figure.add_axes((0.065, 0.145, 0.27, 0.76)), "y")
+    right = _plain(figure.add_axes((0.555, 0.145, 0.29, 0.76)), "y")
     lines = [(strategy_text(name), rows[rows["strategy"] == name], _look(name)) for name in strategies_in(rows)]
     kilometres = rows["distance_m"].max() >= 3000
     scale, unit = (1e-3, "km") if kilometres else (1.0, "m")
@@ -106,7 +108,7 @@ def intervals_figure(data: CampaignData, case: Case) -> Figure:
     for number, strategy in enumerate(strategies):
         row, column = divmod(number, columns)
         place = (0.065 + 0.325 * column, (deep - 1 - row + 0.155) / deep, 0.205, 0.735 / deep)
-        axes = plain_axes(figure.add_axes(place), "y")
+        axes = _plain(figure.add_axes(place), "y")
         some = rows[rows["strategy"] == strategy]
         dwells = sorted(some["dwell"].unique(), key=_dwell_order)
         lines = [(dwell_text(d), some[some["dwell"] == d], _dwell_look(d, dwells)) for d in dwells]
@@ -142,7 +144,7 @@ def coverage_figure(data: CampaignData, cases: Sequence[Case]) -> Figure:
     for number, case in enumerate(cases):
         row, column = divmod(number, columns)
         place = (0.065 + step * column, (row_in * (deep - 1 - row) + 0.5) / high, step - 0.04, 2.05 / high)
-        axes = plain_axes(figure.add_axes(place), "y")
+        axes = _plain(figure.add_axes(place), "y")
         rows = data.over_time(case, data.main_dwell(case))
         lines = [(strategy_text(s), rows[rows["strategy"] == s], _look(s)) for s in strategies_in(rows)]
         axes.axhline(95, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=2)
@@ -453,25 +455,10 @@ def _render(figure: Figure, kind: str) -> bytes:
     return stream.getvalue()
 
 
-def colour_map(name: str) -> Any:
-    """The colours of a ramp of reports, as matplotlib takes them."""
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap(colour_ramp(name, 256) / 255, name)
-
-
-def plain_axes(axes: Axes, grid: str = "") -> Axes:
-    """Axes without the upper and right spines, and with light ticks."""
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(SOFT)
-    axes.tick_params(colors=SOFT, labelcolor=INK, labelsize=SMALL, length=3, width=0.8)
+def _plain(axes: Axes, grid: str = "") -> Axes:
+    """Plain axes with small text, and lines behind the data."""
+    plain_axes(axes).tick_params(labelsize=SMALL)
     if grid:
         axes.grid(axis=grid, color=FAINT, linewidth=0.7)  # type: ignore[arg-type]
         axes.set_axisbelow(True)
     return axes
-
-
-def extension(values: ArrayLike, low: float, high: float) -> str:
-    """The ends of a colour bar that need an arrow, as matplotlib's ``extend``."""
-    below, above = bool(np.nanmin(values, initial=low) < low), bool(np.nanmax(values, initial=high) > high)
-    return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]

@@ -66,6 +66,9 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance
     from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture
     from soilmoist_ros.reporting.page.statistics import truth_score as truth_score
+    from soilmoist_ros.reporting.paper_figures import colour_map as colour_map
+    from soilmoist_ros.reporting.paper_figures import extension as extension
+    from soilmoist_ros.reporting.paper_figures import plain_axes as plain_axes
     from soilmoist_ros.reporting.paper_figures import run_figures as run_figures
     from soilmoist_ros.reporting.paper_figures import season_figures as season_figures
     from soilmoist_ros.reporting.paper_figures import write_figures as write_figures
@@ -97,7 +100,7 @@ _open, __dir__, __all__ = open_door(
         "page.report": "write_report",
         "page.sections": "change_amount change_since change_summary dated relations",
         "page.statistics": "covariate_importance mean_moisture truth_score",
-        "paper_figures": "run_figures season_figures write_figures",
+        "paper_figures": "colour_map extension plain_axes run_figures season_figures write_figures",
         "run_summary": "summary",
         "season": "SeasonSettings make_season",
         "season_outputs": "estimate_text write_season",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.foundation import InputError, optional_module
 from soilmoist_ros.pipeline import MapRun
@@ -253,7 +253,7 @@ def _maps_figure(season: Season, title: str) -> Figure:
     figure = _vector_figure(TEXT_IN, rows * (share * 0.88 * TEXT_IN / columns + 0.45))
     panels = []
     for number, (values, label) in enumerate(zip(maps, season.labels, strict=True), 1):
-        axes = _plain(figure.add_subplot(rows, columns, number))
+        axes = plain_axes(figure.add_subplot(rows, columns, number))
         image = _raster(axes, values, extent, WATER if moisture else RATE, limits)
         axes.set_title(label, fontsize=SIZE, loc="left")
         bottom, left = number > len(maps) - columns, (number - 1) % columns == 0
@@ -267,7 +267,7 @@ def _maps_figure(season: Season, title: str) -> Figure:
 def _column_figure(height_share: float) -> tuple[Figure, Axes]:
     """A figure of the width of a column with plain axes; its height is a share of the width."""
     figure = _vector_figure(COLUMN_IN, height_share * COLUMN_IN)
-    return figure, _plain(figure.add_subplot())
+    return figure, plain_axes(figure.add_subplot())
 
 
 def _vector_figure(width_in: float, height_in: float) -> Figure:
@@ -277,7 +277,7 @@ def _vector_figure(width_in: float, height_in: float) -> Figure:
     return made
 
 
-def _plain(axes: Axes) -> Axes:
+def plain_axes(axes: Axes) -> Axes:
     """Axes without the upper and right spines, and with light ticks."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(SOFT)
@@ -296,13 +296,24 @@ def _raster(
     axes: Axes, values: Array, extent: tuple[float, ...], colours: str, limits: tuple[float, float]
 ) -> Any:
     """Cells stay cells: without interpolation the file has one pixel for each."""
-    from matplotlib.colors import ListedColormap
-
     west, east, south, north = extent
     return axes.imshow(
         values, origin="lower", extent=(west, east, south, north), vmin=limits[0], vmax=limits[1],
-        cmap=ListedColormap(colour_ramp(colours, 256) / 255, colours), interpolation="none",
+        cmap=colour_map(colours), interpolation="none",
     )  # fmt: skip
+
+
+def colour_map(name: str) -> Any:
+    """The colours of :func:`.colour_ramp`, as matplotlib takes them."""
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colour_ramp(name, 256) / 255, name)
+
+
+def extension(values: ArrayLike, low: float, high: float) -> str:
+    """The ends of a colour bar that need an arrow, as matplotlib's ``extend``."""
+    below, above = bool(np.nanmin(values, initial=low) < low), bool(np.nanmax(values, initial=high) > high)
+    return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
 
 
 def _colour_bar(
@@ -313,10 +324,7 @@ def _colour_bar(
     :param axes: the axes that it stands next to
     :param values: all that the images show
     """
-    low, high = image.get_clim()
-    below, above = bool(np.nanmin(values) < low), bool(np.nanmax(values) > high)
-    ends = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
-    bar = figure.colorbar(image, ax=axes, extend=ends, **layout)
+    bar = figure.colorbar(image, ax=axes, extend=extension(values, *image.get_clim()), **layout)
     bar.set_label(title, fontsize=SIZE)
     bar.ax.tick_params(labelsize=SIZE - 1)
 
