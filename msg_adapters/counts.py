@@ -88,9 +88,6 @@ def counts_to_message(
 
     The field ``stamp_offset_s`` of a point is the stamp of its record minus the stamp of the message [s].
 
-    :param records: at least one
-    :param datum: of the places, if it is to be in the message: fields ``datum_latitude_deg`` and
-        ``datum_longitude_deg``
     :raises ValueError: without records
     """
     if not records:
@@ -139,7 +136,6 @@ def counts_to_messages(
 def require_plane(message: PointCloud2, frame: str, plane: LocalFrame) -> None:
     """Check that the places of a message of counts are those of a plane, as far as it says.
 
-    :param frame: name of the frame
     :raises OtherFrameError: if it names another frame or another datum
     """
     require_frame(message, frame)
@@ -154,7 +150,6 @@ def quarantined_to_message(records: Sequence[CountRecord], frame_id: str = FRAME
 
     Counts above the largest number of the field become this number.
 
-    :param records: at least one
     :raises ValueError: without records
     """
     writable = [replace(record, raw_counts=min(record.raw_counts, _MAX_COUNTS)) for record in records]
@@ -181,11 +176,7 @@ def counts_from_message(message: PointCloud2) -> list[CountRecord]:
 
 
 def samples_to_message(samples: Samples, stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
-    """Message of samples.
-
-    :param samples: any number, including zero; places and spreads are rounded to 32 bits
-    :param stamp_s: end of the last record in the samples [s since 1970-01-01 UTC]
-    """
+    """Message of samples."""
     points = np.zeros(len(samples), _AREA)
     points["x"], points["y"] = samples.xy.T
     points["raw_counts"] = samples.counts

@@ -23,9 +23,6 @@ def fix_to_message(fix: Fix, frame_id: str) -> NavSatFix:
     """Message of a fix. Without a fix, the place is NaN and the covariance unknown.
 
     The altitude is above the ellipsoid, NaN if the receiver does not send the geoid separation.
-
-    :param fix: the fix
-    :param frame_id: frame of the antenna
     """
     message = NavSatFix(
         header=Header(stamp=to_time(fix.stamp_s), frame_id=frame_id),
@@ -46,9 +43,6 @@ def weather_to_messages(
     """Messages of the weather in a record, by the names of their topics.
 
     Their variances are zero, which means unknown.
-
-    :param record: record with the weather
-    :param frame_id: frame of the sensors
     """
     header = Header(stamp=to_time(record.stamp_s), frame_id=frame_id)
     pressure_pa = float(record.pressure_hpa * _PA_PER_HPA)
@@ -93,7 +87,6 @@ def battery_to_message(charge: float, voltage_v: float, stamp_s: float) -> Batte
 
     :param charge: charge [0..1], NaN if unknown
     :param voltage_v: voltage [V], NaN if unknown
-    :param stamp_s: time [s]
     """
     message = BatteryState(present=True, percentage=float(charge), voltage=float(voltage_v))
     message.header.stamp = to_time(stamp_s)
@@ -111,9 +104,6 @@ def diagnostics_to_message(
 ) -> DiagnosticArray:
     """Message for ``/diagnostics``.
 
-    :param parts: states of health
-    :param stamp_s: now, ROS time [s]
-    :param node: name of the node; viewers show ``node: part``
     :param hardware_id: serial number of the device, empty if there is none
     """
     message = DiagnosticArray()
@@ -130,7 +120,6 @@ def diagnostics_from_message(message: DiagnosticArray) -> list[Health]:
 def health_to_status(health: Health, node: str = "", hardware_id: str = "") -> DiagnosticStatus:
     """One state of health as a message.
 
-    :param health: the state
     :param node: name of the node, put before the name of the part unless empty
     :param hardware_id: serial number of the device, empty if there is none
     """

@@ -30,9 +30,6 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
     The level is an error if the mission waits for the operator although nobody paused it, if an emergency stop is
     pressed, or if the robot does not stop. The level is a warning if the mission is paused, has failed since the
     last visit, gets no records, or if the guard reports something.
-
-    :param status: the status
-    :param more: further values to display
     """
     target, end_s, forecast = status.target, status.estimated_end_s, status.forecast
     values = {

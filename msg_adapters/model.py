@@ -38,8 +38,6 @@ class Model:
     """Content of a message.
 
     :param fit: the variogram and how it was fitted, ``None`` before the first fit
-    :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC], equal to the stamp of the map's
-        ``samples``
     :param cell_m: cell size of the map [m]; field and cell size define the map's grid, see :meth:`Field.grid`;
         ``None`` in models of earlier versions
     :param changing: the drift of the mean rate that the map allows for, up to ``stamp_s``, with the samples by

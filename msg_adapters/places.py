@@ -42,8 +42,6 @@ def plan_to_path(stops: Sequence[Stop], stamp_s: float, frame_id: str = FRAME) -
     """Path through the stops.
 
     :param stops: the stops ahead, the next one first; an empty sequence clears the display
-    :param stamp_s: time of the plan [s since 1970-01-01 UTC]
-    :param frame_id: frame of the places
     """
     header = Header(stamp=to_time(stamp_s), frame_id=frame_id)
     return Path(header=header, poses=[pose_stamped(stop.x_m, stop.y_m, stamp_s, frame_id) for stop in stops])
@@ -66,14 +64,7 @@ def pose_stamped(
 def plan_to_markers(
     stops: Sequence[Stop], dwell_s: float, ruled_out: Polygons, stamp_s: float, frame_id: str = FRAME
 ) -> MarkerArray:
-    """Markers of the stops, with order, name and dwell, and of areas; they replace the earlier markers.
-
-    :param stops: the stops ahead, the next one first
-    :param dwell_s: expected dwell at each stop [s]
-    :param ruled_out: corners of the areas in which no stop is chosen [m]
-    :param stamp_s: time of the plan [s since 1970-01-01 UTC]
-    :param frame_id: frame of the places
-    """
+    """Markers of the stops, with order, name and dwell, and of areas; they replace the earlier markers."""
     header = Header(stamp=to_time(stamp_s), frame_id=frame_id)
     markers = [Marker(header=header, action=Marker.DELETEALL)]
     if len(stops) > 1:
@@ -113,7 +104,6 @@ def _point(x_m: float, y_m: float, z_m: float = 0.0) -> Point:
 def transforms_from_message(message: Any, static: bool) -> list[Transform]:
     """Transforms of a message; slashes before the names of frames, as ROS 1 wrote them, are dropped.
 
-    :param message: a tf2_msgs/TFMessage
     :param static: whether it came on ``/tf_static``
     """
     found = []
@@ -142,12 +132,9 @@ def pose_to_message(
 ) -> PoseWithCovarianceStamped:
     """Message of the robot's pose.
 
-    :param place: east and north [m]
     :param yaw_rad: heading, counter-clockwise from east [rad]; NaN if unknown, which gives the pose the heading 0
         with a variance of a whole turn
     :param covariance_m2: covariance of east, north and up [m^2], NaN if unknown
-    :param stamp_s: time of the pose [s since 1970-01-01 UTC]
-    :param frame_id: frame of the pose
     """
     unknown = math.isnan(yaw_rad)
     x, y, z, w = yaw_rotation(0.0 if unknown else float(yaw_rad))

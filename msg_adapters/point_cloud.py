@@ -23,12 +23,7 @@ _LAST_SECOND = 2**31 - 1
 
 
 def points_to_message(table: NDArray[Any], stamp_s: float, frame_id: str = FRAME) -> PointCloud2:
-    """Message of points.
-
-    :param table: structured array with little-endian fields that include x, y and z; shape (n,), or
-        (rows, columns) for an organised cloud
-    :param stamp_s: time of the points [s since 1970-01-01 UTC]
-    """
+    """Message of points."""
     height, width = table.shape if table.ndim == 2 else (1, len(table))
     fields = table.dtype.fields
     assert fields is not None  # a structured array has fields
@@ -66,7 +61,6 @@ def require_frame(message: PointCloud2, frame: str) -> None:
 def points_from_message(message: PointCloud2, wanted: np.dtype[Any]) -> NDArray[Any]:
     """Points of a message, of shape (height, width); fields are found by name, others are ignored.
 
-    :param wanted: fields that the message must have
     :raises ValueError: as :func:`check_fields`, or if the data are shorter than announced
     """
     check_fields(message, wanted)

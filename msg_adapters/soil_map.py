@@ -39,9 +39,7 @@ def soil_map_to_message(
 ) -> PointCloud2:
     """Message of a map, rounded to 32 bits for viewers.
 
-    :param grid: the field
     :param soil_map: the field's map, ``None`` before the first map
-    :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]
     """
     return points_to_message(map_cells(grid, soil_map), stamp_s, frame_id)
 
@@ -67,9 +65,7 @@ def change_to_message(
 ) -> PointCloud2:
     """Message of a change since an earlier survey, rounded to 32 bits.
 
-    :param grid: the field
     :param change: on this grid; without one all bands are NaN
-    :param stamp_s: end of the last record in it [s since 1970-01-01 UTC]
     """
     cells = placed_cells(grid, CHANGE_CELL)
     if change is not None:
@@ -92,10 +88,6 @@ def uncertainty_to_message(
     """Message of the standard deviation of the rate, in percent of the value without samples nearby.
 
     0 is exact, 100 is the value without samples or more, -1 is outside the field.
-
-    :param grid: the field
-    :param soil_map: the field's map; without a map the whole field is 100
-    :param stamp_s: end of the last record in the map [s since 1970-01-01 UTC]
     """
     share = np.ones(grid.shape)
     if soil_map is not None:
@@ -135,12 +127,7 @@ def uncertainty_from_message(message: OccupancyGrid) -> NDArray[np.int8]:
 
 
 def mask_to_message(mask: KeepoutMask, stamp_s: float, frame_id: str) -> OccupancyGrid:
-    """Message of a mask: 0 is free, 100 is kept out.
-
-    :param mask: the mask, in the plane of the frame
-    :param stamp_s: time [s since 1970-01-01 UTC]
-    :param frame_id: frame of the mask
-    """
+    """Message of a mask: 0 is free, 100 is kept out."""
     rows, columns = mask.values.shape
     stamp = to_time(stamp_s)
     corner = Point(x=float(mask.origin_m[0]), y=float(mask.origin_m[1]), z=0.0)
@@ -158,13 +145,7 @@ def mask_to_message(mask: KeepoutMask, stamp_s: float, frame_id: str) -> Occupan
 
 
 def filter_info(kind: Any, mask_topic: str, stamp_s: float, frame_id: str) -> Any:
-    """Message that names a mask to a costmap filter: values of the mask are costs in percent.
-
-    :param kind: class ``nav2_msgs/CostmapFilterInfo``
-    :param mask_topic: full name of the topic of the mask
-    :param stamp_s: time [s since 1970-01-01 UTC]
-    :param frame_id: frame of the mask
-    """
+    """Message that names a mask to a costmap filter: values of the mask are costs in percent."""
     return kind(
         header=Header(stamp=to_time(stamp_s), frame_id=frame_id),
         type=KEEPOUT_TYPE,

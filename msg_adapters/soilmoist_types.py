@@ -121,11 +121,7 @@ def reply_from_message(message: Command.Response) -> Reply:
 
 
 def visit_to_message(visit: Visit, robot: str = "", frame_id: str = FRAME) -> VisitMessage:
-    """Message of a visit.
-
-    :param visit: the visit
-    :param robot: namespace of the planner
-    """
+    """Message of a visit."""
     return VisitMessage(
         header=Header(stamp=to_time(visit.end_stamp_s), frame_id=frame_id),
         robot=robot,
@@ -157,9 +153,7 @@ def visit_from_message(message: VisitMessage, robot: int = 1) -> Visit:
 def map_summary_to_message(state: MapState, soil_map: SoilMap | None, frame_id: str = FRAME) -> MapSummary:
     """Message of a map in numbers.
 
-    :param state: what the map is made of
     :param soil_map: the map, ``None`` before the first
-    :param frame_id: frame of the map
     """
     samples = state.samples
     message = MapSummary(
@@ -210,12 +204,7 @@ _ENDS: Final = _codes(MissionMessage, MissionEnd, "END_")
 def mission_state_to_message(
     status: MissionStatus, stamp_s: float, robot: str = "", frame_id: str = FRAME
 ) -> MissionMessage:
-    """Message of a status; corners of areas are rounded to 32 bits.
-
-    :param status: the status
-    :param stamp_s: time of the message [s since 1970-01-01 UTC]
-    :param robot: namespace of the planner
-    """
+    """Message of a status; corners of areas are rounded to 32 bits."""
     stop, forecast = status.target, status.forecast
     return MissionMessage(
         header=Header(stamp=to_time(stamp_s), frame_id=frame_id),

@@ -40,11 +40,7 @@ MAX_REASONS = 3
 
 @dataclass
 class Answer:
-    """Answer of a command: its form, and what was said so far.
-
-    :param as_json: lines go to standard error, and standard output gets one JSON object
-    :param quiet: no lines and no progress, only warnings and errors
-    """
+    """Answer of a command: its form, and what was said so far."""
 
     as_json: bool = False
     quiet: bool = False
@@ -85,10 +81,7 @@ def put(**values: Any) -> None:
 
 
 def wrote(paths: Iterable[Path], out: Path | None = None) -> None:
-    """Report the files that were written.
-
-    :param out: their folder; its summary.json becomes part of the answer
-    """
+    """Report the files that were written."""
     answer = current()
     for path in paths:
         say(f"wrote {path}")

@@ -87,10 +87,7 @@ def bag_play_command(bag: Path, topics: str | None, time_factor: float, start_s:
 def play(bag: Path, topics: str | None, time_factor: float, start_s: float) -> None:
     """Play a bag to the nodes of this ROS system.
 
-    :param bag: folder of a run or bag, or a file
     :param topics: pattern of the full topic names to publish, ``None`` for the inputs of mapper and planner
-    :param time_factor: recorded seconds per real second
-    :param start_s: time after the begin of the bag at which to start [s]
     :raises InputError: if ROS is not installed, or the bag has no message that can be played
     """
     if importlib.util.find_spec("rclpy") is None:

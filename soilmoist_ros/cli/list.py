@@ -19,9 +19,6 @@ from soilmoist_ros.foundation import InputError
 class Item:
     """Something that can be chosen by its name.
 
-    :param name: the name
-    :param about: what it is, in a sentence
-    :param traits: what sets it apart, by words that are keys with ``--json``
     :param file: where it is; ``None`` for what is part of the program
     """
 
@@ -137,11 +134,7 @@ def _scenarios() -> Iterator[Item]:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of things with names.
-
-    :param items: reads all of them
-    :param used_by: where a name is given
-    """
+    """A kind of things with names."""
 
     items: Callable[[], Iterator[Item]]
     used_by: str

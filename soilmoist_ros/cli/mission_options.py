@@ -52,7 +52,6 @@ def mission_options(
 ) -> Callable[[Command], Command]:
     """Add an option per setting; the command receives the given options as ``choices``.
 
-    :param names: settings that become options
     :param defaults: defaults of the command that are not those of the settings
     """
     chosen = [SETTINGS[name] for name in names]

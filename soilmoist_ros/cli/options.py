@@ -70,10 +70,7 @@ NAMES: dict[str, Callable[[], Iterable[str]]] = {
 
 
 def completions(kind: str, incomplete: str) -> list[CompletionItem]:
-    """Names that continue a word, and files where the path of one will do.
-
-    :param kind: a key of :data:`NAMES`
-    """
+    """Names that continue a word, and files where the path of one will do."""
     # Files come first: bash clears what is before.
     files = [] if kind in _NO_FILES else [CompletionItem(incomplete, type="file")]
     return files + [CompletionItem(name) for name in NAMES[kind]() if name.startswith(incomplete)]
@@ -82,7 +79,6 @@ def completions(kind: str, incomplete: str) -> list[CompletionItem]:
 class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     """A name, or the path of a file. The command that uses it checks it.
 
-    :param kind: a key of :data:`NAMES`
     :param early: whether it is checked before the command begins; otherwise the command does it
     """
 
@@ -116,11 +112,7 @@ class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
 
 
 class InputFile(click.Path):
-    """Path of a file or folder that must exist when the command begins.
-
-    :param remedy: what to do if it does not
-    :param words: values that are no paths
-    """
+    """Path of a file or folder that must exist when the command begins."""
 
     def __init__(self, remedy: str = "check the path", words: tuple[str, ...] = ()) -> None:
         super().__init__(path_type=Path)
@@ -197,7 +189,6 @@ def output_options(
 ) -> Callable[[Command], Command]:
     """Add ``--out`` and ``--overwrite``.
 
-    :param text: help of ``--out``
     :param required: whether the command needs ``--out``
     """
 
@@ -209,10 +200,7 @@ def output_options(
 
 
 def overwrite_option(text: str) -> Callable[[Command], Command]:
-    """Add ``--overwrite``, which ``--force`` means as well.
-
-    :param text: its help
-    """
+    """Add ``--overwrite``, which ``--force`` means as well."""
     return click.option("--overwrite", "--force", "overwrite", is_flag=True, help=text)
 
 
@@ -260,7 +248,6 @@ def confirmed(out: Path, held: str) -> bool:
 def reported_failure(out: Path) -> Iterator[None]:
     """Write the report of a run without a map.
 
-    :param out: output folder
     :raises NoMapError: why there is no map
     """
     from soilmoist_ros.pipeline import NoMapError
@@ -344,10 +331,7 @@ class _Covariate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
 
 
 def earlier_option(more: str = "") -> Callable[[Command], Command]:
-    """Add ``--earlier``; the command receives the paths as ``earlier``.
-
-    :param more: text that follows in the help
-    """
+    """Add ``--earlier``; the command receives the paths as ``earlier``."""
     text = (
         "Earlier run of the same field, whose counts inform this map: an output folder, a recording, or a folder "
         f"of runs. Repeatable.{more}"
@@ -358,10 +342,7 @@ def earlier_option(more: str = "") -> Callable[[Command], Command]:
 
 
 def covariate_option(more: str = "") -> Callable[[Command], Command]:
-    """Add ``--covariate``; the command receives the texts as ``covariates``.
-
-    :param more: text that follows in the help
-    """
+    """Add ``--covariate``; the command receives the texts as ``covariates``."""
     text = (
         "Raster that may explain the map, such as relief or a satellite image. BAND is a number, a name, or "
         "what is derived from elevations: elevation, slope, aspect, curvature, wetness. Or polygons of a soil "
@@ -416,11 +397,7 @@ def map_options(default: str) -> Callable[[Command], Command]:
 
 
 def chosen_settings(choices: dict[str, Any], presets: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """Take the values of :func:`map_options` from the values of all options.
-
-    :param choices: values by name; those of the map are removed
-    :param presets: values where none are chosen
-    """
+    """Take the values of :func:`map_options` from the values of all options."""
     found = {one.name: choices.pop(one.name) for one in fields(MappingSettings)}
     if found["keep_nugget"] is not None:
         found["keep_nugget"] = found["keep_nugget"] == "keep"

@@ -51,8 +51,6 @@ def resource_names(kind: str) -> list[str]:
 def resource(kind: str, name: str) -> Path:
     """Path of a configuration file given as a path or as the name of a shipped one.
 
-    :param kind: sub-folder of ``config``, such as ``loggers``
-    :param name: path to a file, or the name of a shipped file without ``.yaml``
     :raises InputError: if neither exists; lists the shipped names
     """
     path = Path(name)
@@ -74,8 +72,6 @@ def resource(kind: str, name: str) -> Path:
 def read_limited(path: Path, remedy: str = "check the path and its permissions", limit: int = _MAX_BYTES) -> bytes:
     """The content of a file that may come from a stranger, or that a file of a stranger names.
 
-    :param remedy: what to do if it cannot be read
-    :param limit: largest size [bytes]
     :raises InputError: if it cannot be read, is larger, or is no regular file: a device or a pipe may have no end
     """
     try:
@@ -111,8 +107,6 @@ def read_lines(path: Path, remedy: str = "check the path and its permissions") -
 def read_yaml(path: Path, max_bytes: int = _MAX_YAML_BYTES, max_values: int = _MAX_YAML_VALUES) -> Any:
     """The content of a YAML file, with the line numbers that :func:`load_model` reports.
 
-    :param max_bytes: largest size [bytes]
-    :param max_values: as for :func:`parse_yaml`
     :raises InputError: if the file cannot be read, is beyond a limit, or is not valid YAML
     """
     try:
@@ -133,11 +127,6 @@ def parse_yaml(
 ) -> Any:
     """The content of a YAML text, which may come from a stranger: size, depth and aliases have limits.
 
-    :param text: at most 100 levels
-    :param path: where the text comes from, for the message
-    :param kind: ``safe`` for plain data, ``rt`` for data that know their lines and comments
-    :param max_bytes: largest number of characters
-    :param max_values: largest number of values, where an alias counts as all that it stands for
     :raises InputError: if it is not valid YAML, or beyond a limit
     """
     if len(text) > max_bytes:
@@ -168,8 +157,6 @@ def parse_yaml(
 def read_quickly(text: str, max_values: int) -> Any:
     """The content of a YAML text as the C parser of PyYAML reads it, some ten times as fast as :func:`parse_yaml`.
 
-    :param text: the text, which may come from a stranger
-    :param max_values: as for :func:`parse_yaml`
     :returns: plain data; ``None`` where the parser is not installed, or the text has a fault or is beyond a limit:
         :func:`parse_yaml` names that with its line
     """

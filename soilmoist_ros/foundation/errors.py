@@ -18,7 +18,6 @@ MAX_NAMES = 12
 class Mistake:
     """One mistake in the input.
 
-    :param message: what is wrong
     :param remedy: what the user can do; may be empty
     :param path: file with the mistake, ``None`` without a file
     :param line: line in the file, counted from 1; 0 if unknown
@@ -46,12 +45,7 @@ class SoilmoistError(Exception):
 
 
 class InputError(SoilmoistError):
-    """The input of the user cannot be used; contains every mistake found.
-
-    :param mistakes: one or more mistakes; a plain string is the only message
-    :param remedy: what to do, when ``mistakes`` is a plain string
-    :param path: file concerned, when ``mistakes`` is a plain string
-    """
+    """The input of the user cannot be used; contains every mistake found."""
 
     def __init__(self, mistakes: str | Sequence[Mistake], remedy: str = "", path: Path | None = None) -> None:
         if isinstance(mistakes, str):
@@ -99,13 +93,7 @@ class Level(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Health:
-    """State of one part.
-
-    :param name: name of the part, such as ``logger link``
-    :param level: severity
-    :param message: one line for the operator, with the remedy if there is one
-    :param values: details by name, with units in the names
-    """
+    """State of one part."""
 
     name: str
     level: Level

@@ -38,9 +38,6 @@ class Registry(Generic[T]):
     Entry points are read only when a name is not built in, or when all names are listed.
     A plug-in that cannot be loaded is skipped with a warning.
 
-    :param group: group of the entry points, such as ``soilmoist_ros.strategies``
-    :param noun: word for an object in messages, such as ``strategy``
-    :param built_in: the objects of this package, or a function that returns them; called at the first use
     :param check: converts the object of a plug-in to the form in use;
         raises ``ValueError``, ``TypeError`` or :class:`InputError` if it cannot be used
     :param advice: text for an unknown name, before "one of:" and the names
@@ -73,9 +70,6 @@ class Registry(Generic[T]):
         self._plug_ins: dict[str, list[EntryPoint]] | None = None
         self._loaded: dict[str, T] = {}
         self._broken: dict[str, str] = {}
-
-    def __repr__(self) -> str:
-        return f"Registry({self._group!r}, {len(self._objects())} built in)"
 
     def names(self) -> list[str]:
         """Names of all usable objects: built-in names in their order, then all others, sorted."""
@@ -183,7 +177,6 @@ def open_door(
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """``__getattr__``, ``__dir__`` and ``__all__`` of a package whose names are imported on first use (PEP 562).
 
-    :param package: ``__name__`` of the package
     :param homes: names, separated by spaces, by the module inside the package that has them
     """
     home_of = {name: f"{package}.{module}" for module, names in homes.items() for name in names.split()}
@@ -199,7 +192,6 @@ def open_door(
 def optional_module(name: str, extra: str = "") -> Any:
     """A module of an extra of this package.
 
-    :param name: name of the module
     :param extra: extra to name if the module is missing; default that of :data:`EXTRAS`
     :raises InputError: if it is not installed; states how to install it
     """
@@ -212,8 +204,6 @@ def optional_module(name: str, extra: str = "") -> Any:
 def not_installed(error: ModuleNotFoundError, extra: str = "") -> InputError:
     """The error of a user whose installation lacks an extra.
 
-    :param error: of an import
-    :param extra: as :func:`optional_module`
     :raises ModuleNotFoundError: ``error``, if the module is in no extra
 
     >>> not_installed(ModuleNotFoundError("No module named 'rasterio'", name="rasterio"))

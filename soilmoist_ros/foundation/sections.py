@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from datetime import date
@@ -34,8 +33,6 @@ class Section(BaseModel):
 def load_model(path: Path, model: type[Model]) -> Model:
     """Read a YAML file into a model.
 
-    :param path: file to read
-    :param model: pydantic model that describes it
     :raises InputError: with line, key and remedy of every mistake in the file
     """
     content = read_yaml(path)
@@ -116,8 +113,8 @@ def _notation(detail: Any, location: Location) -> str:
         return f"write {value.lower()}" if value.lower() in known else ""
     if detail["type"] == "too_long" and limits.get("max_length") == 2:
         return "write two values, such as [1, 2]"
-    if unit == "deg" and (degrees := _decimal_degrees(value)) is not None:
-        return f"write degrees with decimals: {degrees:.7g}"
+    if unit == "deg" and detail["type"] == "float_parsing" and re.search("[NSEW°'\" ]", value):
+        return "write degrees with decimals, south and west negative, such as 53.268"
     if detail["type"] in ("float_parsing", "int_parsing"):
         if re.fullmatch(r"[+-]?\d+,\d+", value):
             return f"write decimals with a point: {value.replace(',', '.')}"
@@ -130,20 +127,6 @@ def _notation(detail: Any, location: Location) -> str:
         return "it is a fraction: divide per cent by 100"
     per = "1/" if location and "_per_" in str(location[-1]) else ""
     return f"the name of the key has its unit: {per}{_UNITS[unit]}" if unit in _UNITS else ""
-
-
-def _decimal_degrees(text: str) -> float | None:
-    """Degrees of a text with minutes or a side, such as ``53 16 4.8 N``; ``None`` of another one."""
-    numbers = re.findall(r"\d+(?:\.\d+)?", text)
-    if (
-        not re.fullmatch(r"""[NSEW]?[\s+-]*[\d.]+(?:[\s°'"′″:d]+[\d.]*){0,3}\s*[NSEW]?""", text)
-        or len(numbers) > 3
-    ):
-        return None
-    if any(float(number) >= 60 for number in numbers[1:]):
-        return None
-    value = math.fsum(float(number) / 60**place for place, number in enumerate(numbers))
-    return -value if re.search("[SW-]", text) else value
 
 
 def _shown(value: Any) -> str:

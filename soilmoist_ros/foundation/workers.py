@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
+from functools import lru_cache
 from typing import Any, Generic, TypeVar
 
 from soilmoist_ros.foundation.errors import InputError
@@ -60,8 +61,6 @@ def one_thread_each() -> Iterator[None]:
 def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
     """A client of a Dask cluster that has a worker.
 
-    :param scheduler: address of the scheduler, such as ``tcp://head:8786``
-    :param timeout_s: time limit for the answer of the scheduler, and then of its first worker [s]
     :raises InputError: if Dask is not installed, or the scheduler or a worker does not answer in time
     """
     try:
@@ -111,58 +110,45 @@ def shared_work(workers: int | None = None, scheduler: str | None = None) -> Ite
     """A ``map`` on several processes or a cluster, which stay open from the first item to the end.
 
     :param workers: local processes; one per core if ``None``, 0 or 1 computes in this process
-    :param scheduler: address of a Dask scheduler, used instead of local processes; its workers need the same
-        version of this package
     :raises InputError: when used, if the cluster cannot be reached, or a worker dies
     """
     count = cores() if workers is None else workers
     with ExitStack() as stack:
         if scheduler is not None:
-            yield _Cluster(scheduler, stack)
+            client = lru_cache(lambda: stack.enter_context(connect(scheduler)))
+            yield lambda function, items: _on_cluster(client(), function, items)
         elif count > 1:
-            yield _Processes(count, stack)
+            pool = lru_cache(lambda: _open_pool(count, stack))
+            yield lambda function, items: _on_processes(pool(), function, items)
         else:
             yield map
 
 
-class _Processes:
+def _open_pool(count: int, stack: ExitStack) -> ProcessPoolExecutor:
     """New local processes, each with one thread of linear algebra."""
-
-    def __init__(self, count: int, stack: ExitStack) -> None:
-        self._count, self._stack = count, stack
-        self._pool: ProcessPoolExecutor | None = None
-
-    def __call__(self, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-        if self._pool is None:
-            self._stack.enter_context(one_thread_each())
-            pool = ProcessPoolExecutor(self._count, multiprocessing.get_context("spawn"))
-            self._pool = self._stack.enter_context(pool)
-        try:
-            yield from self._pool.map(function, items)
-        except BrokenProcessPool:
-            raise InputError(
-                "a process that computed the map died", "free some memory, or give --workers 1"
-            ) from None
+    stack.enter_context(one_thread_each())
+    return stack.enter_context(ProcessPoolExecutor(count, multiprocessing.get_context("spawn")))
 
 
-class _Cluster:
-    """The workers of a Dask cluster."""
+def _on_processes(
+    pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]
+) -> Iterator[Any]:
+    try:
+        yield from pool.map(function, items)
+    except BrokenProcessPool:
+        remedy = "free some memory, or give --workers 1"
+        raise InputError("a process that computed the map died", remedy) from None
 
-    def __init__(self, scheduler: str, stack: ExitStack) -> None:
-        self._scheduler, self._stack = scheduler, stack
-        self._client: Any = None
 
-    def __call__(self, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-        if self._client is None:
-            self._client = self._stack.enter_context(connect(self._scheduler))
-        shared = self._client.scatter(function, broadcast=True, hash=False)
-        futures = [self._client.submit(_apply, shared, item, pure=False) for item in items]
-        try:
-            for number, future in enumerate(futures):
-                yield future.result()
-                futures[number] = None
-        finally:
-            self._client.cancel([future for future in futures if future is not None])
+def _on_cluster(client: Any, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+    shared = client.scatter(function, broadcast=True, hash=False)
+    futures = [client.submit(_apply, shared, item, pure=False) for item in items]
+    try:
+        for number, future in enumerate(futures):
+            yield future.result()
+            futures[number] = None
+    finally:
+        client.cancel([future for future in futures if future is not None])
 
 
 def _apply(function: Callable[[Any], Any], item: Any) -> Any:
@@ -175,15 +161,8 @@ def _apply(function: Callable[[Any], Any], item: Any) -> Any:
 class Batches(Generic[Item]):
     """A thread that handles items in the order of their arrival, all that wait at once.
 
-    :param handle: handles a batch, in the thread; what it raises is logged, and the thread continues
-    :param name: name of the thread
-    :param idle_s: time after which ``handle`` is called with an empty batch when nothing arrives [s]
-    :param max_items: number of items that may wait; further ones are counted in :attr:`lost`
-
-    Attributes
-    ----------
-    lost : int
-        items that were not taken because too many waited
+    What ``handle`` raises is logged, and the thread continues. After ``idle_s`` without items it is called with an
+    empty batch. Items beyond ``max_items`` that wait are counted in ``lost``.
     """
 
     def __init__(

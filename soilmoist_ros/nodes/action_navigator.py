@@ -55,13 +55,6 @@ KEPT_GOALS = 10
 class ActionNavigator(ABC):
     """A :class:`Navigator` that is the client of an action; what its messages contain is up to the subclass.
 
-    :param node: node of the client
-    :param name: name of the action
-    :param kind: class of the action, see :func:`action_class`
-    :param client: decides on goals
-    :param track: recent places of the robot
-    :param there_m: a robot that stands this close to a stop is there already [m]
-    :param report: called at the end of each goal
     :param yields: whether no goal is sent while another client drives the robot
     """
 
@@ -350,8 +343,6 @@ def _list_of(action: str) -> str:
 def action_class(name: str, field: str) -> Any:
     """Class of an action; imported only here, so that the package installs without it.
 
-    :param name: type of the action, such as ``topological_navigation_msgs/action/GotoNode``
-    :param field: a field that its goals must have
     :raises InputError: if the action is not installed or is another one
     """
     remedy = "source the workspace of the navigation, built for this ROS and Python, or set another navigator"

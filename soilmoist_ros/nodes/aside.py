@@ -17,8 +17,6 @@ class Aside:
 
     Executors of one thread send the answer of a service when its callback returns. Here the answer waits for the
     work. Work that fails is logged; the next piece follows.
-
-    :param node: the node that offers the services
     """
 
     def __init__(self, node: Node) -> None:
@@ -28,8 +26,6 @@ class Aside:
     def offer(self, kind: Any, name: str, work: Callable[[Any, Any], Any]) -> None:
         """Offer a service.
 
-        :param kind: class of the service
-        :param name: its name
         :param work: called in the thread with request and response; returns the response. If it fails, the answer
             is an empty response, with ``success`` false and the error as ``message`` if the class has these fields
         """
@@ -47,10 +43,7 @@ class Aside:
         service.send_response = lambda both, header: self.do(lambda: reply(both, header), name)
 
     def do(self, work: Callable[[], object], name: str = "work") -> None:
-        """Do something that nobody waits for.
-
-        :param name: what it is, for the log if it fails
-        """
+        """Do something that nobody waits for."""
         self._thread.submit(self._attempt, work, name)
 
     def close(self) -> None:
@@ -81,9 +74,6 @@ class Soon:
 
     It replaces a guard condition, which the executor of events does not know. Before the node has an executor,
     :meth:`ask` does nothing.
-
-    :param node: the node
-    :param callback: the function
     """
 
     def __init__(self, node: Node, callback: Callable[[], object]) -> None:

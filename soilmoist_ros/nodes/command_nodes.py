@@ -58,7 +58,6 @@ _LAST_MESSAGES: Final = Duration(seconds=10)
 def _spinning(make: Callable[[Context], SomeNode], domain: int | None = None) -> Iterator[SomeNode]:
     """Run a node in a thread, in a ROS context of its own.
 
-    :param make: makes the node
     :param domain: number of the ROS domain; that of the shell if ``None``
     """
     context, ending = Context(), threading.Event()
@@ -89,14 +88,7 @@ def _spinning(make: Callable[[Context], SomeNode], domain: int | None = None) ->
 
 
 class BagPlayer(Node):
-    """Publishes the messages of a bag at their recorded times, with unchanged bytes.
-
-    :param playback: the messages
-    :param pacer: sets the time
-    :param context: context of the node
-    :param say: shows a note to the user
-    :param interrupted: set to end :meth:`wait_for_listeners` and :meth:`play`
-    """
+    """Publishes the messages of a bag at their recorded times, with unchanged bytes."""
 
     def __init__(
         self,
@@ -201,11 +193,6 @@ def player_of(
 ) -> Iterator[BagPlayer]:
     """Make a player whose services are active.
 
-    :param bag: folder or file of a bag
-    :param topics: regular expression for the full names of the topics to play
-    :param speed: recorded time per real time
-    :param start_s: time after the beginning of the bag at which to start [s]
-    :param say: shows a note to the user
     :raises InputError: if the bag cannot be played
     """
     interrupted = threading.Event()
@@ -225,12 +212,7 @@ def player_of(
 
 
 class Monitor(Node):
-    """Keeps a :class:`LiveMission` up to date; unreadable messages are ignored.
-
-    :param live: the mission, with a map for each property to subscribe to
-    :param frame: plane of the field
-    :param context: context of the node
-    """
+    """Keeps a :class:`LiveMission` up to date; unreadable messages are ignored."""
 
     def __init__(self, live: LiveMission, frame: LocalFrame, context: Context) -> None:
         super().__init__("monitor", context=context)
@@ -280,12 +262,7 @@ class Monitor(Node):
 
 @contextmanager
 def monitored(live: LiveMission, frame: LocalFrame, domain: int) -> Iterator[None]:
-    """Run a :class:`Monitor` in a thread.
-
-    :param live: the mission to keep up to date
-    :param frame: plane of the field
-    :param domain: number of the ROS domain
-    """
+    """Run a :class:`Monitor` in a thread."""
     with _spinning(lambda context: Monitor(live, frame, context), domain):
         yield
 

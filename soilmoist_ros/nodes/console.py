@@ -302,8 +302,6 @@ class Console(Node):
 class ConsoleSteering:
     """The :class:`Steering` of a node. The thread of the server calls it.
 
-    :param node: the node, which is not spinning yet
-    :param robots: namespaces of the planners
     :param board: receives the section ``pressed``: who has pressed the stop here, empty if nobody
     """
 

@@ -39,16 +39,9 @@ _POLL_S = 0.2
 class DemoSettings:
     """Settings of a demo.
 
-    :param out: folder of the run; must not contain a run yet
-    :param mission: the mission; the nodes always map all records and travel on a graph. Several robots share a
-        mapper, and each has a planner and a driver in its namespace
-    :param time_factor: simulated time per real time
-    :param navigator: ``goto_node`` (Thorvald's navigation), ``navigate_to_pose`` or ``goal_pose``
     :param scenario: name or file with faults of navigation and links; empty for none
     :param autostart: whether the missions start as soon as they can
     :param exit_when_finished: whether the planners end with their missions
-    :param earlier: earlier runs of the field
-    :param covariates: files with covariates, in addition to those of the field
     :param console_port: port of the operator's page on this machine; 0 for no page
     """
 
@@ -67,9 +60,6 @@ class DemoSettings:
 def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path) -> dict[str, Path]:
     """Write field, site and parameters of the nodes.
 
-    :param settings: settings of the demo
-    :param field: the simulated field
-    :param out: folder of the run
     :returns: parameter files of the nodes by name, in the order of their start
     :raises InputError: if a file cannot be written
     """
@@ -168,9 +158,6 @@ def shared_mapper(node: str, properties: Iterable[str] = ()) -> dict[str, str]:
 
     >>> shared_mapper("robot_1/planner")
     {'samples': '/samples', 'model': '/model', 'mapper/save': '/mapper/save'}
-
-    :param node: name of a node with its namespace; other nodes keep their names
-    :param properties: names of the further properties
     """
     if not node.endswith("/planner"):
         return {}
@@ -201,9 +188,6 @@ def run_demo(
     The folder receives ``bag/``, ``configuration/``, ``log/``, ``map/``, and ``map_NAME/`` for each
     further property.
 
-    :param settings: the mission and its folder
-    :param show: called a few times per second while the mission runs
-    :param started: called when the operator's page can be opened, if there is one
     :raises InputError: if the settings cannot be used
     :raises DemoError: if a node ends before the mission does
     :raises KeyboardInterrupt: if interrupted, after the nodes have ended and the recording is complete

@@ -175,13 +175,8 @@ class FieldSimulator(Node):
 class RobotInterface:
     """Publishes the output of a simulated robot, and passes requests to it.
 
-    :param node: the node that serves
-    :param robot: the robot
     :param below: namespace of the robot below the node's namespace, with a slash at its end; empty for none
-    :param properties: names of the additional properties
-    :param given: parameters of the node
     :param plain_feedback: whether the navigation publishes feedback on a topic instead of the action
-    :param start_s: time at which the simulation begins [s since 1970 UTC]
     :raises InputError: if a port cannot be opened
     """
 

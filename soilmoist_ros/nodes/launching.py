@@ -36,8 +36,6 @@ _NAME: Final = re.compile(r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*")
 def refuse_unknown(file: str, descriptions: Iterable[Any]) -> None:
     """Refuse arguments of ``ros2 launch`` that a launch file does not have; launch itself ignores them.
 
-    :param file: path of the launch file; arguments of one that includes it are not judged
-    :param descriptions: descriptions that declare its arguments
     :raises InputError: with every unknown argument
     """
     known = [argument.name for one in descriptions for argument in one.get_launch_arguments()]
@@ -87,11 +85,7 @@ class LastWords:
     def on_exit(
         self, name: str, then: Callable[[int], list[Any]] | None = None
     ) -> Callable[[Any, Any], list[Any]]:
-        """Actions after the end of a node, as launch takes them.
-
-        :param name: name of the node, with its namespace; only a console may be missing
-        :param then: what follows other exit codes than :data:`BAD_INPUT`
-        """
+        """Actions after the end of a node, as launch takes them."""
 
         def ended(event: Any, context: Any) -> list[Any]:
             written = self._written.pop(event.pid, "")
@@ -121,7 +115,6 @@ def _without(node: Any, message: str) -> list[Any]:
 def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]:
     """Arguments that are parameters of a node, by name, converted to the type of the parameter.
 
-    :param node: name of the node
     :param arguments: texts by name; an empty text leaves the parameter unchanged
     :raises InputError: with every invalid value
     """
@@ -143,9 +136,6 @@ def property_argument(given: str, old_name: str, old: str) -> list[str]:
     >>> property_argument("compaction:2, salt", "properties", "")
     ['compaction:2', 'salt']
 
-    :param given: the argument
-    :param old_name: name of the argument in earlier releases
-    :param old: value of the old argument, maybe in brackets; accepted with a warning
     :raises InputError: if both are given
     """
     if old and given:
@@ -165,7 +155,6 @@ def remappings(topics: Mapping[str, str], further: str = "") -> list[tuple[str, 
     [('fix', '/gps/fix'), ('/tf', 'tf'), ('/tf_static', 'tf_static')]
 
     :param topics: names of topics by the arguments in :data:`TOPICS`; an empty text leaves a topic unchanged
-    :param further: rules ``FROM:=TO`` for any topic or service, separated by commas
     :raises InputError: if a rule or a name is invalid
     """
     rules = [(TOPICS[argument][0], name.strip()) for argument, name in topics.items() if name.strip()]
@@ -190,7 +179,6 @@ def enclave(prefix: str, namespace: str, node: str) -> list[str]:
 def foxglove_wanted(choice: str) -> bool:
     """True if ``foxglove_bridge`` is to serve the viewer Foxglove.
 
-    :param choice: the argument ``foxglove``
     :raises InputError: if the argument is invalid
     """
     wanted = {"false": False, "0": False, "true": True, "1": True}.get(choice.lower())
@@ -205,8 +193,6 @@ def foxglove_wanted(choice: str) -> bool:
 def foxglove_bridge(host: str, port: str) -> dict[str, Value]:
     """Parameters of the node ``foxglove_bridge``.
 
-    :param host: address to listen on
-    :param port: TCP port
     :raises InputError: if the package is not installed, or the port is invalid
     """
     try:

@@ -332,12 +332,7 @@ class Mapper(Node):
 
 
 class ChangeOutput:
-    """Computes the change of the newest map in a thread, and publishes it.
-
-    :param node: the mapper
-    :param survey: the field; without an earlier survey nothing is published
-    :param frame: frame of the message
-    """
+    """Computes the change of the newest map in a thread, and publishes it."""
 
     def __init__(self, node: Node, survey: FieldSurvey, frame: str) -> None:
         self._survey, self._frame = survey, frame
@@ -361,7 +356,6 @@ class ChangeOutput:
         """Compute the change of a map soon; never waits.
 
         :param soil_map: ``None`` if there is no map any more
-        :param stamp_s: end of its last record [s since 1970-01-01 UTC]
         """
         if self._survey.earlier:
             self._maps.put((self._survey, soil_map, stamp_s))
@@ -393,13 +387,6 @@ class ChangeOutput:
 
 class MapperExchange:
     """Lists the records of a map, hears the lists of other mappers, and sends what these lack.
-
-    :param node: node of the topics
-    :param others: namespaces of the other mappers
-    :param records: records of the map
-    :param guard: held while the records change
-    :param field: the field of the map
-    :param frame: frame of the records
 
     Attributes
     ----------

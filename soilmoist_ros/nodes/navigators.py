@@ -61,11 +61,7 @@ SETTLE_S: Final = 5.0
 
 
 class GotoNodeNavigator(ActionNavigator):
-    """A client of ``GotoNode``. The server finds the route; some abort a goal where the robot stands already.
-
-    :param feedback_topic: plain topic on which some versions publish the node that the robot passes; for the other
-        parameters see :class:`ActionNavigator`
-    """
+    """A client of ``GotoNode``. The server finds the route; some abort a goal where the robot stands already."""
 
     def __init__(
         self,
@@ -164,8 +160,6 @@ class NavigateToPoseNavigator(ActionNavigator):
     """A client of ``NavigateToPose``.
 
     The result has no flag of success: its status says it. Older versions have no error code either.
-
-    :param frame: frame of the navigation; for the other parameters see :class:`ActionNavigator`
     """
 
     def __init__(
@@ -205,11 +199,6 @@ class NavigateToPoseNavigator(ActionNavigator):
 class GoalPoseNavigator:
     """Publishes ``geometry_msgs/PoseStamped`` on ``goal_pose``, as RViz does and Nav2 accepts.
 
-    :param node: the node that publishes
-    :param action: name of the action by which the same navigation can be stopped, if it has one
-    :param client: decides on arrival and stops
-    :param report: called at the end of each goal
-    :param frame: frame of the navigation
     :param yields: whether no pose is sent while the robot may drive to that of another client
     """
 
@@ -329,9 +318,6 @@ class GoalPoseNavigator:
 def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], None]) -> Navigator:
     """The navigator of a planner.
 
-    :param node: the planner
-    :param values: its parameters
-    :param report: called at the end of each goal
     :raises InputError: if the navigator does not go with the travel graph, or its action is not installed
     """
     text, number = values.text, values.number

@@ -140,9 +140,6 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
     Before, ``leave()`` may stop what the node drives; callbacks go on until the function that it returns is true,
     at most 2 s. The process lasts until reliable receivers have its last messages, at most 3 s.
     Exit codes: 0 after SIGINT or SIGTERM, ``--help``, or when the node has finished, 2 for bad input.
-
-    :param make_node: makes the node
-    :param make_executor: makes the executor
     """
     module = sys.modules[make_node.__module__]
     name = (Path(sys.argv[0]).stem if module.__name__ == "__main__" else module.__name__).rpartition(".")[2]
@@ -205,8 +202,6 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
 def check_arguments(arguments: Sequence[str], node: str) -> None:
     """Refuse arguments before ``--ros-args``, which ROS ignores, or takes for old rules of names.
 
-    :param arguments: command line, the program first
-    :param node: name of the node
     :raises InputError: if there is one, other than an old rule
     """
     names = {row.name for row in table_of(node)}
@@ -221,11 +216,7 @@ def check_arguments(arguments: Sequence[str], node: str) -> None:
 
 
 def help_of(node: str, about: str) -> str:
-    """Names, topics and parameters of a node, for a terminal.
-
-    :param node: name of the node
-    :param about: its purpose
-    """
+    """Names, topics and parameters of a node, for a terminal."""
     lines = [
         f"{node}: {about}",
         "",

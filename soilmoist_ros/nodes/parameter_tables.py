@@ -30,11 +30,7 @@ def row(
 
 
 def of_setting(name: str, **changes: Any) -> Parameter:
-    """Row of a setting that nodes share with simulated missions.
-
-    :param name: name of the setting, see :data:`SETTINGS`
-    :param changes: fields of the row that differ on a robot
-    """
+    """Row of a setting that nodes share with simulated missions."""
     setting = SETTINGS[name]
     about: dict[str, Any] = {
         "default": PRESETS["recommended"].get(name, setting.default),

@@ -57,14 +57,9 @@ MISSPELT = 0.85
 class Parameter:
     """A row of a node's parameter table.
 
-    :param name: name; dots separate groups
     :param default: default; its type is the parameter's type
-    :param description: what the parameter sets, without the unit
     :param unit: unit, empty without one
-    :param low: smallest value allowed
-    :param high: largest value allowed
     :param choices: texts allowed, any if empty
-    :param old_names: earlier names, accepted for one release with a warning
     :param live: whether ``ros2 param set`` may change it while the node runs
     """
 
@@ -155,8 +150,6 @@ def current_names(
 
     A text becomes the only item of a parameter that is now a list.
 
-    :param table: rows by name
-    :param given: values by current or old names
     :returns: values, a warning for each old or removed name, and a mistake for each parameter that is set twice
     """
     names = {old: row.name for row in table.values() for old in row.old_names}
@@ -182,9 +175,6 @@ def check_values(
 ) -> tuple[dict[str, Value], list[Mistake]]:
     """Values of all parameters of a table; a given value replaces the default.
 
-    :param table: rows by name
-    :param given: values by current names, from the command line and from files
-    :param known: names of parameters that the node has in addition to the table
     :returns: the values, and the mistakes in the given values
     """
     values = {name: row.default for name, row in table.items()}
@@ -221,11 +211,7 @@ def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
 
 
 def names_for_all(arguments: Sequence[str], node: str) -> set[str]:
-    """Names of parameters that parameter files give to all nodes, as under ``/**``, and not to one by its name.
-
-    :param arguments: command line of a process, with ``--params-file FILE`` and ``-p NAME:=VALUE``
-    :param node: name of the node
-    """
+    """Names of parameters that parameter files give to all nodes, as under ``/**``, and not to one by its name."""
     for_all, own = set[str](), set[str]()
     for option, value in pairwise(arguments):
         if option in ("-p", "--param"):
@@ -272,8 +258,6 @@ class Parameters:
 
     Only live ones can change while the node runs, see :meth:`watch`.
 
-    :param node: the node; no parameter of the table may be declared yet
-    :param table: rows of the parameters
     :param arguments: command line with the parameter files; by default that of the process
     :raises InputError: with every unknown name and every invalid value. Names under ``/**`` are meant for all
         nodes of a robot: unknown ones are ignored with a line in the log, unless they are misspelt

@@ -164,13 +164,7 @@ class Planner(Node):
 
 
 class PlannerCommands:
-    """Passes commands to the control, and logs each with its reply.
-
-    :param node: node of the services
-    :param control: carries out the commands
-    :param parameters: parameters of the node; the live ones become commands
-    :param stopped: called when somebody aborts or presses an emergency stop: nothing may start by itself then
-    """
+    """Passes commands to the control, and logs each with its reply."""
 
     def __init__(
         self, node: Node, control: MissionControl, parameters: Parameters, stopped: Callable[[], None]

@@ -80,12 +80,7 @@ DATUM_SERVICE: Final = "toLL"
 class PlannerInputs:
     """Subscribes to the inputs, and passes valid messages to the control; each fault is logged once.
 
-    :param node: node of the subscriptions
-    :param control: receives the inputs
-    :param frames: frames of the robot and of its navigation
     :param map_topic: topic of the navigation's map; empty for no subscription
-    :param others: namespaces of the planners of other robots on the field; this node's namespace is ignored
-    :param properties: namespaces of the mappers of further properties
     :param edge_actions: actions of edges that the navigation knows; all if empty
     :param by_name: whether the navigation chooses the way by its own map
     """
@@ -272,10 +267,6 @@ class PlannerRecords:
 
     A callback takes a slice at most, and the executor serves others before the next one. Messages that have
     arrived meanwhile are one slice, with one sync of the disk.
-
-    :param node: node whose executor calls
-    :param control: receives the records
-    :param read: records of a message of a property; logs what cannot be used, and returns none then
     """
 
     def __init__(
@@ -321,9 +312,6 @@ class PlannerRecords:
 class PlannerFrames:
     """Listens to TF if its message type is installed, and publishes ``robot_pose`` with each fix.
 
-    :param node: the planner
-    :param values: its parameters
-    :param field: the field
     :raises InputError: if the navigation's datum is invalid
 
     Attributes

@@ -39,13 +39,7 @@ INFO_TOPIC: Final = "costmap_filter_info"
 
 
 class PlannerOutputs:
-    """The :class:`Outputs` of a node.
-
-    :param node: the node that publishes
-    :param hand_on: passes plans to the mission; the executor calls it after :meth:`wake`
-    :param properties: namespaces of mappers of further properties
-    :param frame: frame of the published places
-    """
+    """The :class:`Outputs` of a node."""
 
     def __init__(
         self, node: Node, hand_on: Callable[[], None], properties: Iterable[str] = (), frame: str = FRAME
@@ -156,11 +150,7 @@ class PlannerOutputs:
 
 
 class PlannerKeepout:
-    """Publishes the mask, and the message that names it, whenever the fence or the frame changes.
-
-    :param node: the planner
-    :param values: its parameters; without ``keepout_topic`` nothing is published
-    """
+    """Publishes the mask, and the message that names it, whenever the fence or the frame changes."""
 
     def __init__(self, node: Node, values: Parameters) -> None:
         self._node = node

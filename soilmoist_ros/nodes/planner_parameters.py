@@ -163,7 +163,6 @@ RECORD_S: Final = 10.0
 def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
     """Settings for the choice of stops.
 
-    :param field: the field
     :raises InputError: if an earlier run or a covariate cannot be used, the
         strategy's solver is not installed, or the target is the moisture and there is no calibration
     """
@@ -238,9 +237,6 @@ def _required(calibration: MoistureCurve | None) -> MoistureCurve:
 def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop | None = None) -> MissionRules:
     """Rules of the mission.
 
-    :param parameters: values of :data:`PARAMETERS`
-    :param settings: settings for the choice of stops
-    :param home: stop to return to
     :raises InputError: if the dwell rule is invalid
     """
     number = parameters.number
@@ -269,7 +265,6 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop
 def make_watch(parameters: Parameters) -> Watch:
     """The watch of a planner.
 
-    :param parameters: values of :data:`WATCH_PARAMETERS`, ``speed_mps`` and ``navigator``
     :raises InputError: if limits contradict each other
     """
     number, usual_mps = parameters.number, parameters.number("speed_mps")

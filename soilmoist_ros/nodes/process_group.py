@@ -36,9 +36,6 @@ class ProcessGroup:
 
     On Linux the processes receive SIGTERM even if this process is killed. The kernel sends SIGTERM when the
     *thread* that started them ends, so start them in a thread that lasts.
-
-    :param environment: environment variables in addition to the variables of this process
-    :param log_folder: folder for each node's output, ``NAME.log`` with _ for /; made if missing
     """
 
     def __init__(self, environment: Mapping[str, str], log_folder: Path) -> None:
@@ -64,10 +61,6 @@ class ProcessGroup:
     ) -> None:
         """Start a node.
 
-        :param name: name of the node, with the namespace if there is one: ``compaction/mapper``
-        :param parameters_file: parameters of the node
-        :param remaps: new names of topics and services by their names
-        :param program: arguments of Python that run something else instead
         :raises ValueError: if the node was started before, and not killed
         """
         if name in self._processes:
@@ -89,10 +82,7 @@ class ProcessGroup:
             )
 
     def kill(self, name: str) -> None:
-        """Kill a node without warning; it can be started again then.
-
-        :param name: name of a node that was started
-        """
+        """Kill a node without warning; it can be started again then."""
         process = self._processes.pop(name)
         _kill_group(process)
         process.wait()
@@ -110,10 +100,7 @@ class ProcessGroup:
         return {name: process.returncode for name, process in self._processes.items() if _has_ended(process)}
 
     def stop(self, limit_s: float = 60.0) -> None:
-        """End all nodes, the last started first. Kill a node that does not end in time.
-
-        :param limit_s: time limit of each node [s]
-        """
+        """End all nodes, the last started first. Kill a node that does not end in time."""
         try:
             for process in reversed(self._processes.values()):
                 _interrupt(process, limit_s)
@@ -180,10 +167,7 @@ def free_domain() -> Iterator[int]:
 
 
 def loopback_environment(domain: int) -> dict[str, str]:
-    """Environment variables that restrict processes to the loopback interface.
-
-    :param domain: number of the ROS domain
-    """
+    """Environment variables that restrict processes to the loopback interface."""
     return {
         "ROS_DOMAIN_ID": str(domain),
         # These override the settings of a robot's shell.

@@ -83,8 +83,6 @@ def take_until_quiet(take: Callable[[], int]) -> None:
 
     Looks are counted, not time: on a busy computer this thread and that of DDS may both stand still for longer
     than any time without messages.
-
-    :param take: takes what has arrived, and returns the number of messages
     """
     quiet = 0
     for _ in range(_MAX_LOOKS):
@@ -296,12 +294,7 @@ class Recorder(Node):
 
 
 class ParameterCollector:
-    """Collects the parameters of nodes in the same namespace, or in namespaces below it.
-
-    :param node: the node that sends the requests
-    :param names: names of the nodes to ask
-    :param take: called with the name and the parameters of a node each time the parameters arrive
-    """
+    """Collects the parameters of nodes in the same namespace, or in namespaces below it."""
 
     def __init__(
         self,

@@ -196,9 +196,6 @@ class SensorDriver(LifecycleNode):
 class DriverOutputs:
     """Publishers of the driver, and its log of records.
 
-    :param node: the node that publishes
-    :param given: parameters of the node
-
     Attributes
     ----------
     datum : tuple[float, float] or None
@@ -286,12 +283,7 @@ class DriverOutputs:
 
 
 class StoredHeader:
-    """The header of one logger, stored for a driver that starts again.
-
-    :param folder: where the file is
-    :param logger_uri: address of the logger; the header of another address is not used
-    :param logger_format: its format, likewise
-    """
+    """The header of one logger, stored for a driver that starts again."""
 
     def __init__(self, folder: Path, logger_uri: str, logger_format: str) -> None:
         self._path = folder / NAME

@@ -57,7 +57,6 @@ def interface_class(name: str) -> Any:
 
     Its C library, which Python's class needs, is loaded here: rclpy would do so later, with another exception.
 
-    :param name: type as in ``nav2_msgs/action/NavigateToPose``
     :raises ImportError: if it cannot be used, with the reason
     """
     package, folder, kind = name.split("/")
@@ -77,11 +76,7 @@ def interface_class(name: str) -> Any:
 
 
 def other_type(node: Node, topic: str, expected: str) -> str:
-    """Reason for which a subscription hears nothing, another type or name; empty if a publisher sends the type.
-
-    :param topic: name of the topic, as in the subscription
-    :param expected: type as in ``sensor_msgs/msg/NavSatFix``
-    """
+    """Reason for which a subscription hears nothing, another type or name; empty if a publisher sends the type."""
     sent = {one.topic_type for one in node.get_publishers_info_by_topic(topic)}
     if sent:
         return "" if expected in sent else f"the topic {topic} has {', '.join(sorted(sent))}, not {expected}"
@@ -129,11 +124,7 @@ def published_qos(recorded: Sequence[Qos]) -> QoSProfile:
 
 
 def quiet_node(node: Node, suffix: str) -> Node:
-    """A node whose messages are taken when it suits, instead of one by one as they come.
-
-    :param node: node of the same context and namespace
-    :param suffix: end of its name, after that of the other node
-    """
+    """A node whose messages are taken when it suits, instead of one by one as they come."""
     # Without global arguments, a new name for the other node does not rename this node as well.
     return Node(
         f"{node.get_name()}_{suffix}",

@@ -25,11 +25,6 @@ class NavigationServer(ABC):
     """Serves one action for a simulated robot.
 
     rclpy executes a goal only when the goal ends, so that no thread waits while the robot drives.
-
-    :param node: node of the server
-    :param robot: the robot that handles goals
-    :param kind: class of the action
-    :param name: name of the action
     """
 
     def __init__(self, node: Node, robot: SimulatedRobot, kind: Any, name: str) -> None:

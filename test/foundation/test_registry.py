@@ -64,14 +64,6 @@ def test_an_installed_package_adds_a_name(shapes: Registry[int], install: Instal
     assert shapes.get("triangle") == 3
 
 
-def test_built_in_objects_may_be_made_at_the_first_use() -> None:
-    calls = []
-    shapes = Registry(GROUP, "shape", lambda: calls.append("made") or CORNERS)
-    assert not calls
-    assert (shapes.get("circle"), shapes.get("square")) == (0, 4)
-    assert calls == ["made"]
-
-
 def test_an_unknown_name_is_refused_with_the_names_there_are(shapes: Registry[int], install: Install) -> None:
     install("more_shapes", "TRIANGLE = 3\n", triangle="TRIANGLE")
     with pytest.raises(InputError, match=r"no shape 'triangel' -> use one of: circle, square, triangle \(did you"):
@@ -131,13 +123,6 @@ def test_a_name_is_added_at_run_time_once(shapes: Registry[int], install: Instal
     shapes.refresh()
     with pytest.raises(InputError, match=r"more_shapes \(more_shapes:TRIANGLE\) adds a shape 'triangle' already"):
         shapes.add("triangle", 4)
-
-
-def test_a_package_installed_later_is_found_after_a_refresh(shapes: Registry[int], install: Install) -> None:
-    assert "triangle" not in shapes.names()
-    install("more_shapes", "TRIANGLE = 3\n", triangle="TRIANGLE")
-    shapes.refresh()
-    assert "triangle" in shapes.names()
 
 
 # Names of a package that are imported when they are first used --------------------------------------------------

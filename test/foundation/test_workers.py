@@ -118,10 +118,3 @@ def test_a_flush_waits_until_everything_is_handled():
     assert thread.flush(LIMIT_S)
     assert handled == [1, 2]
     thread.close()
-
-
-def test_the_handler_is_called_when_nothing_arrives():
-    called = threading.Event()
-    thread = Batches(lambda batch: called.set() if not batch else None, "test", idle_s=0.01)
-    assert called.wait(LIMIT_S)
-    thread.close()
