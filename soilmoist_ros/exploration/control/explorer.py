@@ -389,26 +389,19 @@ def planning_grid(grid: FieldGrid) -> FieldGrid:
 class ExplorerSettings:
     """Choice of stops, and where the robot may drive.
 
-    :param strategy: one of :data:`STRATEGIES`
-    :param preset: one of :data:`PRESETS`
-    :param seed: seed of the strategy's randomness
-    :param motion: how the robot moves
     :param curve: calibration, if the map of the moisture is to be good rather than that of the rate
-    :param access: where the robot may drive
-    :param learn_travel: whether speed, turning time and stop overhead are learned from the legs driven
     :param calibration: calibration that is there for an operator who asks for the map of the moisture
-    :param knowledge: what is known of the field before the survey
     """
 
-    strategy: str
-    preset: str
-    seed: int
-    motion: RobotMotion
+    strategy: str  # one of STRATEGIES
+    preset: str  # one of PRESETS
+    seed: int  # seed of the strategy's randomness
+    motion: RobotMotion  # how the robot moves
     curve: MoistureCurve | None = None
-    access: AccessRules = NO_MARGIN
+    access: AccessRules = NO_MARGIN  # where the robot may drive
     calibration: MoistureCurve | None = None
-    learn_travel: bool = True
-    knowledge: Knowledge = field(default_factory=Knowledge)
+    learn_travel: bool = True  # whether speed, turning time and stop overhead are learned from the legs driven
+    knowledge: Knowledge = field(default_factory=Knowledge)  # what is known of the field before the survey
 
     @property
     def needs_map(self) -> bool:

@@ -32,19 +32,15 @@ Place = tuple[float, float]
 class AccessRules:
     """Where a robot may drive.
 
-    :param robot_radius_m: distance that its centre keeps from the border and the no-go areas [m], >= 0
     :param beyond_m: nodes and edges of a travel graph this far outside the field belong to it [m], >= 0; allows
         for errors of the survey
-    :param outside: use of nodes and edges further outside
-    :param entry_m: the robot may set off this far outside; it then drives straight back in [m], >= 0
-    :param by_name: the navigation is sent names of nodes, and plans its routes itself
     """
 
-    robot_radius_m: float = 0.0
+    robot_radius_m: float = 0.0  # distance that its centre keeps from the border and the no-go areas [m], >= 0
     beyond_m: float = 0.1
-    outside: Outside = Outside.HOME
-    entry_m: float = 10.0
-    by_name: bool = False
+    outside: Outside = Outside.HOME  # use of nodes and edges further outside
+    entry_m: float = 10.0  # the robot may set off this far outside; it then drives straight back in [m], >= 0
+    by_name: bool = False  # the navigation is sent names of nodes, and plans its routes itself
 
 
 NO_MARGIN = AccessRules()

@@ -47,39 +47,25 @@ class ReplyCode(StrEnum):
 class OperatorRequest:
     """What an operator asks for, as it came; what a verb does not use is ignored.
 
-    :param verb: one of :class:`Verb`
-    :param who: who asks; empty: the operator
-    :param place: east and north of the field's datum [m], or nothing
-    :param geographic_place: latitude and longitude in WGS-84 [deg], or nothing
-    :param dwell: seconds or a dwell rule; empty for that of the mission
-    :param polygon: corners of an area, east and north [m]
-    :param stops: names of stops
-    :param hours: time of the mission from its start [h]; 0: as it is
-    :param strategy: how stops are chosen; empty: as it is
-    :param target: which map is to be good; empty: as it is
-    :param home: name of the stop to return to; empty: as it is
     :param until_sd: standard deviation of the map at which the mission ends; 0: never, ``None``: as it is
-    :param until_gain: gain in ten minutes below which it ends [%]; 0: never, ``None``: as it is
-    :param field: field file of the next mission; empty: as it is
-    :param earlier: earlier runs that inform the next mission; ``None``: as they are
     :param covariates: files that may explain the map of the next mission; ``None``: as they are
     """
 
-    verb: str
-    who: str = ""
-    place: tuple[float, ...] = ()
-    geographic_place: tuple[float, ...] = ()
-    dwell: str = ""
-    polygon: tuple[Place, ...] = ()
-    stops: tuple[str, ...] = ()
-    hours: float = 0.0
-    strategy: str = ""
-    target: str = ""
-    home: str = ""
+    verb: str  # one of Verb
+    who: str = ""  # who asks; empty: the operator
+    place: tuple[float, ...] = ()  # east and north of the field's datum [m], or nothing
+    geographic_place: tuple[float, ...] = ()  # latitude and longitude in WGS-84 [deg], or nothing
+    dwell: str = ""  # seconds or a dwell rule; empty for that of the mission
+    polygon: tuple[Place, ...] = ()  # corners of an area, east and north [m]
+    stops: tuple[str, ...] = ()  # names of stops
+    hours: float = 0.0  # time of the mission from its start [h]; 0: as it is
+    strategy: str = ""  # how stops are chosen; empty: as it is
+    target: str = ""  # which map is to be good; empty: as it is
+    home: str = ""  # name of the stop to return to; empty: as it is
     until_sd: float | None = None
-    until_gain: float | None = None
-    field: str = ""
-    earlier: tuple[str, ...] | None = None
+    until_gain: float | None = None  # gain in ten minutes below which it ends [%]; 0: never, ``None``: as it is
+    field: str = ""  # field file of the next mission; empty: as it is
+    earlier: tuple[str, ...] | None = None  # earlier runs that inform the next mission; ``None``: as they are
     covariates: tuple[str, ...] | None = None
 
 

@@ -55,18 +55,12 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class PendingMeasurement:
-    """Where another robot is going or counting.
+    """Where another robot is going or counting."""
 
-    :param x_m: east [m]
-    :param y_m: north [m]
-    :param exposure_s: what is still expected to be counted there [s]; 0: nothing, but the place is taken
-    :param apart_m: distance that other robots keep from it [m]
-    """
-
-    x_m: float
-    y_m: float
-    exposure_s: float
-    apart_m: float = 0.0
+    x_m: float  # east [m]
+    y_m: float  # north [m]
+    exposure_s: float  # what is still expected to be counted there [s]; 0: nothing, but the place is taken
+    apart_m: float = 0.0  # distance that other robots keep from it [m]
 
 
 def pending_measurement(

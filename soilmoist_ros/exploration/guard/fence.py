@@ -294,16 +294,11 @@ _HERE = PlaneMove()
 
 @dataclass(frozen=True, eq=False)
 class KeepoutMask:
-    """Square cells, as an occupancy grid has them.
+    """Square cells, as an occupancy grid has them."""
 
-    :param values: :data:`FREE` or :data:`KEPT_OUT`, shape (rows, columns); rows run along y, columns along x
-    :param resolution_m: side of a cell [m]
-    :param origin_m: corner of the first cell where x and y are lowest [m]
-    """
-
-    values: NDArray[np.int8]
-    resolution_m: float
-    origin_m: tuple[float, float]
+    values: NDArray[np.int8]  # FREE or KEPT_OUT, shape (rows, columns); rows run along y, columns along x
+    resolution_m: float  # side of a cell [m]
+    origin_m: tuple[float, float]  # corner of the first cell where x and y are lowest [m]
 
 
 def keepout_mask(fence: Fence, resolution_m: float, move: PlaneMove = _HERE) -> KeepoutMask:

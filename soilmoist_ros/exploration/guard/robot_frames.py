@@ -36,22 +36,14 @@ _STILL: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """Pose of a frame in its parent frame.
+    """Pose of a frame in its parent frame."""
 
-    :param parent: name of the parent frame
-    :param child: name of the frame
-    :param translation_m: origin of the frame in its parent [m]
-    :param rotation: turn from the frame to its parent, a quaternion of any length > 0
-    :param stamp_s: time of the transform [s since 1970-01-01 UTC]
-    :param static: whether it never changes
-    """
-
-    parent: str
-    child: str
-    translation_m: Vector
-    rotation: Quaternion = _STILL
-    stamp_s: float = 0.0
-    static: bool = False
+    parent: str  # name of the parent frame
+    child: str  # name of the frame
+    translation_m: Vector  # origin of the frame in its parent [m]
+    rotation: Quaternion = _STILL  # turn from the frame to its parent, a quaternion of any length > 0
+    stamp_s: float = 0.0  # time of the transform [s since 1970-01-01 UTC]
+    static: bool = False  # whether it never changes
 
 
 @dataclass(frozen=True, slots=True)
@@ -410,20 +402,15 @@ _LEVELS = {Agreement.AGREE: Level.OK, Agreement.UNKNOWN: Level.OK, Agreement.DIS
 class FrameSettings:
     """Names and origin of the frames.
 
-    :param frame: frame of all messages of this package: east, north, up about the field's datum
-    :param navigation_frame: frame of the goals and the map of the navigation
-    :param base_frame: frame of the robot's base
     :param datum: origin of the navigation's frame: ``field``, ``LAT,LON``, ``LAT,LON,YAW``, ``map`` or ``robot``
-    :param limit_m: distance between TF and fix that still agrees [m]
-    :param arms: where the antenna sits on the robot
     """
 
-    frame: str = "map"
-    navigation_frame: str = "map"
-    base_frame: str = "base_link"
+    frame: str = "map"  # frame of all messages of this package: east, north, up about the field's datum
+    navigation_frame: str = "map"  # frame of the goals and the map of the navigation
+    base_frame: str = "base_link"  # frame of the robot's base
     datum: str = FIELD
-    limit_m: float = 2.0
-    arms: LeverArms = NO_ARMS
+    limit_m: float = 2.0  # distance between TF and fix that still agrees [m]
+    arms: LeverArms = NO_ARMS  # where the antenna sits on the robot
 
 
 @dataclass(frozen=True, slots=True)

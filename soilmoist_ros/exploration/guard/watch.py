@@ -60,14 +60,13 @@ class WatchLimits:
     """Limits of the causes; those of :data:`.LIMITS` have its names, meanings and defaults.
 
     :param place: what a place must satisfy; its ``max_speed_mps`` is also the limit of the cause ``speed``
-    :param stamps: stamps that a record can have
     :param min_checks: number of checks without a message after which silence counts, so that a busy computer first
         reads the messages that have come
     :raises ValueError: if a value is out of its range
     """
 
     place: PlaceLimits = field(default_factory=PlaceLimits)
-    stamps: StampLimits = field(default_factory=StampLimits)
+    stamps: StampLimits = field(default_factory=StampLimits)  # stamps that a record can have
     max_outside_m: float = LIMITS["max_outside_m"].default
     max_entry_m: float = LIMITS["max_entry_m"].default
     max_in_no_go_m: float = LIMITS["max_in_no_go_m"].default

@@ -25,28 +25,17 @@ STILL_M = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The operator asks for something; the mission answers with one :class:`Answer`.
+    """The operator asks for something; the mission answers with one :class:`Answer`."""
 
-    :param now_s: time [s]
-    :param verb: what
-    :param cause: why a stop is skipped, for its sample and the status; empty: by the operator
-    :param who: who asks; empty: the operator
-    :param stop: where to measure (``MEASURE``); it joins the queue
-    :param dwell_s: for how long [s]; ``None``: as the dwell rule says
-    :param polygon: corners of an area in which no stop may be chosen (``RULE_OUT``) [m]
-    :param stops: names of the queued stops in their new order; the others are dropped (``ORDER``)
-    :param changes: new settings (``CHANGE``)
-    """
-
-    now_s: float
-    verb: Verb
-    cause: str = ""
-    who: str = ""
-    stop: Stop | None = None
-    dwell_s: float | None = None
-    polygon: Polygon = ()
-    stops: tuple[str, ...] = ()
-    changes: Changes | None = None
+    now_s: float  # time [s]
+    verb: Verb  # what
+    cause: str = ""  # why a stop is skipped, for its sample and the status; empty: by the operator
+    who: str = ""  # who asks; empty: the operator
+    stop: Stop | None = None  # where to measure (``MEASURE``); it joins the queue
+    dwell_s: float | None = None  # for how long [s]; ``None``: as the dwell rule says
+    polygon: Polygon = ()  # corners of an area in which no stop may be chosen (``RULE_OUT``) [m]
+    stops: tuple[str, ...] = ()  # names of the queued stops in their new order; the others are dropped (``ORDER``)
+    changes: Changes | None = None  # new settings (``CHANGE``)
 
     @property
     def by(self) -> str:
@@ -58,20 +47,16 @@ class Command:
 class Planned:
     """The planner answers a :class:`RequestPlan`.
 
-    :param now_s: time [s]
-    :param plan_id: id of the request
-    :param choice: next stop, ``None`` if no stop is useful and reachable
     :param travel_s: expected travel time to it [s]; estimated from the straight distance if ``None``
-    :param reason: why there is no choice
     :param forecast: a new forecast of the map's standard deviation, ``None`` if the last one is recent
     :param home_s: travel time home from the choice, or from where the robot stays without one [s]; 0 if not known
     """
 
-    now_s: float
-    plan_id: int
-    choice: Choice | None
+    now_s: float  # time [s]
+    plan_id: int  # id of the request
+    choice: Choice | None  # next stop, ``None`` if no stop is useful and reachable
     travel_s: float | None = None
-    reason: str = ""
+    reason: str = ""  # why there is no choice
     forecast: Forecast | None = None
     home_s: float = 0.0
 
@@ -99,18 +84,14 @@ class GoalReached:
 class GoalFailed:
     """A goal has ended in any other way: aborted, rejected, or cancelled as asked.
 
-    :param now_s: time [s]
-    :param goal_id: id of the goal
-    :param reason: why
     :param refused: the fence refused the goal, and it was never sent; its stop is ruled out without a retry
-    :param superseded: another client's goal has replaced it: no failure, and people decide what follows
     """
 
-    now_s: float
-    goal_id: int
-    reason: str
+    now_s: float  # time [s]
+    goal_id: int  # id of the goal
+    reason: str  # why
     refused: bool = False
-    superseded: bool = False
+    superseded: bool = False  # another client's goal has replaced it: no failure, and people decide what follows
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,21 +106,16 @@ class RecordArrived:
 class Moved:
     """The robot is at a place.
 
-    :param now_s: time [s]
-    :param x_m: where [m]
-    :param y_m: where [m]
     :param still_s: for how long it stands, by the noise of its places [s]; 0 if it moves. ``None``, as in journals
         of before: it stands while it stays within :data:`STILL_M`
-    :param unseen_mps: a slower motion would not show in the noise [m/s]; 0 if it is negligible
-    :param sd_m: standard deviation of each coordinate [m], 0 if unknown
     """
 
-    now_s: float
-    x_m: float
-    y_m: float
+    now_s: float  # time [s]
+    x_m: float  # where [m]
+    y_m: float  # where [m]
     still_s: float | None = None
-    unseen_mps: float = 0.0
-    sd_m: float = 0.0
+    unseen_mps: float = 0.0  # a slower motion would not show in the noise [m/s]; 0 if it is negligible
+    sd_m: float = 0.0  # standard deviation of each coordinate [m], 0 if unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,27 +197,21 @@ class Answer:
 class RequestPlan:
     """Choose the next stop and send :class:`Planned` or :class:`PlanFailed` with this id.
 
-    :param plan_id: id of the request
-    :param kind: a warm-up stop, or one that the map guides
-    :param blacklisted: names of stops that must not be chosen now
-    :param time_left_s: time left minus the way home *from here* [s]; for strategies
-    :param ruled_out: polygons in which no stop must be chosen, corners [m]
     :param budget_left_s: time until the robot must be home [s]. A stop fits if the travel to it, the shortest
         useful dwell and the way home *from there* fit in; offer only such stops, since the mission ends
         when the choice does not fit.
     :param staying: name of the stop where the robot stands with its visit open: to choose it again means to count
         on there, without a trip; empty if the visit is closed
-    :param time_used_s: time since the start of the mission [s]
     """
 
-    plan_id: int
-    kind: PlanKind
-    blacklisted: tuple[str, ...]
-    time_left_s: float
+    plan_id: int  # id of the request
+    kind: PlanKind  # a warm-up stop, or one that the map guides
+    blacklisted: tuple[str, ...]  # names of stops that must not be chosen now
+    time_left_s: float  # time left minus the way home *from here* [s]; for strategies
     budget_left_s: float
-    ruled_out: Polygons = ()
+    ruled_out: Polygons = ()  # polygons in which no stop must be chosen, corners [m]
     staying: str = ""
-    time_used_s: float = 0.0
+    time_used_s: float = 0.0  # time since the start of the mission [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,11 +229,9 @@ class CancelGoal:
     """Stop the robot; answer with :class:`GoalFailed` (or :class:`GoalReached`) when the goal has ended.
 
     The mission repeats it until the robot is known to stand.
-
-    :param goal_id: the goal; :data:`ANYBODYS` for an emergency stop, or an abort without a mission
     """
 
-    goal_id: int
+    goal_id: int  # the goal; ANYBODYS for an emergency stop, or an abort without a mission
     reason: str
 
 
@@ -304,14 +272,10 @@ class Save:
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """The mission has ended; nothing is moving any more.
+    """The mission has ended; nothing is moving any more."""
 
-    :param reason: why, for reports
-    :param code: reason code
-    """
-
-    reason: str
-    code: MissionEnd
+    reason: str  # why, for reports
+    code: MissionEnd  # reason code
 
     @property
     def aborted(self) -> bool:

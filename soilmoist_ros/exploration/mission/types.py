@@ -129,35 +129,16 @@ class MissionRules:
     The budget runs from the start to the end of measuring *and* of the way home. It keeps running while the
     mission is paused: batteries, daylight and the people in the field do not stop for a pause.
 
-    :param budget_s: time of the mission, the way home and pauses included [s]
-    :param dwell: when to end counting at a stop
-    :param home: where to go at the end, ``None`` to stay at the last stop
-    :param warm_up_stops: number of ``warm_up`` samples before the map guides the choice
     :param min_dwell_s: shortest dwell, whatever the dwell rule says; stops that leave less are skipped [s]
-    :param min_last_dwell_s: stops that leave less are skipped, if it is more than ``min_dwell_s`` [s]
-    :param speed_mps: speed, to estimate travel [m/s]
-    :param stop_overhead_s: time of each trip that is not driving [s]
-    :param detour: driven distance over straight distance, where the planner gives no travel time [-]
     :param arrival_radius_m: the robot is at a stop within this distance, or within ``reach_m`` of the stop if that
         is less; keep it above the positions' noise [m]
-    :param goal_time_factor: maximum trip time as a multiple of the expected time ... [-]
-    :param goal_time_margin_s: ... plus this [s]
-    :param return_margin_s: reserve kept for the way home [s]
     :param cancel_limit_s: time after which a goal is cancelled again, while the robot is not known to stand [s]
     :param standstill_s: a stop is confirmed when the robot has not moved for this time [s]; 0: it is confirmed by
         the end of the goal, or after ``cancel_limit_s`` where the robot is to stay
-    :param backoff_s: wait after the first failure; it doubles with each failure in a row [s]
-    :param backoff_limit_s: longest wait after a failure [s]
-    :param plan_limit_s: a plan request that is not answered in this time has failed [s]
-    :param retries: how often a goal that failed is sent again before its stop is ruled out
-    :param blacklist_s: how long a stop is ruled out after it failed or was skipped [s]
-    :param failures_to_pause: failures without a visit in between after which the operator is asked
-    :param silence_limit_s: time without a record of the stop, while counting, that counts as silence [s]
     :param on_silence: what to do on silence; ``wait`` ends with the dwell rule's longest time
     :param stays: when the dwell rule is met, the visit stays open until the next stop is chosen, so that the
         planner may choose to count on; what is left of the time is used where the robot stands. Without, the
         visit closes first, as published
-    :param odometer_step_m: moves shorter than this count as noise of the position [m]
     :param until_sd: the mission ends when the standard deviation of the map is at most this: of the moisture
         [m^3/m^3], or of the rate as a share of its mean [-]; see :class:`Forecast`. 0: never
     :param until_gain: the mission ends when the standard deviation will fall by less than this in ten minutes [%],
@@ -165,30 +146,30 @@ class MissionRules:
     :raises ValueError: if a value is out of its range
     """
 
-    budget_s: float
-    dwell: DwellRule
-    home: Stop | None = None
-    warm_up_stops: int = 3
+    budget_s: float  # time of the mission, the way home and pauses included [s]
+    dwell: DwellRule  # when to end counting at a stop
+    home: Stop | None = None  # where to go at the end, ``None`` to stay at the last stop
+    warm_up_stops: int = 3  # number of ``warm_up`` samples before the map guides the choice
     min_dwell_s: float = 10.0
-    min_last_dwell_s: float = 0.0
-    speed_mps: float = 0.6
-    stop_overhead_s: float = 12.0
-    detour: float = 1.3
+    min_last_dwell_s: float = 0.0  # stops that leave less are skipped, if it is more than ``min_dwell_s`` [s]
+    speed_mps: float = 0.6  # speed, to estimate travel [m/s]
+    stop_overhead_s: float = 12.0  # time of each trip that is not driving [s]
+    detour: float = 1.3  # driven distance over straight distance, where the planner gives no travel time [-]
     arrival_radius_m: float = 3.0
-    goal_time_factor: float = 3.0
-    goal_time_margin_s: float = 60.0
-    return_margin_s: float = 60.0
+    goal_time_factor: float = 3.0  # maximum trip time as a multiple of the expected time ... [-]
+    goal_time_margin_s: float = 60.0  # ... plus this [s]
+    return_margin_s: float = 60.0  # reserve kept for the way home [s]
     cancel_limit_s: float = 30.0
     standstill_s: float = 4.0
-    backoff_s: float = 2.0
-    backoff_limit_s: float = 60.0
-    plan_limit_s: float = 120.0
-    retries: int = 1
-    blacklist_s: float = 900.0
-    failures_to_pause: int = 5
-    silence_limit_s: float = 60.0
+    backoff_s: float = 2.0  # wait after the first failure; it doubles with each failure in a row [s]
+    backoff_limit_s: float = 60.0  # longest wait after a failure [s]
+    plan_limit_s: float = 120.0  # a plan request that is not answered in this time has failed [s]
+    retries: int = 1  # how often a goal that failed is sent again before its stop is ruled out
+    blacklist_s: float = 900.0  # how long a stop is ruled out after it failed or was skipped [s]
+    failures_to_pause: int = 5  # failures without a visit in between after which the operator is asked
+    silence_limit_s: float = 60.0  # time without a record of the stop, while counting, that counts as silence [s]
     on_silence: OnSilence = OnSilence.WAIT
-    odometer_step_m: float = 0.5
+    odometer_step_m: float = 0.5  # moves shorter than this count as noise of the position [m]
     stays: bool = False
     until_sd: float = 0.0
     until_gain: float = 0.0
@@ -245,31 +226,19 @@ class Changes:
     """Settings that an operator changes; ``None`` leaves a setting as it is.
 
     The last three change between missions only.
-
-    :param budget_s: time of the mission from its start [s]
-    :param dwell: dwell rule, as text
-    :param strategy: how stops are chosen
-    :param target: which map is to be good, ``rate`` or ``vwc``
-    :param home: where to go at the end
-    :param warm_up_stops: number of stops before the map guides the choice; follows from the strategy
-    :param until_sd: standard deviation of the map at which the mission ends; 0: never
-    :param until_gain: gain in ten minutes below which it ends [%]; 0: never
-    :param field: field file
-    :param earlier: earlier runs of the field that inform map and plan
-    :param covariates: files that may explain the map
     """
 
-    budget_s: float | None = None
-    dwell: str | None = None
-    strategy: str | None = None
-    target: str | None = None
-    home: Stop | None = None
-    warm_up_stops: int | None = None
-    until_sd: float | None = None
-    until_gain: float | None = None
-    field: str | None = None
-    earlier: tuple[str, ...] | None = None
-    covariates: tuple[str, ...] | None = None
+    budget_s: float | None = None  # time of the mission from its start [s]
+    dwell: str | None = None  # dwell rule, as text
+    strategy: str | None = None  # how stops are chosen
+    target: str | None = None  # which map is to be good, ``rate`` or ``vwc``
+    home: Stop | None = None  # where to go at the end
+    warm_up_stops: int | None = None  # number of stops before the map guides the choice; follows from the strategy
+    until_sd: float | None = None  # standard deviation of the map at which the mission ends; 0: never
+    until_gain: float | None = None  # gain in ten minutes below which it ends [%]; 0: never
+    field: str | None = None  # field file
+    earlier: tuple[str, ...] | None = None  # earlier runs of the field that inform map and plan
+    covariates: tuple[str, ...] | None = None  # files that may explain the map
 
     @property
     def of_survey(self) -> dict[str, Any]:
@@ -280,90 +249,52 @@ class Changes:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """The guard has found a danger, or has more to say of one.
+    """The guard has found a danger, or has more to say of one."""
 
-    :param now_s: time [s]
-    :param cause: code of the cause; each cause is on or off
-    :param response: what the mission does about it
-    :param reason: the cause in words
-    """
-
-    now_s: float
-    cause: str
-    response: Response
-    reason: str
+    now_s: float  # time [s]
+    cause: str  # code of the cause; each cause is on or off
+    response: Response  # what the mission does about it
+    reason: str  # the cause in words
 
 
 @dataclass(frozen=True, slots=True)
 class MissionStatus:
     """The mission at one time, for operators and displays.
 
-    :param now_s: time of the last event [s]; NaN before the first
-    :param phase: what the mission is doing
-    :param reason: why, never empty
-    :param target: where the robot is going or counting
-    :param planned_dwell_s: expected dwell at the target [s]; 0 without a stop
-    :param dwell_s: time spent counting there so far [s]
-    :param progress: share of the dwell that is done, 0..1
-    :param time_used_s: time since the start, pauses included [s]
-    :param time_left_s: rest of the budget [s]
-    :param distance_m: distance travelled [m]
-    :param samples: samples completed
-    :param counting_s: time spent counting at all stops [s]
-    :param raw_counts: raw counts at the target so far
-    :param failures: failures since the last sample
-    :param blacklisted: names of the stops that are ruled out
-    :param estimated_end_s: latest time at which the mission ends [s]; ``None`` when no mission is running
     :param needs_operator: whether it is paused and did not pause at the operator's command, or the robot was asked
         more than once to stop and is not known to stand
-    :param silent: whether the sensor is silent while the robot counts
-    :param ended: why the mission has ended or is ending; ``None`` before
-    :param alarms: dangers that the guard reports now
-    :param emergency: whether an emergency stop is pressed
-    :param stop_requests: how often the robot was asked to stop and is not yet known to stand still
-    :param queue: names of the stops that an operator has asked for
-    :param strategy: how stops are chosen, if an operator has changed it
-    :param field: field file, if an operator has chosen another than that of the start
-    :param earlier: earlier runs, if an operator has chosen them
-    :param covariates: covariates, if an operator has chosen them
-    :param clock_offset_s: how far the clock that stamps the records has been set since the start [s]
-    :param ruled_out: areas in which no stop is chosen
-    :param forecast: the last forecast of the map's standard deviation
-    :param forecast_s: when it was made [s]; ``None`` without one
-    :param place: where the robot is [m]; ``None`` if that is not known
-    :param yields: whether it is paused until another robot is away
     """
 
-    now_s: float
-    phase: Phase
-    reason: str
-    target: Stop | None
-    planned_dwell_s: float
-    dwell_s: float
-    progress: float
-    time_used_s: float
-    time_left_s: float
-    distance_m: float
-    samples: int
-    counting_s: float
-    raw_counts: int
-    failures: int
-    blacklisted: tuple[str, ...]
-    estimated_end_s: float | None
+    now_s: float  # time of the last event [s]; NaN before the first
+    phase: Phase  # what the mission is doing
+    reason: str  # why, never empty
+    target: Stop | None  # where the robot is going or counting
+    planned_dwell_s: float  # expected dwell at the target [s]; 0 without a stop
+    dwell_s: float  # time spent counting there so far [s]
+    progress: float  # share of the dwell that is done, 0..1
+    time_used_s: float  # time since the start, pauses included [s]
+    time_left_s: float  # rest of the budget [s]
+    distance_m: float  # distance travelled [m]
+    samples: int  # samples completed
+    counting_s: float  # time spent counting at all stops [s]
+    raw_counts: int  # raw counts at the target so far
+    failures: int  # failures since the last sample
+    blacklisted: tuple[str, ...]  # names of the stops that are ruled out
+    estimated_end_s: float | None  # latest time at which the mission ends [s]; ``None`` when no mission is running
     needs_operator: bool = False
-    silent: bool = False
-    ended: MissionEnd | None = None
-    alarms: tuple[Alarm, ...] = ()
-    emergency: bool = False
-    stop_requests: int = 0
-    queue: tuple[str, ...] = ()
-    strategy: str = ""
-    field: str = ""
-    earlier: tuple[str, ...] | None = None
-    covariates: tuple[str, ...] | None = None
-    clock_offset_s: float = 0.0
-    ruled_out: Polygons = ()
-    forecast: Forecast | None = None
-    forecast_s: float | None = None
-    place: tuple[float, float] | None = None
-    yields: bool = False
+    silent: bool = False  # whether the sensor is silent while the robot counts
+    ended: MissionEnd | None = None  # why the mission has ended or is ending; ``None`` before
+    alarms: tuple[Alarm, ...] = ()  # dangers that the guard reports now
+    emergency: bool = False  # whether an emergency stop is pressed
+    stop_requests: int = 0  # how often the robot was asked to stop and is not yet known to stand still
+    queue: tuple[str, ...] = ()  # names of the stops that an operator has asked for
+    strategy: str = ""  # how stops are chosen, if an operator has changed it
+    field: str = ""  # field file, if an operator has chosen another than that of the start
+    earlier: tuple[str, ...] | None = None  # earlier runs, if an operator has chosen them
+    covariates: tuple[str, ...] | None = None  # covariates, if an operator has chosen them
+    clock_offset_s: float = 0.0  # how far the clock that stamps the records has been set since the start [s]
+    ruled_out: Polygons = ()  # areas in which no stop is chosen
+    forecast: Forecast | None = None  # the last forecast of the map's standard deviation
+    forecast_s: float | None = None  # when it was made [s]; ``None`` without one
+    place: tuple[float, float] | None = None  # where the robot is [m]; ``None`` if that is not known
+    yields: bool = False  # whether it is paused until another robot is away

@@ -41,42 +41,25 @@ class Visit:
     Only records that were counted wholly after the arrival, outside pauses, and near the stop belong to it. Its
     counts are those that the mission decided on; nothing is added afterwards.
 
-    :param name: name of the stop
-    :param x_m: where the robot stood: east of the field's datum [m]
-    :param y_m: north [m]
-    :param arrived_s: mission time of arrival, from the start of the mission [s]
-    :param dwell_s: time spent counting, pauses left out [s]
-    :param raw_counts: raw counts of its records
-    :param reason: why the stop was chosen
-    :param robot: number of the robot, from 1
-    :param records: number of its records; 0 if unknown
-    :param exposure_s: their exposure [s]; NaN if unknown
-    :param effective_exposure_s: their effective exposure [s]; NaN if unknown
-    :param ended: why counting ended
-    :param outcome: the same in words, with what was reached
-    :param dwell: dwell rule of the mission, as text
     :param arrival_stamp_s: time of arrival on the clock that stamps the records: ROS time, or the simulator's [s];
         NaN if unknown
-    :param end_stamp_s: time at which counting ended, on the same clock [s]; NaN if unknown
-    :param stop_x_m: place of the stop as planned: east [m]; NaN if unknown
-    :param stop_y_m: north [m]; NaN if unknown
     """
 
-    name: str
-    x_m: float
-    y_m: float
-    arrived_s: float
-    dwell_s: float
-    raw_counts: int
-    reason: str
-    robot: int = 1
-    records: int = 0
-    exposure_s: float = math.nan
-    effective_exposure_s: float = math.nan
-    ended: VisitEnd = VisitEnd.UNKNOWN
-    outcome: str = ""
-    dwell: str = ""
+    name: str  # name of the stop
+    x_m: float  # where the robot stood: east of the field's datum [m]
+    y_m: float  # north [m]
+    arrived_s: float  # mission time of arrival, from the start of the mission [s]
+    dwell_s: float  # time spent counting, pauses left out [s]
+    raw_counts: int  # raw counts of its records
+    reason: str  # why the stop was chosen
+    robot: int = 1  # number of the robot, from 1
+    records: int = 0  # number of its records; 0 if unknown
+    exposure_s: float = math.nan  # their exposure [s]; NaN if unknown
+    effective_exposure_s: float = math.nan  # their effective exposure [s]; NaN if unknown
+    ended: VisitEnd = VisitEnd.UNKNOWN  # why counting ended
+    outcome: str = ""  # the same in words, with what was reached
+    dwell: str = ""  # dwell rule of the mission, as text
     arrival_stamp_s: float = math.nan
-    end_stamp_s: float = math.nan
-    stop_x_m: float = math.nan
-    stop_y_m: float = math.nan
+    end_stamp_s: float = math.nan  # time at which counting ended, on the same clock [s]; NaN if unknown
+    stop_x_m: float = math.nan  # place of the stop as planned: east [m]; NaN if unknown
+    stop_y_m: float = math.nan  # north [m]; NaN if unknown

@@ -72,16 +72,11 @@ class SendGoal:
 
 @dataclass(frozen=True, slots=True)
 class CancelSent:
-    """Ask the server to cancel this goal; tell :meth:`GoalClient.cancel_answered`.
+    """Ask the server to cancel this goal; tell :meth:`GoalClient.cancel_answered`."""
 
-    :param goal_id: id of the goal
-    :param ours: whether this client sent it; otherwise it is one of before this process, or anybody's
-    :param accepted: whether the server had accepted it before; otherwise it may not know it yet
-    """
-
-    goal_id: int
-    ours: bool
-    accepted: bool = True
+    goal_id: int  # id of the goal
+    ours: bool  # whether this client sent it; otherwise it is one of before this process, or anybody's
+    accepted: bool = True  # whether the server had accepted it before; otherwise it may not know it yet
 
 
 Request = SendGoal | CancelSent | Ended
@@ -93,15 +88,12 @@ class Listed:
     """Goals of this and other clients that the servers of the action list.
 
     :param servers: their names, which change when they are started again; empty if unknown
-    :param active: goals of this client that are listed as active
-    :param ended: goals of this client that are listed as ended
-    :param others: whether the server works on a goal of another client
     """
 
     servers: frozenset[bytes] = frozenset()
-    active: frozenset[int] = frozenset()
-    ended: frozenset[int] = frozenset()
-    others: bool = False
+    active: frozenset[int] = frozenset()  # goals of this client that are listed as active
+    ended: frozenset[int] = frozenset()  # goals of this client that are listed as ended
+    others: bool = False  # whether the server works on a goal of another client
 
 
 _NOTHING = Listed()
@@ -109,20 +101,13 @@ _NOTHING = Listed()
 
 @dataclass(frozen=True, kw_only=True)
 class GoalLimits:
-    """Time limits, on a clock that runs with the messages (not a simulated one).
+    """Time limits, on a clock that runs with the messages (not a simulated one)."""
 
-    :param start_s: time for the server to appear, and for the goal before to end [s]
-    :param answer_s: time in which the server accepts or rejects a goal [s]
-    :param lost_s: the server may be away for this time in mid-goal [s]
-    :param position_s: time for a position that agrees, after the server reported the arrival [s]
-    :param positions: as many positions that do not agree settle it sooner
-    """
-
-    start_s: float = 30.0
-    answer_s: float = 10.0
-    lost_s: float = 5.0
-    position_s: float = 30.0
-    positions: int = 10
+    start_s: float = 30.0  # time for the server to appear, and for the goal before to end [s]
+    answer_s: float = 10.0  # time in which the server accepts or rejects a goal [s]
+    lost_s: float = 5.0  # the server may be away for this time in mid-goal [s]
+    position_s: float = 30.0  # time for a position that agrees, after the server reported the arrival [s]
+    positions: int = 10  # as many positions that do not agree settle it sooner
 
 
 class _Step(Enum):

@@ -25,16 +25,11 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """A goal has ended; reported once for each goal.
+    """A goal has ended; reported once for each goal."""
 
-    :param goal_id: the mission's id of the goal
-    :param outcome: how it ended; ``SUCCEEDED`` only if the robot's own position agrees
-    :param reason: why, for operators
-    """
-
-    goal_id: int
-    outcome: Outcome
-    reason: str
+    goal_id: int  # the mission's id of the goal
+    outcome: Outcome  # how it ended; ``SUCCEEDED`` only if the robot's own position agrees
+    reason: str  # why, for operators
 
 
 class Navigator(Protocol):
