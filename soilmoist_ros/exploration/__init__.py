@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.guard.failsafes import FAILSAFES as FAILSAFES
     from soilmoist_ros.exploration.guard.failsafes import LIMITS as LIMITS
     from soilmoist_ros.exploration.guard.failsafes import Cause as Cause
+    from soilmoist_ros.exploration.guard.failsafes import WatchLimits as WatchLimits
     from soilmoist_ros.exploration.guard.fence import ROBOT_RADIUS_M as ROBOT_RADIUS_M
     from soilmoist_ros.exploration.guard.fence import Fence as Fence
     from soilmoist_ros.exploration.guard.fence import KeepoutMask as KeepoutMask
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.guard.signals import EmergencyTopic as EmergencyTopic
     from soilmoist_ros.exploration.guard.watch import POSES_FROZEN_S as POSES_FROZEN_S
     from soilmoist_ros.exploration.guard.watch import Watch as Watch
-    from soilmoist_ros.exploration.guard.watch import WatchLimits as WatchLimits
     from soilmoist_ros.exploration.mission.events import ANYBODYS as ANYBODYS
     from soilmoist_ros.exploration.mission.events import FORGOTTEN as FORGOTTEN
     from soilmoist_ros.exploration.mission.events import Action as Action
@@ -172,12 +172,12 @@ __getattr__, __dir__, __all__ = open_door(
         "control.mission_feed": "MissionClock boot_id",
         "control.operator_request": "OperatorRequest Reply ReplyCode",
         "control.team": "PendingMeasurement Team pending_measurement",
-        "guard.failsafes": "Cause FAILSAFES LIMITS",
+        "guard.failsafes": "Cause FAILSAFES LIMITS WatchLimits",
         "guard.fence": "Fence KeepoutMask ROBOT_RADIUS_M keepout_mask unreachable",
         "guard.fenced_graph": "FencedGraph Outside",
         "guard.robot_frames": "ASKED_M FrameSettings ROBOT RobotFrames Transform yaw_rotation",
         "guard.signals": "EmergencyTopic",
-        "guard.watch": "POSES_FROZEN_S Watch WatchLimits",
+        "guard.watch": "POSES_FROZEN_S Watch",
         "mission.events": "ANYBODYS Action CancelGoal Command Event FORGOTTEN Finish GoTo GoalFailed GoalReached Moved Planned Publish RecordArrived RequestPlan StartCounting Tick VisitDone",
         "mission.journal": "EVENT MissionJournal interrupted_mission interrupted_records is_under_way noted_records",
         "mission.mission": "Mission",

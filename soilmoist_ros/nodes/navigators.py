@@ -41,7 +41,7 @@ from soilmoist_ros.exploration import (
 from soilmoist_ros.foundation import InputError, foreign_text
 from soilmoist_ros.nodes.action_navigator import LOOK_EVERY_S, ActionNavigator, action_class
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.planner_parameters import failsafe_name
+from soilmoist_ros.nodes.planner_parameters import failsafe_responses
 from soilmoist_ros.nodes.topics import DEFAULT, NO_EVENTS, interface_class, offered_qos, requested_qos
 from soilmoist_ros.recording import request_for
 
@@ -323,7 +323,7 @@ def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], Non
     text, number = values.text, values.number
     radius_m, speed_mps = number("arrival_radius_m"), number("speed_mps")
     frame = text("navigation_frame") or text("frame")
-    response = Response(text(failsafe_name(Cause.OTHER_CLIENT)))
+    response = failsafe_responses(values)[Cause.OTHER_CLIENT]
     yields = response not in (Response.IGNORE, Response.WARN)
     if text("navigator") == "goal_pose":
         poses = PoseClient(radius_m, SETTLE_S, speed_mps)

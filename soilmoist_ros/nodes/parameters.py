@@ -28,9 +28,13 @@ Value = bool | int | float | str | list[str]
 _HIGHEST = 1e300
 _MAX_WHOLE = 2**62
 REMOVED: Final = {
+    "agree_fixes": "10 fixes must agree to replace those that they contradict",
     "backoff_s": "the wait after the first failure is 2 s",
     "blacklist_s": "a stop that failed or was skipped is ruled out for 900 s",
+    "battery_silent_s": "a battery that was heard is missed after 60 s",
     "cancel_limit_s": "a robot that is not known to stand is asked again to stop after 10 s",
+    "clear_s": "an alarm ends when its cause has been over for 10 s",
+    "counts_bad_s": "the records of 60 s are judged",
     "datum_service": "remap the service toLL",
     "first_fixes": "3 fixes must agree on the first place",
     "foxglove_port": "foxglove_bridge serves the viewer Foxglove (docs/topics.md)",
@@ -38,6 +42,8 @@ REMOVED: Final = {
     "goal_time_margin_s": "a trip may take 3 times the expected time, and 60 s more",
     "longest_dwell_s": "the longest time at a stop is 3600 s; fmi:SECONDS sets the time itself",
     "map_wait_s": "the planner waits for the mapper for 20 s",
+    "max_jump_m": "a fix may be 3 m from where the robot can have driven",
+    "moving_m": "a robot that moves by 0.5 m without a goal is stopped again",
     "navigation_wait_s": "the planner waits for the navigation for 30 s",
     "plan_limit_s": "choosing a stop may take 120 s",
     "pose_observers": "nodes that record or show poses are known",
@@ -152,9 +158,14 @@ def current_names(
 
     :returns: values, a warning for each old or removed name, and a mistake for each parameter that is set twice
     """
+    given, warnings = dict(given), []
+    if "failsafes" in table and (single := sorted(name for name in given if name.startswith("failsafe."))):
+        responses = [f"{name.partition('.')[2]}:{given.pop(name)}" for name in single]
+        given["failsafes"] = [*responses, *(given.get("failsafes") or [])]
+        warnings.append(f"failsafe.CAUSE is read in this release only: set failsafes: [{', '.join(responses)}]")
     names = {old: row.name for row in table.values() for old in row.old_names}
     removed = sorted(name for name in given if name in REMOVED and name not in table)
-    warnings = [f"parameter {name} is not used any more: {REMOVED[name]}" for name in removed]
+    warnings += [f"parameter {name} is not used any more: {REMOVED[name]}" for name in removed]
     mistakes = []
     values = {name: value for name, value in given.items() if name not in names and name not in removed}
     for old in given.keys() & names.keys():

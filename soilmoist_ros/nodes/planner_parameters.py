@@ -30,7 +30,7 @@ from soilmoist_ros.exploration import (
     make_strategy,
     parse_dwell,
 )
-from soilmoist_ros.foundation import InputError, resource
+from soilmoist_ros.foundation import InputError, did_you_mean, resource
 from soilmoist_ros.mapping import CovariateSource, Field, FieldMapSettings, Knowledge, load_field, read_covariates
 from soilmoist_ros.nodes.parameter_tables import (
     ANTENNA,
@@ -50,25 +50,14 @@ _FASTER: Final = 2.0
 """Highest speed as a multiple of the robot's usual one, where it is not given."""
 
 
-def failsafe_name(cause: Cause) -> str:
-    """Name of the parameter that sets the response to a cause."""
-    return f"failsafe.{cause}"
-
-
 WATCH_PARAMETERS: Final = (
-    *(
-        row(failsafe_name(cause), one.response.value, f"response when {one.about}", choices=tuple(Response))
-        for cause, one in FAILSAFES.items()
-    ),
-    *(row(name, limit.default, limit.about, limit.unit, limit.low, limit.high) for name, limit in LIMITS.items()),
-    row("max_jump_m", _PLACE.max_jump_m, "largest accepted distance of a fix from where the robot can have "
-        "driven since the last ones, whatever error the receiver states", "m", 0),
+    row("failsafes", [], "responses to causes where they are not the default ones of docs/safety.md, as "
+        f"CAUSE:RESPONSE, such as off_route:pause; responses are {', '.join(Response)}"),
+    *(row(name, value, one.about, one.unit, one.low, one.high) for name, (value, one) in LIMITS.items()),
     row("max_speed_mps", 0.0,
         f"highest speed of the robot; 0 for {_PLACE.max_speed_mps:g} m/s, or twice speed_mps if that is more",
         "m/s", 0),
     row("max_fix_sd_m", _PLACE.max_sd_m, "fixes with a larger standard deviation are not used", "m", 0),
-    row("agree_fixes", _PLACE.agree_fixes, "number of fixes in a row that must agree on a place after a jump",
-        low=1),
     *STAMP_LIMITS,
 )  # fmt: skip
 
@@ -262,10 +251,26 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop
     )
 
 
+def failsafe_responses(parameters: Parameters) -> dict[Cause, Response]:
+    """What follows each cause.
+
+    :raises InputError: if a cause or a response is not known
+    """
+    responses = {cause: failsafe.response for cause, failsafe in FAILSAFES.items()}
+    for text in parameters.texts("failsafes"):
+        cause, _, response = (part.strip() for part in text.partition(":"))
+        for name, known in ((cause, list(Cause)), (response, list(Response))):
+            if name not in known:
+                remedy = f"write CAUSE:RESPONSE{did_you_mean(name, known)}; known are {', '.join(known)}"
+                raise InputError(f"failsafes: {text!r} has the unknown {name!r}", remedy)
+        responses[Cause(cause)] = Response(response)
+    return responses
+
+
 def make_watch(parameters: Parameters) -> Watch:
     """The watch of a planner.
 
-    :raises InputError: if limits contradict each other
+    :raises InputError: if limits contradict each other, or a failsafe is not known
     """
     number, usual_mps = parameters.number, parameters.number("speed_mps")
     speed_mps = number("max_speed_mps") or max(_PLACE.max_speed_mps, _FASTER * usual_mps)
@@ -275,10 +280,8 @@ def make_watch(parameters: Parameters) -> Watch:
             "set max_speed_mps above speed_mps, or to 0",
         )
     place = PlaceLimits(
-        max_jump_m=number("max_jump_m"),
         max_speed_mps=speed_mps,
         max_sd_m=number("max_fix_sd_m"),
-        agree_fixes=parameters.whole("agree_fixes"),
         max_gap_s=number("fix_old_s"),
     )
     values: dict[str, Any] = {name: number(name) for name in LIMITS}
@@ -292,4 +295,4 @@ def make_watch(parameters: Parameters) -> Watch:
         )
     except ValueError as error:
         raise InputError(str(error), "correct the parameters") from None
-    return Watch(limits, {cause: Response(parameters.text(failsafe_name(cause))) for cause in Cause})
+    return Watch(limits, failsafe_responses(parameters))

@@ -94,7 +94,7 @@ class Watched:
         given = {
             "use_sim_time": True, "field": str(folder / "field.yaml"), "dwell": "fmi:900", "hours": 10.0,
             "strategy": "random", "home": "n00", "speed_mps": 1.0, "arrival_radius_m": 2.0, "autostart": True,
-            "clear_s": 5.0, "battery_low": 0.06, "battery_empty": 0.05,
+            "battery_low": 0.06, "battery_empty": 0.05,
             "records_old_s": 30.0, "map_old_s": 40.0, "max_stamp_ahead_s": 1000.0,
         }  # fmt: skip
         self.process = ros.start("planner", params=given)

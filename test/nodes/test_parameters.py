@@ -13,9 +13,11 @@ from rcl_interfaces.msg import ParameterType
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
+from soilmoist_ros.exploration import Cause, Response
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameter_tables import table_of
 from soilmoist_ros.nodes.parameters import NODES, REMOVED, Parameter, Parameters, check_values
+from soilmoist_ros.nodes.planner_parameters import WATCH_PARAMETERS, failsafe_responses
 
 TABLE = (
     Parameter(name="field", default="", description="field file"),
@@ -159,6 +161,18 @@ def test_removed_parameters_are_named_and_ignored(ros, capfd):
     assert parameters.number("speed_mps") == 2.0
     assert "parameter backoff_s is not used any more: the wait after the first failure" in capfd.readouterr().err
     assert not {row.name for node in NODES for row in table_of(node)} & set(REMOVED)
+
+
+def test_failsafes_are_read_as_before_and_as_a_list(ros, capfd):
+    table = (*TABLE, *WATCH_PARAMETERS)
+    given = {"failsafe.off_route": "pause", "failsafe.battery_low": "warn", "failsafes": ["battery_low: abort"]}
+    responses = failsafe_responses(Parameters(make(ros, **given), table))
+    assert (responses[Cause.OFF_ROUTE], responses[Cause.BATTERY_LOW]) == (Response.PAUSE, Response.ABORT)
+    assert responses[Cause.MOVING] is Response.PAUSE
+    assert "set failsafes: [battery_low:warn, off_route:pause]" in capfd.readouterr().err
+    for wrong in ("ofroute:pause", "off_route:paus", "off_route"):
+        with pytest.raises(InputError, match="write CAUSE:RESPONSE"):
+            failsafe_responses(Parameters(make(ros, failsafes=[wrong]), table))
 
 
 def test_values_without_a_node():

@@ -7,13 +7,16 @@ Parameters of the planner, their documentation and the table of the failsafes ar
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
 from soilmoist_ros.exploration.mission.types import MOVING, OTHER_ROBOT, Response
+from soilmoist_ros.mapping import StampLimits
+from soilmoist_ros.sensing import PlaceLimits
 
 
 class Cause(StrEnum):
@@ -58,60 +61,106 @@ class Failsafe:
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit of the watch."""
+    """A limit of the watch that is a parameter of the planner."""
 
-    default: float  # value unless it is set otherwise
-    unit: str  # its unit
     about: str  # what it limits
-    low: float = 0.0  # lowest value
-    high: float | None = None  # highest value, ``None`` for any
+    unit: str
+    low: float  # lowest value
+    high: float | None  # highest value, ``None`` for any
 
 
-LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
-    {
-        "max_outside_m": Limit(
-            2.0,
-            "m",
-            "distance outside the field from which a mission pauses; a robot that starts outside may drive in",
+def _limit(about: str, unit: str = "", low: float = 0.0, high: float | None = None) -> dict[str, Limit]:
+    return {"limit": Limit(about, unit, low, high)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchLimits:
+    """Limits of the causes; those with a text are parameters of the planner.
+
+    :raises ValueError: if a value is out of its range
+    """
+
+    place: PlaceLimits = field(default_factory=PlaceLimits)  # its max_speed_mps also limits the cause speed
+    stamps: StampLimits = field(default_factory=StampLimits)
+    max_outside_m: float = field(
+        default=2.0,
+        metadata=_limit(
+            "distance outside the field from which a mission pauses; a robot that starts outside may drive in", "m"
         ),
-        "max_entry_m": Limit(
-            10.0,
-            "m",
+    )
+    max_entry_m: float = field(
+        default=10.0,
+        metadata=_limit(
             "distance outside the field from which no goal is sent; from nearer the robot drives straight back "
             "in. At least max_outside_m counts",
+            "m",
         ),
-        "max_in_no_go_m": Limit(
-            0.5, "m", "depth in a no-go area, the margin robot_radius_m included, from which a mission pauses"
+    )
+    max_in_no_go_m: float = field(
+        default=0.5,
+        metadata=_limit(
+            "depth in a no-go area, the margin robot_radius_m included, from which a mission pauses", "m"
         ),
-        "off_route_m": Limit(5.0, "m", "distance from the route that counts as off the route"),
-        "far_off_route_m": Limit(10.0, "m", "distance from the route from which a mission pauses"),
-        "moving_m": Limit(0.5, "m", "motion without a goal from which the robot is stopped again"),
-        "fix_old_s": Limit(10.0, "s", "longest time without a plausible position"),
-        "fix_frozen_s": Limit(
-            12.0,
-            "s",
+    )
+    off_route_m: float = field(
+        default=5.0, metadata=_limit("distance from the route that counts as off the route", "m")
+    )
+    far_off_route_m: float = field(
+        default=10.0, metadata=_limit("distance from the route from which a mission pauses", "m")
+    )
+    fix_old_s: float = field(default=10.0, metadata=_limit("longest time without a plausible position", "s"))
+    fix_frozen_s: float = field(
+        default=12.0,
+        metadata=_limit(
             "longest time without any change of the position while the robot is to drive, with goal_pose at least "
             "30 s, as fixes show its arrivals; 0 for no limit",
-        ),
-        "records_old_s": Limit(60.0, "s", "longest time without a record in a mission"),
-        "counts_bad_s": Limit(60.0, "s", "time in which more than half of the records must be good", 1.0),
-        "map_old_s": Limit(300.0, "s", "longest time that the map stays without the newest records"),
-        "navigation_silent_s": Limit(
-            10.0, "s", "longest time without the navigation, or its feedback where that is regular"
-        ),
-        "battery_low": Limit(0.25, "", "charge below which the battery is low; 0 for no limit", 0.0, 1.0),
-        "battery_empty": Limit(0.1, "", "charge below which the battery is empty; 0 for no limit", 0.0, 1.0),
-        "battery_low_v": Limit(0.0, "V", "voltage below which the battery is low; 0 for no limit"),
-        "battery_empty_v": Limit(0.0, "V", "voltage below which the battery is empty; 0 for no limit"),
-        "battery_silent_s": Limit(
-            60.0,
             "s",
-            "longest time in a mission without the state of a battery that was heard before; 0 for no limit",
         ),
-        "clear_s": Limit(10.0, "s", "time for which a cause must be over before its alarm ends"),
+    )
+    records_old_s: float = field(default=60.0, metadata=_limit("longest time without a record in a mission", "s"))
+    map_old_s: float = field(
+        default=300.0, metadata=_limit("longest time that the map stays without the newest records", "s")
+    )
+    navigation_silent_s: float = field(
+        default=10.0,
+        metadata=_limit("longest time without the navigation, or its feedback where that is regular", "s"),
+    )
+    battery_low: float = field(
+        default=0.25, metadata=_limit("charge below which the battery is low; 0 for no limit", high=1.0)
+    )
+    battery_empty: float = field(
+        default=0.1, metadata=_limit("charge below which the battery is empty; 0 for no limit", high=1.0)
+    )
+    battery_low_v: float = field(
+        default=0.0, metadata=_limit("voltage below which the battery is low; 0 for no limit", "V")
+    )
+    battery_empty_v: float = field(
+        default=0.0, metadata=_limit("voltage below which the battery is empty; 0 for no limit", "V")
+    )
+    moving_m: float = 0.5  # motion without a goal: more than the noise of RTK, and less than a step
+    counts_bad_s: float = 60.0  # time in which more than half of the records must be good: six records
+    battery_silent_s: float = 60.0  # batteries report every second or every ten
+    clear_s: float = 10.0  # time for which a cause must be over before its alarm ends: none flickers
+    min_checks: int = 10  # checks without a message before silence counts: a busy computer first reads what came
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if isinstance(value, int | float) and not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"{each.name} must be >= 0 and finite, got {value}")
+        for low, high in (("battery_empty", "battery_low"), ("battery_empty_v", "battery_low_v")):
+            if getattr(self, low) > getattr(self, high) > 0:
+                raise ValueError(f"{low} must not be above {high}: {getattr(self, low)} > {getattr(self, high)}")
+
+
+LIMITS: Final[Mapping[str, tuple[float, Limit]]] = MappingProxyType(
+    {
+        each.name: (getattr(WatchLimits, each.name), each.metadata["limit"])
+        for each in fields(WatchLimits)
+        if each.metadata
     }
 )
-"""The limits of the watch, by the name of their parameter."""
+"""Default and meaning of each limit that is a parameter, by its name."""
 
 FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
     {
@@ -141,23 +190,23 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "look at the robot: it may drive around an obstacle, or lose its way",
         ),
         Cause.MOVING: Failsafe(
-            "the robot moves farther than the limit and the noise of the fixes, and no goal of the planner drives "
+            "the robot moves farther than 0.5 m and the noise of the fixes, and no goal of the planner drives "
             "it; all goals of the navigation are cancelled",
             Response.PAUSE,
-            ("moving_m",),
+            (),
             "look at what moves the robot: its navigation, people, a slope; resume once it stands",
         ),
         Cause.JUMP: Failsafe(
             "several fixes in a row are at places that the robot cannot have reached; they are not used",
             Response.HOLD,
-            ("max_jump_m", "max_speed_mps", "agree_fixes"),
+            ("max_speed_mps",),
             "check the GNSS receiver and its corrections",
         ),
         Cause.RELOCATED: Failsafe(
             "the fixes agree on another place, which the robot cannot have reached by itself, "
             "or the place of a standing robot drifts",
             Response.PAUSE,
-            ("max_jump_m", "agree_fixes"),
+            (),
             "check that the robot is where the map shows it, then resume",
         ),
         Cause.SPEED: Failsafe(
@@ -216,9 +265,9 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "fetch the robot and charge the battery",
         ),
         Cause.BATTERY_SILENT: Failsafe(
-            "the state of the battery was there, and has not come for the limit in a mission",
+            "the state of the battery was there, and has not come for a minute in a mission",
             Response.WARN,
-            ("battery_silent_s",),
+            (),
             "look at the robot's own display, and check what publishes battery_state",
         ),
         Cause.RESERVE: Failsafe(
@@ -258,9 +307,9 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "check the clocks of the computer and of the neutron logger",
         ),
         Cause.COUNTS_BAD: Failsafe(
-            "more than half of the records of the last time are quarantined: their counts cannot be trusted",
+            "more than half of the records of a minute are quarantined: their counts cannot be trusted",
             Response.PAUSE,
-            ("counts_bad_s",),
+            (),
             "check the sensor as /diagnostics says; the mission can be resumed when its counts are good again",
         ),
         Cause.OTHER_ROBOT: Failsafe(

@@ -10,18 +10,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, LIMITS, Cause
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause, WatchLimits
 from soilmoist_ros.exploration.guard.motion import UNKNOWN_SD_M, Motion
 from soilmoist_ros.exploration.guard.signals import Battery, BatteryLimit, CountTrust
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation import Health, Level
-from soilmoist_ros.mapping import StampLimits
-from soilmoist_ros.sensing import REPEATED_M, PlaceFix, PlaceJudge, PlaceLimits, Verdict
+from soilmoist_ros.sensing import REPEATED_M, PlaceFix, PlaceJudge, Verdict
 
 MIN_JUMPS: Final = 3
 """Number of implausible fixes in a row from which the place counts as lost; also of fixes that are too fast."""
@@ -53,48 +52,6 @@ AGAIN_S: Final = 10.0
 
 _LOST: Final = frozenset((Cause.IN_NO_GO, Cause.OUTSIDE, Cause.JUMP, Cause.RELOCATED, Cause.SPEED))
 """While these are on, the way home is not known."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class WatchLimits:
-    """Limits of the causes; those of :data:`.LIMITS` have its names, meanings and defaults.
-
-    :param place: what a place must satisfy; its ``max_speed_mps`` is also the limit of the cause ``speed``
-    :param min_checks: number of checks without a message after which silence counts, so that a busy computer first
-        reads the messages that have come
-    :raises ValueError: if a value is out of its range
-    """
-
-    place: PlaceLimits = field(default_factory=PlaceLimits)
-    stamps: StampLimits = field(default_factory=StampLimits)  # stamps that a record can have
-    max_outside_m: float = LIMITS["max_outside_m"].default
-    max_entry_m: float = LIMITS["max_entry_m"].default
-    max_in_no_go_m: float = LIMITS["max_in_no_go_m"].default
-    off_route_m: float = LIMITS["off_route_m"].default
-    far_off_route_m: float = LIMITS["far_off_route_m"].default
-    moving_m: float = LIMITS["moving_m"].default
-    fix_old_s: float = LIMITS["fix_old_s"].default
-    fix_frozen_s: float = LIMITS["fix_frozen_s"].default
-    records_old_s: float = LIMITS["records_old_s"].default
-    counts_bad_s: float = LIMITS["counts_bad_s"].default
-    map_old_s: float = LIMITS["map_old_s"].default
-    navigation_silent_s: float = LIMITS["navigation_silent_s"].default
-    battery_low: float = LIMITS["battery_low"].default
-    battery_empty: float = LIMITS["battery_empty"].default
-    battery_low_v: float = LIMITS["battery_low_v"].default
-    battery_empty_v: float = LIMITS["battery_empty_v"].default
-    battery_silent_s: float = LIMITS["battery_silent_s"].default
-    clear_s: float = LIMITS["clear_s"].default
-    min_checks: int = 10
-
-    def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if isinstance(value, int | float) and not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"{each.name} must be >= 0 and finite, got {value}")
-        for low, high in (("battery_empty", "battery_low"), ("battery_empty_v", "battery_low_v")):
-            if getattr(self, low) > getattr(self, high) > 0:
-                raise ValueError(f"{low} must not be above {high}: {getattr(self, low)} > {getattr(self, high)}")
 
 
 @dataclass(frozen=True, kw_only=True)

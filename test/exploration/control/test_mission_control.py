@@ -12,7 +12,8 @@ import pytest
 from soilmoist_ros.exploration.control.explorer import ExplorerSettings
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
-from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
+from soilmoist_ros.exploration.guard.failsafes import WatchLimits
+from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome

@@ -14,8 +14,8 @@ from soilmoist_ros.exploration.control.explorer import ExplorerSettings
 from soilmoist_ros.exploration.control.mission_control import MissionControl
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
-from soilmoist_ros.exploration.guard.watch import Watch, WatchLimits
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause, WatchLimits
+from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.events import ANYBODYS
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionEnd, MissionRules, Phase, Response, Verb

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
-from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, Surroundings, Watch, WatchLimits
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause, WatchLimits
+from soilmoist_ros.exploration.guard.watch import AGAIN_S, Doing, Surroundings, Watch
 from soilmoist_ros.exploration.mission.events import AlarmOver
 from soilmoist_ros.exploration.mission.types import Alarm, Response
 from soilmoist_ros.foundation.errors import Level
