@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The border of a field in a file of another program: which of its shapes it is, and where it lies on the earth.
 
-GeoJSON, KML, KMZ, GPX, WKT, ISOXML and OpenStreetMap files are read here. Shapefiles, GeoPackage and FlatGeobuf
+GeoJSON, KML, KMZ, GPX, WKT and ISOXML files are read here. Shapefiles, GeoPackage and FlatGeobuf
 need pyogrio, reference systems other than WGS-84 need pyproj (extra ``reports``).
 """
 
@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 WGS84 = "EPSG:4326"
 VECTORS = (".shp", ".gpkg", ".fgb")
 """Formats that need pyogrio."""
-FORMATS = (*VECTORS, ".geojson", ".json", ".kml", ".kmz", ".gpx", ".wkt", ".osm", ".xml", ".zip")
+FORMATS = (*VECTORS, ".geojson", ".json", ".kml", ".kmz", ".gpx", ".wkt", ".xml", ".zip")
 MAX_GAP_SHARE = 0.05
 """Distance between the ends of a line, as a share of its length, up to which it is a border that was walked."""
 MAX_INSIDE_SHARE = 0.5
@@ -63,7 +63,7 @@ _NAME_CRS = "name the system in the field file: border: {file: ..., crs: EPSG:..
 _MAX_STATED_ERROR_M = 0.5
 """Error of a conversion to WGS-84 from which it is stated [m]."""
 _NO_GO_OF_ISOXML = {"3": "water", "4": "building", "6": "obstacle"}
-_USED_PROPERTIES = ("name", "Name", "NAME", "id", "ID", "fid", "OBJECTID", "FID")
+_NAMES = ("name", "Name", "NAME", "id", "ID", "fid", "OBJECTID", "FID")
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,28 @@ class BorderSource:
         :raises InputError: if the file cannot be read, or leaves open which of its shapes is the field, or where
             it is
         """
-        return _read_border(self)
+        path, suffix = self.path, self.path.suffix.lower()
+        if suffix not in FORMATS and not read_limited(path).lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):
+            raise InputError(
+                f"is not a file with a border: its name ends in {suffix or 'nothing'!r}",
+                f"convert it in a GIS to one of {', '.join(FORMATS)}",
+                path,
+            )
+        if not path.exists():
+            raise InputError("cannot be read: No such file or directory", "check its path in the field file", path)
+        if self.layer and suffix not in VECTORS:
+            raise InputError("has no layers", "remove 'layer'", path)
+        content = _READERS.get(suffix, _geojson)(self)
+        notes: list[str] = []
+        features = content.features
+        if not any(feature.polygons for feature in features):
+            _close_lines(features, notes, self)
+        to_degrees = _conversion(content, self, notes)
+        for feature in features:
+            feature.polygons = [_outer_first(list(map(to_degrees, rings)), notes) for rings in feature.polygons]
+            if not all(np.isfinite(ring).all() for rings in feature.polygons for ring in rings):
+                raise InputError("has a corner that is no place on the earth", "export the border again", path)
+        return _chosen(features, self, notes)
 
 
 @dataclass(frozen=True)
@@ -104,7 +125,7 @@ class Border:
     notes: tuple[str, ...] = ()  # what was decided on the way, and what of the file is not used, in words
 
 
-@dataclass
+@dataclass(eq=False)
 class _Feature:
     """Shapes of a feature: polygons as rings, of which the first is the outer one, lines, and number of points."""
 
@@ -113,11 +134,16 @@ class _Feature:
     lines: list[Array] = field(default_factory=list)
     points: int = 0
     is_no_go: bool = False
+    number: int = 0  # from 1
+    label: str = ""  # name in messages
 
-    def label(self, number: int) -> str:
-        """Name of the feature in messages."""
-        name = next((self.properties[key] for key in _USED_PROPERTIES if self.properties.get(key)), "")
-        return f"{name!r}" if name and not name.isdecimal() else f"feature {number}"
+    @property
+    def pairs(self) -> list[str]:
+        """Properties with their keys, as ``feature`` may name them."""
+        return [f"{key}={value}" for key, value in self.properties.items()]
+
+    def is_called(self, wanted: str) -> bool:
+        return wanted in (str(self.number), *self.properties.values(), *self.pairs)
 
 
 @dataclass
@@ -129,40 +155,15 @@ class _Content:
     needs_crs: bool = False
 
 
-def _read_border(source: BorderSource) -> Border:
-    path = source.path
-    suffix = path.suffix.lower()
-    if suffix not in FORMATS and not read_limited(path).lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):
-        raise InputError(
-            f"is not a file with a border: its name ends in {suffix or 'nothing'!r}",
-            f"give a file of the kinds {', '.join(FORMATS)}",
-            path,
-        )
-    if suffix in (*VECTORS, ".zip", ".kmz") and not path.exists():
-        raise InputError("cannot be read: No such file or directory", "check its path in the field file", path)
-    if source.layer and suffix not in VECTORS:
-        raise InputError("has no layers", "remove 'layer'", path)
-    try:
-        content = _READERS.get(suffix, _vectors if suffix in VECTORS else _geojson)(source)
-    except ElementTree.ParseError as error:
-        raise InputError(f"is not valid XML: {error}", "export the border again", path) from None
-    notes: list[str] = []
-    _close_lines(content.features, notes, source)
-    numbered = list(enumerate(content.features, start=1))
-    if not any(feature.polygons for _, feature in numbered):
-        raise _without_polygon(content.features, path)
-    to_degrees = _conversion(content, source, notes)
-    for _, feature in numbered:
-        feature.polygons = [
-            _outer_first([to_degrees(ring) for ring in rings], notes) for rings in feature.polygons
-        ]
-        for rings in feature.polygons:
-            if not all(np.isfinite(ring).all() for ring in rings):
-                raise InputError("has a corner that is no place on the earth", "export the border again", path)
-    return _chosen(numbered, source, notes)
+class _Area(NamedTuple):
+    """A polygon of a file."""
+
+    shape: BaseGeometry  # in metres
+    rings: list[Array]  # the outer one first [deg]
+    feature: _Feature
 
 
-def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, notes: list[str]) -> Border:
+def _chosen(features: Sequence[_Feature], source: BorderSource, notes: list[str]) -> Border:
     """The field among the polygons of a file; those inside it are no-go areas.
 
     :raises InputError: if the file leaves open which polygon is the field
@@ -170,58 +171,51 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
     from shapely import Polygon, make_valid
 
     path = source.path
-    named = {number for number, one in numbered if not source.feature or _is_called(source.feature, number, one)}
+    _number(features)
+    named = [one for one in features if not source.feature or one.is_called(source.feature)]
     if not named:
-        known = [feature.label(number).strip("'") for number, feature in numbered if feature.polygons]
+        known = [feature.label.strip("'") for feature in features if feature.polygons]
         remedy = f"there are: {listing(known)}{did_you_mean(source.feature, known)}"
         raise InputError(f"has no feature {source.feature!r}", remedy, path)
-    scale = _metres_per_degree([rings[0] for _, feature in numbered for rings in feature.polygons])
-    areas: list[tuple[BaseGeometry, list[Array], int, bool]] = []
-    labels = {number: feature.label(number) for number, feature in numbered}
-    shared = {label for label, count in Counter(labels.values()).items() if count > 1}
-    labels |= {number: f"{label} (feature {number})" for number, label in labels.items() if label in shared}
-    slivers, seen = 0, set[tuple[float, ...]]()
-    for number, feature in numbered:
+    scale = _metres_per_degree([rings[0] for feature in features for rings in feature.polygons])
+    areas = dict[tuple[float, ...], _Area]()  # by extent: what is there twice counts once
+    for feature in features:
         for rings in feature.polygons:
             if len(rings[0]) < 3:
-                raise InputError(f"{feature.label(number)} has {len(rings[0])} corners", "export it again", path)
+                raise InputError(f"{feature.label} has {len(rings[0])} corners", "export it again", path)
             shape = make_valid(Polygon(rings[0] * scale))
             if shape.area < _SLIVER_M2 and len(feature.polygons) > 1:
-                slivers += 1
-            elif (extent := tuple(np.round([shape.area, *shape.bounds], 3).tolist())) not in seen:
-                seen.add(extent)
-                mine = number in named and not feature.is_no_go
-                areas.append((shape, rings, number, mine))
-    candidates = [one for one in areas if one[3]]
+                notes.append(f"a part of {feature.label} of less than {_SLIVER_M2:g} m2 is left out")
+            else:
+                extent = tuple(np.round([shape.area, *shape.bounds], 3).tolist())
+                areas.setdefault(extent, _Area(shape, rings, feature))
+    candidates = [one for one in areas.values() if one.feature in named and not one.feature.is_no_go]
     if not candidates:
         raise InputError("holds no polygon of a field", "export the border of the field as a polygon", path)
-    if slivers:
-        notes.append(f"{slivers} parts of less than {_SLIVER_M2:g} m2 are left out")
-    outer, rings, chosen, _ = max(candidates, key=lambda one: one[0].area)
-    label = labels[chosen]
-    inside: list[tuple[BaseGeometry, list[Array], str]] = []
-    apart: list[tuple[int, bool]] = []
+    field = max(candidates, key=lambda one: one.shape.area)
+    label, outer = field.feature.label, field.shape
     reach = outer.buffer(1e-3 * math.sqrt(outer.area))
-    for shape, ring, number, mine in areas:
-        if shape is outer:
+    inside, apart = list[_Area](), list[_Area]()
+    for area in areas.values():
+        if area is field:
             continue
-        shared = shape.intersection(outer).area / max(shape.area, _MIN_HOLE_M2)
-        obstacle = dict(numbered)[number].is_no_go and shared > 0
-        if reach.contains(shape) or obstacle:
-            inside.append((shape, ring, labels[number]))
-        else:
-            apart.append((number, mine))
-            if shared > _MAX_SHARED:
-                notes.append(
-                    f"{labels[number]} lies in the field by {shared:.0%} and is not used: if it must not be "
-                    "entered, list it under 'no_go_lonlat', or draw it on the page"
-                )
-    rivals = [number for number, mine in apart if mine]
+        shared = area.shape.intersection(outer).area / max(area.shape.area, _MIN_HOLE_M2)
+        if reach.contains(area.shape) or (area.feature.is_no_go and shared > 0):
+            inside.append(area)
+            notes.append(f"{area.feature.label}, {area.shape.area:.0f} m2 in the field, is a no-go area")
+            continue
+        apart.append(area)
+        if shared > _MAX_SHARED:
+            notes.append(
+                f"{area.feature.label} lies in the field by {shared:.0%} and is not used: if it must not be "
+                "entered, list it under 'no_go_lonlat', or draw it on the page"
+            )
+    rivals = [one for one in apart if one in candidates]
     if rivals and not source.takes_largest:
-        raise _several([chosen, *rivals], labels, source, dict(numbered))
+        raise _several([field, *rivals], source)
     if rivals:
         notes.append(f"the largest of {len(rivals) + 1} polygons was taken")
-    share = sum(shape.area for shape, *_ in inside) / outer.area
+    share = sum(one.shape.area for one in inside) / outer.area
     if share > MAX_INSIDE_SHARE:
         raise InputError(
             f"holds {len(inside) + 1} polygons, and those inside {label} cover {share:.0%} of it: they may be "
@@ -229,88 +223,80 @@ def _chosen(numbered: Sequence[tuple[int, _Feature]], source: BorderSource, note
             "export the border alone; cut a no-go area out, list it under 'no_go_lonlat', or draw it on the page",
             path,
         )
-    for shape, _, name in inside:
-        notes.append(f"{name}, {shape.area:.0f} m2 in the field, is a no-go area")
     if apart:
-        others = dict.fromkeys(labels[number] for number, _ in apart)
+        others = dict.fromkeys(one.feature.label for one in apart)
         notes.append(f"not used, as they are not inside {label}: {listing(others)}")
-    drawn = [labels[number] for number, feature in numbered if feature.lines or feature.points]
-    if drawn:
+    if drawn := [feature.label for feature in features if feature.lines or feature.points]:
         notes.append(
             f"lines and points are not used: {listing(drawn)}; draw what the robot must avoid as a polygon"
         )
-    unused = Counter(key for _, feature in numbered for key in feature.properties if key not in _USED_PROPERTIES)
-    if unused:
-        notes.append(f"properties that say nothing about the border are not used: {listing(unused)}")
     holes = [
-        ring for ring in rings[1:] if len(ring) >= 3 and make_valid(Polygon(ring * scale)).area >= _MIN_HOLE_M2
+        ring
+        for ring in field.rings[1:]
+        if len(ring) >= 3 and make_valid(Polygon(ring * scale)).area >= _MIN_HOLE_M2
     ]
-    if lost := len(rings) - 1 - len(holes):
-        notes.append(f"{lost} {'hole' if lost == 1 else 'holes'} of less than {_MIN_HOLE_M2:g} m2 left out")
-    filled = [name for _, ring, name in inside if len(ring) > 1]
-    if filled:
-        notes.append(f"holes of no-go areas are no-go, too: {listing(filled)}")
-    return Border(rings[0], (*holes, *(ring[0] for _, ring, _ in inside)), tuple(notes))
+    return Border(field.rings[0], (*holes, *(one.rings[0] for one in inside)), tuple(notes))
 
 
-def _several(
-    numbers: Sequence[int], labels: Mapping[int, str], source: BorderSource, features: Mapping[int, _Feature]
-) -> InputError:
+def _number(features: Sequence[_Feature]) -> None:
+    """Give each feature its number and its name in messages, which is unique."""
+    for number, one in enumerate(features, start=1):
+        name = next((one.properties[key] for key in _NAMES if one.properties.get(key)), "")
+        one.number, one.label = number, repr(name) if name and not name.isdecimal() else f"feature {number}"
+    count = Counter(one.label for one in features)
+    for one in features:
+        one.label += f" (feature {one.number})" if count[one.label] > 1 else ""
+
+
+def _several(areas: Sequence[_Area], source: BorderSource) -> InputError:
     """The error of a file with several polygons that are apart; the first is the largest."""
-    different = sorted(set(numbers))
-    if len(different) == 1:
+    features = {area.feature.number: area.feature for area in areas}
+    first = areas[0].feature
+    if len(features) == 1:
         return InputError(
-            f"holds {len(numbers)} polygons that lie apart, all parts of {labels[different[0]]}",
+            f"holds {len(areas)} polygons that lie apart, all parts of {first.label}",
             "a field is one polygon: export one part, and write a field file for each",
             source.path,
         )
-    label = labels[numbers[0]]
-    chosen = label if label.endswith("'") else str(numbers[0])
-    what = "holds {} polygons, none of which holds the others"
+    what, choice = "none of which holds the others", first.label if first.label[0] in "'\"" else first.number
     if source.feature:
-        what = f"has {{}} polygons that {source.feature!r} fits, as number or property"
-        others = {pair for number in set(numbers[1:]) for pair in _pairs(features[number])}
-        chosen = next((repr(pair) for pair in _pairs(features[numbers[0]]) if pair not in others), chosen)
+        what = f"that {source.feature!r} fits, as number or property"
+        others = {pair for one in features.values() if one is not first for pair in one.pairs}
+        choice = next((repr(pair) for pair in first.pairs if pair not in others), first.number)
     return InputError(
-        f"{what.format(len(numbers))}: {listing(labels[number] for number in different)}",
-        f"say which is the field: border: {{file: {source.path.name}, feature: {chosen}}}",
+        f"holds {len(areas)} polygons, {what}: {listing(features[number].label for number in sorted(features))}",
+        f"say which is the field: border: {{file: {source.path.name}, feature: {choice}}}",
         source.path,
     )
 
 
-def _is_called(wanted: str, number: int, feature: _Feature) -> bool:
-    return wanted in (str(number), *feature.properties.values(), *_pairs(feature))
+def _close_lines(features: Sequence[_Feature], notes: list[str], source: BorderSource) -> None:
+    """Make polygons of closed lines, in a file without polygons.
 
-
-def _pairs(feature: _Feature) -> list[str]:
-    """Properties with their keys, as ``feature`` may name them."""
-    return [f"{key}={value}" for key, value in feature.properties.items()]
-
-
-def _close_lines(features: Iterable[_Feature], notes: list[str], source: BorderSource) -> None:
-    """Make polygons of closed lines, in features of files without polygons.
-
-    :raises InputError: if open lines go round all closed ones, which may then be ponds in a border in pieces
+    :raises InputError: if there are none, or open lines go round all closed ones: ponds in a border in pieces
     """
     import shapely
 
-    features = list(features)
-    if any(feature.polygons for feature in features):
-        return
-    for number, feature in enumerate(features, start=1):
+    for feature in features:
         for line in [line for line in feature.lines if len(line) > 3]:
             gap, length = math.dist(line[0], line[-1]), float(np.hypot(*np.diff(line, axis=0).T).sum())
             if gap <= MAX_GAP_SHARE * length:
                 feature.lines.remove(line)
                 feature.polygons.append([_open_ring(line)])
                 said = f", though its ends are apart by about {gap / length:.0%} of its length" if gap else ""
-                notes.append(f"the closed line of {feature.label(number)} is the border{said}")
+                notes.append(f"a closed line is the border{said}")
     pieces = [line for feature in features for line in feature.lines if len(line) > 1]
     rings = [rings[0] for feature in features for rings in feature.polygons]
-    if source.feature or not (pieces and rings):
-        return
+    if not rings:
+        points = sum(feature.points for feature in features)
+        lines = f"{len(pieces)} open {'line' if len(pieces) == 1 else 'lines'} and " if pieces else ""
+        raise InputError(
+            f"holds no polygon, but {lines}{points} points",
+            "close the line: its last corner is its first one; or list corners under 'polygon_lonlat'",
+            source.path,
+        )
     around = shapely.MultiLineString(pieces).convex_hull
-    if all(around.contains(shapely.MultiPoint(ring)) for ring in rings):
+    if not source.feature and pieces and all(around.contains(shapely.MultiPoint(ring)) for ring in rings):
         raise InputError(
             f"has {len(pieces)} open lines around its closed one: is the border in pieces, and that a pond?",
             f"join the lines to a polygon, or say which is the field: {{file: {source.path.name}, feature: ...}}",
@@ -318,39 +304,22 @@ def _close_lines(features: Iterable[_Feature], notes: list[str], source: BorderS
         )
 
 
-def _without_polygon(features: Sequence[_Feature], path: Path) -> InputError:
-    lines, points = sum(len(one.lines) for one in features), sum(one.points for one in features)
-    if lines:
-        return InputError(
-            f"holds no polygon, but {lines} open {'line' if lines == 1 else 'lines'}",
-            "close the line: its last corner is its first one; or export the border as a polygon",
-            path,
-        )
-    if points:
-        return InputError(
-            f"holds no polygon, but {points} points: corners of a border, or places in a field",
-            "list corners in order around the field under 'polygon_lonlat', or join them to a polygon in a GIS",
-            path,
-        )
-    return InputError("holds no polygon and no line", "export the border of the field as a polygon", path)
-
-
 def _conversion(content: _Content, source: BorderSource, notes: list[str]) -> Callable[[Array], Array]:
     """Function that converts corners of the file to longitude and latitude, and checks them.
 
     :raises InputError: if the reference system is unknown, or the corners are not in it
     """
-    path, stated = source.path, content.crs
+    path, crs = source.path, content.crs or source.crs
     corners = np.concatenate([ring for one in content.features for rings in one.polygons for ring in rings])
     if not np.isfinite(corners).all():
         raise InputError("has a corner that is not two finite numbers", "export the border again", path)
-    if stated and source.crs and not _same_crs(stated, source.crs):
+    if source.crs and not _same_crs(crs, source.crs):
         raise InputError(
-            f"is in {stated}, but the field file says crs: {source.crs}", "remove 'crs', or correct the file", path
+            f"is in {crs}, but the field file says crs: {source.crs}", "remove 'crs', or correct the file", path
         )
-    crs = stated or source.crs
+    fit = _each_in_degrees(corners)
     if not crs and content.needs_crs:
-        guess = "degrees, crs: EPSG:4326" if _in_degrees(corners) else "metres of a map projection such as UTM"
+        guess = "degrees, crs: EPSG:4326" if fit.all() else "metres of a map projection such as UTM"
         raise InputError(
             f"has no reference system (CRS), and its corners, such as {_text(corners[0])}, look like {guess}",
             f"add the .prj file, or {_NAME_CRS}",
@@ -358,21 +327,17 @@ def _conversion(content: _Content, source: BorderSource, notes: list[str]) -> Ca
         )
     if crs and not _same_crs(crs, WGS84):
         return _converter(crs, corners, path, notes)
-    if not _in_degrees(corners):
-        first = corners[~_each_in_degrees(corners)][0]
-        swapped = _in_degrees(corners[:, ::-1]) and not np.any(np.abs(corners[:, 1]) > 180)
-        if swapped:
-            remedy = "longitude comes first: swap the numbers of each corner"
-        else:
-            remedy = f"export it in WGS-84, or {_NAME_CRS}"
-        hint = "" if swapped else ", but perhaps in metres of a map projection such as UTM"
+    what = ""
+    if not fit.all():
+        what = f"the corner {_text(corners[~fit][0])} is not in degrees of longitude and latitude"
+    if what and _each_in_degrees(corners[:, ::-1]).all() and np.abs(corners[:, 1]).max() <= 180:
+        raise InputError(what, "longitude comes first: swap the numbers of each corner", path)
+    if what:
+        hint = ", but perhaps in metres of a map projection such as UTM"
+        raise InputError(what + hint, f"export it in WGS-84, or {_NAME_CRS}", path)
+    if (extent := np.ptp(corners, axis=0).max()) > MAX_EXTENT_DEG:
         raise InputError(
-            f"the corner {_text(first)} is not in degrees of longitude and latitude{hint}", remedy, path
-        )
-    extent = np.ptp(corners, axis=0)
-    if extent.max() > MAX_EXTENT_DEG:
-        raise InputError(
-            f"the corners, such as {_text(corners[len(corners) // 2])}, would span {extent.max():g} degrees: they "
+            f"the corners, such as {_text(corners[len(corners) // 2])}, would span {extent:g} degrees: they "
             "look like metres",
             "metres from a datum go to 'polygon', with 'datum'; metres of a projection need its crs: EPSG:...",
             path,
@@ -387,7 +352,6 @@ def _converter(crs: str, corners: Array, path: Path, notes: list[str]) -> Callab
         # A ballpark conversion ignores the datum: a hundred metres or more, without a word.
         there = pyproj.Transformer.from_crs(system, WGS84, always_xy=True, allow_ballpark=False)
         place = there.transform(*corners[0])
-        unit = system.axis_info[0].unit_name if system.axis_info else "metre"
     except pyproj.exceptions.ProjError as error:
         raise InputError(
             f"the reference system {crs!s:.80} cannot be converted to WGS-84: {error!s:.200}",
@@ -395,23 +359,19 @@ def _converter(crs: str, corners: Array, path: Path, notes: list[str]) -> Callab
             path,
         ) from None
     name = f"{crs} ({system.name})" if system.name not in crs and len(crs) < 40 else system.name
-    if system.is_projected and _in_degrees(corners) and np.ptp(corners, axis=0).max() < 1:
+    where, remedy = "", "metres from a datum go to 'polygon' in the field file, with 'datum'"
+    if system.is_projected and _each_in_degrees(corners).all() and np.ptp(corners, axis=0).max() < 1:
+        where, remedy = "looks like degrees", "degrees of GNSS receivers are EPSG:4326"
+    elif not np.isfinite(place).all():
+        where = "is no place"
+    elif system.area_of_use is not None and not _is_near(place, system.area_of_use.bounds):
+        where = f"is longitude {place[0]:.2f}, latitude {place[1]:.2f}, far from where the system is used"
+    elif system.is_projected and np.abs(corners).max() < _NEAR_ORIGIN_M:
+        where = f"is longitude {place[0]:.2f}, latitude {place[1]:.2f}, next to the origin"
+    if where:
         raise InputError(
-            f"is in {name}, whose unit is {unit}, but its corners, such as {_text(corners[0])}, look like degrees",
-            "correct the reference system of the file: degrees of GNSS receivers are EPSG:4326",
-            path,
-        )
-    area = system.area_of_use
-    at_origin = system.is_projected and float(np.abs(corners).max()) < _NEAR_ORIGIN_M
-    far = area is not None and np.isfinite(place).all() and not _is_near(place, area.bounds)
-    if not np.isfinite(place).all() or far or at_origin:
-        where = f"longitude {place[0]:.2f}, latitude {place[1]:.2f}" if np.isfinite(place).all() else "no place"
-        use = (
-            f", far from where it is used ({area.name.partition(chr(46))[0]})" if far and area is not None else ""
-        )
-        raise InputError(
-            f"is in {name}, in which its corner {_text(corners[0])} is {where}{use}",
-            "correct the reference system; metres from a datum go to 'polygon' in the field file, with 'datum'",
+            f"is in {name}, in which its corner {_text(corners[0])} {where}",
+            f"correct the reference system; {remedy}",
             path,
         )
     try:
@@ -452,10 +412,6 @@ def _each_in_degrees(corners: Array) -> NDArray[np.bool_]:
     return np.asarray((np.abs(lat) <= 90) & ((np.abs(lon) <= 180) | east), bool)
 
 
-def _in_degrees(corners: Array) -> bool:
-    return bool(np.all(_each_in_degrees(corners)))
-
-
 def _outer_first(rings: list[Array], notes: list[str]) -> list[Array]:
     """Rings of a polygon with the outer one first: not every program writes them so."""
     from shapely import MultiPoint, Polygon
@@ -482,146 +438,113 @@ def _open_ring(ring: Array) -> Array:
     return ring[:-1] if len(ring) > 3 and np.array_equal(ring[0], ring[-1]) else ring
 
 
-# Formats --------------------------------------------------------------------------------------------------------
+# -- Formats -------------------------------------------------------------------------------------------------
 
 
-def _texts(properties: Mapping[str, Any]) -> dict[str, str]:
-    """Properties as texts, without the empty ones."""
-    return {str(key): printable(str(one)) for key, one in properties.items() if one not in (None, "")}
+def _feature(properties: Mapping[str, Any], *geometries: Any, path: Path, is_no_go: bool = False) -> _Feature:
+    """A feature with geometries as GeoJSON has them; heights are left out.
 
-
-def _corners(vertices: Any, path: Path) -> Array:
-    """Corners of a ring or line; heights are left out.
-
-    :raises InputError: if they are not numbers
+    :raises InputError: if a corner is not two numbers
     """
+    texts = {str(key): printable(str(one)) for key, one in properties.items() if one not in (None, "")}
+    feature, todo = _Feature(texts, is_no_go=is_no_go), list(geometries)
     try:
-        ring = np.array([[float(number) for number in vertex[:2]] for vertex in vertices], float)
-        if ring.ndim != 2 or ring.shape[1] != 2 or not np.isfinite(ring).all():
-            raise ValueError
-    except (TypeError, ValueError, KeyError, OverflowError):
-        raise InputError(
-            f"has a corner that is not two numbers: {vertices!s:.80}", "export the border again", path
-        ) from None
+        while todo:
+            geometry = todo.pop(0) or {}
+            kind, coordinates = str(geometry.get("type")), geometry.get("coordinates") or ()
+            todo += geometry.get("geometries") or ()
+            several = coordinates if kind.startswith("Multi") else [coordinates]
+            if kind.endswith("Polygon"):
+                feature.polygons += [[_open_ring(_corners(ring)) for ring in rings] for rings in several if rings]
+            elif kind.endswith(("LineString", "LinearRing")):
+                feature.lines += [_corners(line) for line in several if len(line)]
+            elif kind.endswith("Point"):
+                feature.points += len(several)
+    except (TypeError, ValueError, KeyError, OverflowError, AttributeError) as error:
+        what = f"has a corner that is not two numbers: {error!s:.80}"
+        raise InputError(what, "export the border again", path) from None
+    return feature
+
+
+def _corners(vertices: Any) -> Array:
+    ring = np.array([[float(number) for number in vertex[:2]] for vertex in vertices], float)
+    if ring.ndim != 2 or ring.shape[1] != 2 or not np.isfinite(ring).all():
+        raise ValueError(f"{vertices}")
     return ring
 
 
 def _geojson(source: BorderSource) -> _Content:
     path = source.path
     try:
-        content = read_json(read_limited(path, "check its path in the field file").decode("utf-8-sig"))
+        content = read_json(read_limited(path).decode("utf-8-sig"))
     except ValueError as error:
         raise InputError(f"is not valid JSON: {error}", "export the border again as GeoJSON", path) from None
-    kind = content.get("type") if isinstance(content, dict) else None
-    if isinstance(content, dict) and "type" not in content and (found := content.get("values", [content])):
-        deere = [one for one in found if isinstance(one, dict) and "multipolygons" in one]
-        if deere:
-            return _Content([_deere(one, path) for one in deere], WGS84)
-    if kind == "Topology" or (isinstance(content, dict) and "spatialReference" in content):
-        name = "TopoJSON" if kind == "Topology" else "Esri JSON"
-        raise InputError(f"is {name}, not GeoJSON", "export the border as GeoJSON", path)
-    features: list[_Feature] = []
-    systems: list[str] = []  # of the file, or of its features or shapes, as databases write them
-
-    def collect(node: Any, feature: _Feature | None) -> None:
+    content = content if isinstance(content, dict) else {}
+    if content.get("type") == "Topology" or "spatialReference" in content or "values" in content:
+        raise InputError("is JSON of another kind, not GeoJSON", "export the border as GeoJSON", path)
+    nodes = content.get("features") if isinstance(content.get("features"), list) else [content]
+    features, systems = list[_Feature](), [_crs_of_geojson(content, path)]
+    for node in nodes if isinstance(nodes, list) else []:
         if not isinstance(node, dict):
-            return
-        kind, coordinates = node.get("type"), node.get("coordinates")
-        if crs := _crs_of_geojson(node, path):
-            systems.append(crs)
-        if kind == "Feature" or isinstance(node.get("geometry"), dict):
-            properties = node.get("properties")
-            texts = {**properties} if isinstance(properties, dict) else {}
-            if isinstance(node.get("id"), str | int):
-                texts.setdefault("id", node["id"])
-            feature = _Feature(_texts(texts))
-            features.append(feature)
-            collect(node.get("geometry"), feature)
-            return
-        for key in ("features", "geometries"):
-            children = node.get(key)
-            for child in children if isinstance(children, list) else []:
-                collect(child, feature if key == "geometries" else None)
-        if not isinstance(coordinates, list):
-            return
-        if feature is None:
-            feature = _Feature()
-            features.append(feature)
-        several = coordinates if str(kind).startswith("Multi") else [coordinates]
-        if kind in ("Polygon", "MultiPolygon"):
-            for rings in several:
-                corners = [_open_ring(_corners(ring, path)) for ring in rings]
-                feature.polygons += [corners] if corners else []
-        elif kind in ("LineString", "MultiLineString"):
-            feature.lines += [_corners(line, path) for line in several]
-        elif kind in ("Point", "MultiPoint"):
-            feature.points += len(several)
-
-    collect(content, None)
+            continue
+        is_feature = node.get("type") == "Feature" or isinstance(node.get("geometry"), dict)
+        geometry = node.get("geometry") if is_feature else node
+        systems += [_crs_of_geojson(one, path) for one in (node, geometry)]  # as databases write them
+        properties = node.get("properties") if isinstance(node.get("properties"), dict) else {}
+        known = {"id": node["id"]} if isinstance(node.get("id"), str | int) else {}
+        features.append(_feature({**known, **(properties or {})}, geometry, path=path))
+    systems = [name for name in systems if name]
     if other := [name for name in systems[1:] if not _same_crs(name, systems[0])]:
         raise InputError(f"names two reference systems, {systems[0]} and {other[0]}", "export it in WGS-84", path)
     return _Content(features, next(iter(systems), ""))
 
 
-def _deere(boundary: Mapping[str, Any], path: Path) -> _Feature:
-    """A boundary as the John Deere Operations Center returns it: rings of points with lat and lon."""
-    feature = _Feature(_texts({"name": boundary.get("name"), "id": boundary.get("id")}))
-    try:
-        for polygon in boundary["multipolygons"]:
-            rings = sorted(polygon["rings"], key=lambda ring: ring.get("type") != "exterior")
-            points = [[(point["lon"], point["lat"]) for point in ring["points"]] for ring in rings]
-            feature.polygons.append([_open_ring(_corners(corners, path)) for corners in points])
-    except (TypeError, KeyError, AttributeError):
-        raise InputError("has a boundary without rings of points", "export the border as GeoJSON", path) from None
-    return feature
-
-
-def _crs_of_geojson(content: Any, path: Path) -> str:
-    crs = content.get("crs") if isinstance(content, dict) else None
-    if not crs:
-        return ""
+def _crs_of_geojson(node: Any, path: Path) -> str:
+    crs = node.get("crs") if isinstance(node, dict) else None
     properties = crs.get("properties") if isinstance(crs, dict) else None
-    found = None
-    if isinstance(properties, dict):
-        found = properties.get("name") or properties.get("code")
-    if not isinstance(found, str | int):
-        raise InputError(
-            f"names its reference system in a way that is not read: {crs!s:.80}", "export it in WGS-84", path
-        )
-    return f"EPSG:{found}" if str(found).isdecimal() else str(found)
+    found = (properties.get("name") or properties.get("code")) if isinstance(properties, dict) else None
+    if crs and not isinstance(found, str | int):
+        what = f"names its reference system in a way that is not read: {crs!s:.80}"
+        raise InputError(what, "export it in WGS-84", path)
+    return f"EPSG:{found}" if str(found).isdecimal() else str(found or "")
 
 
-def _xml(path: Path, data: bytes | None = None) -> ElementTree.Element:
-    text = read_limited(path, "check its path in the field file") if data is None else data
+def _xml(path: Path) -> ElementTree.Element:
+    text = read_limited(path)
     if b"<!DOCTYPE" in text[:4096] or b"<!ENTITY" in text:
         raise InputError("is XML with definitions of its own", "export the border again", path)
     try:
         root = ElementTree.fromstring(text)
-    except (ValueError, LookupError) as error:  # an encoding that the parser does not know
-        raise InputError(f"cannot be read as XML: {error}", "save it as UTF-8", path) from None
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the last: an unknown encoding
+        raise InputError(f"is not valid XML: {error}", "export the border again, in UTF-8", path) from None
     for element in root.iter():
         element.tag = str(element.tag).rpartition("}")[2]
     return root
 
 
-def _kml(source: BorderSource, data: bytes | None = None) -> _Content:
-    path = source.path
+def _polygon(rings: Iterable[Any]) -> dict[str, Any]:
+    return {"type": "Polygon", "coordinates": [ring for ring in rings if len(ring)]}
 
-    def ring(element: ElementTree.Element | None) -> Array:
+
+def _line(corners: Any) -> dict[str, Any]:
+    return {"type": "LineString", "coordinates": corners}
+
+
+def _kml(source: BorderSource) -> _Content:
+    def ring(element: ElementTree.Element | None) -> list[list[str]]:
         text = element.findtext(".//coordinates", "") if element is not None else ""
         text = re.sub(r"\s*,\s*", ",", text)  # people write a space after the comma
-        return _corners([corner.split(",") for corner in text.split()], path)
+        return [corner.split(",") for corner in text.split()]
 
     features = []
-    for placemark in _xml(path, data).iter("Placemark"):
-        name = (placemark.findtext("name") or "").strip()
-        feature = _Feature({"name": printable(name)} if name else {})
-        for polygon in placemark.iter("Polygon"):
-            rings = [polygon.find("outerBoundaryIs"), *polygon.iter("innerBoundaryIs")]
-            feature.polygons.append([_open_ring(ring(one)) for one in rings])
-        feature.lines += [ring(line) for line in placemark.iter("LineString")]
-        feature.points = len(list(placemark.iter("Point")))
-        features.append(feature)
+    for mark in _xml(source.path).iter("Placemark"):
+        parts = [
+            _polygon(map(ring, [polygon.find("outerBoundaryIs"), *polygon.iter("innerBoundaryIs")]))
+            for polygon in mark.iter("Polygon")
+        ]
+        parts += [_line(ring(line)) for line in mark.iter("LineString")]
+        parts += [{"type": "Point"} for _ in mark.iter("Point")]
+        features.append(_feature({"name": mark.findtext("name", "").strip()}, *parts, path=source.path))
     return _Content(features, WGS84)
 
 
@@ -629,115 +552,50 @@ def _gpx(source: BorderSource) -> _Content:
     features, root = [], _xml(source.path)
     for kind, part, point in (("trk", "trkseg", "trkpt"), ("rte", ".", "rtept")):
         for track in root.iter(kind):
-            name = (track.findtext("name") or "").strip()
-            feature = _Feature({"name": printable(name)} if name else {})
-            for segment in track.findall(part):
-                feature.lines.append(_placed(segment.iter(point), "lon", "lat", source.path))
-            features.append(feature)
+            lines = [_line(_places(segment.iter(point), "lon", "lat")) for segment in track.findall(part)]
+            features.append(_feature({"name": track.findtext("name", "").strip()}, *lines, path=source.path))
     return _Content([*features, _Feature(points=len(list(root.iter("wpt"))))], WGS84)
 
 
-def _placed(elements: Iterable[ElementTree.Element], lon: str, lat: str, path: Path) -> Array:
-    corners = [(one.get(lon), one.get(lat)) for one in elements]
-    return _corners(corners, path) if corners else np.empty((0, 2))
-
-
-def _osm(source: BorderSource) -> _Content:
-    root = _xml(source.path)
-    nodes = {node.get("id"): node for node in root.iter("node")}
-    ways: dict[str, _Feature] = {}
-    for way in root.iter("way"):
-        corners = [nodes[one.get("ref")] for one in way.iter("nd") if one.get("ref") in nodes]
-        line = _placed(corners, "lon", "lat", source.path)
-        ways[way.get("id", "")] = _Feature(_tags(way), lines=[line])
-    areas = []
-    for relation in root.iter("relation"):  # borders and ponds of several ways
-        members = [(one.get("role"), one.get("ref", "")) for one in relation.iter("member")]
-        parts = [(role, ref, line) for role, ref in members if ref in ways for line in ways[ref].lines]
-        rings = _joined([line for role, _, line in parts if role != "inner"])
-        if rings:
-            holes = _joined([line for role, _, line in parts if role == "inner"])
-            areas.append(_Feature(_tags(relation), [[ring] for ring in rings]))
-            areas += [_Feature({"name": "hole"}, [[hole]], is_no_go=True) for hole in holes]
-            for _, ref, _ in parts:
-                ways[ref].lines = []
-    return _Content([*areas, *(way for way in ways.values() if way.lines)], WGS84)
-
-
-def _tags(element: ElementTree.Element) -> dict[str, str]:
-    tags = {tag.get("k", ""): printable(tag.get("v", "")) for tag in element.iter("tag")}
-    return {"id": element.get("id", ""), **tags}
-
-
-def _joined(lines: Sequence[Array]) -> list[Array]:
-    """Rings that lines make together, such as the ways of a relation."""
-    import shapely
-
-    joined = shapely.line_merge(shapely.MultiLineString([line for line in lines if len(line) > 1]))
-    rings = [shapely.get_coordinates(part) for part in shapely.get_parts(joined) if part.is_closed]
-    return [_open_ring(ring) for ring in rings]
+def _places(elements: Iterable[ElementTree.Element], lon: str, lat: str) -> list[tuple[str | None, str | None]]:
+    return [(one.get(lon), one.get(lat)) for one in elements]
 
 
 def _isoxml(source: BorderSource) -> _Content:
     """Fields of a task controller (ISO 11783-10): partfields with their borders, and obstacles in them."""
     root, path = _xml(source.path), source.path
-    if root.tag in ("osm", "kml"):
-        return _osm(source) if root.tag == "osm" else _kml(source)
+    if root.tag == "kml":
+        return _kml(source)
     if root.tag != "ISO11783_TaskData" and root.find(".//PFD") is None:
-        what = (
-            f"is XML with <{root.tag:.40}>, neither a task file (ISO 11783) nor of OpenStreetMap or Google Earth"
-        )
+        what = f"is XML with <{root.tag:.40}>, neither a task file (ISO 11783) nor of Google Earth"
         raise InputError(what, "convert it to GeoJSON in a GIS", path)
     features = []
     for partfield in root.iter("PFD"):
-        name = printable(partfield.get("C", ""))
-        border = _Feature({"name": name, "id": partfield.get("A", "")})
-        features.append(border)
+        border, name = list[dict[str, Any]](), partfield.get("C", "")
         for polygon in partfield.findall("PLN"):
-            kind = polygon.get("A", "")
-            rings = [
-                _open_ring(_placed(line.iter("PNT"), "D", "C", path))
-                for line in sorted(polygon.findall("LSG"), key=lambda one: one.get("A", "") != "1")
-            ]
-            rings = [ring for ring in rings if len(ring)]
-            if kind == "1" and rings:
-                border.polygons.append(rings)
-            elif kind in _NO_GO_OF_ISOXML and rings:
-                about = polygon.get("B") or _NO_GO_OF_ISOXML[kind]
-                features.append(_Feature({"name": printable(f"{name} {about}")}, [rings], is_no_go=True))
+            lines = sorted(polygon.findall("LSG"), key=lambda one: one.get("A", "") != "1")
+            shape, kind = _polygon(_places(one.iter("PNT"), "D", "C") for one in lines), polygon.get("A", "")
+            if kind == "1":
+                border.append(shape)
+            elif kind in _NO_GO_OF_ISOXML:
+                about = {"name": f"{name} {polygon.get('B') or _NO_GO_OF_ISOXML[kind]}"}
+                features.append(_feature(about, shape, path=path, is_no_go=True))
+        features.append(_feature({"name": name, "id": partfield.get("A", "")}, *border, path=path))
     return _Content(features, WGS84)
 
 
 def _wkt(source: BorderSource) -> _Content:
     import shapely
 
-    text = read_limited(source.path, "check its path in the field file").decode("utf-8", "replace").strip()
+    text = read_limited(source.path).decode("utf-8", "replace").strip()
     found = re.match(r"SRID\s*=\s*(\d+)\s*;", text, re.IGNORECASE)
     try:
         with np.errstate(over="ignore"):  # numbers beyond the largest are refused with their place
             shape = shapely.from_wkt(text[found.end() :] if found else text)
     except shapely.errors.ShapelyError as error:
         raise InputError(f"is not valid WKT: {error!s:.200}", "write it as POLYGON ((...))", source.path) from None
-    return _Content([_of_shape(shape, {})], f"EPSG:{found[1]}" if found else "")
-
-
-def _of_shape(shape: BaseGeometry | None, properties: dict[str, str]) -> _Feature:
-    import shapely
-
-    feature = _Feature(properties)
-    parts = [] if shape is None else list(shapely.get_parts(shape))
-    while parts:
-        part = parts.pop(0)
-        if part.geom_type == "Polygon" and not part.is_empty:
-            rings = [part.exterior, *part.interiors]
-            feature.polygons.append([_open_ring(shapely.get_coordinates(ring)) for ring in rings])
-        elif part.geom_type in ("LineString", "LinearRing"):
-            feature.lines.append(shapely.get_coordinates(part))
-        elif part.geom_type == "Point":
-            feature.points += 1
-        elif shapely.get_num_geometries(part) and part.geom_type.startswith(("Multi", "Geometry")):
-            parts += list(shapely.get_parts(part))
-    return feature
+    crs = f"EPSG:{found[1]}" if found else ""
+    return _Content([_feature({}, shapely.geometry.mapping(shape), path=source.path)], crs)
 
 
 def _vectors(source: BorderSource) -> _Content:
@@ -758,10 +616,13 @@ def _vectors(source: BorderSource) -> _Content:
         for layer in [source.layer] if source.layer else layers:
             about, _, geometries, columns = pyogrio.raw.read(path, layer=layer)
             shapes = shapely.from_wkb(geometries, on_invalid="ignore") if geometries is not None else []
-            names = about["fields"].tolist()
-            rows = zip(*(column.tolist() for column in columns), strict=True) if names else [()] * len(shapes)
+            rows = zip(*(column.tolist() for column in columns), strict=True) if columns else [()] * len(shapes)
             features = [
-                _of_shape(shape, _texts(dict(zip(names, row, strict=True))))
+                _feature(
+                    dict(zip(about["fields"].tolist(), row, strict=True)),
+                    None if shape is None or shape.is_empty else shapely.geometry.mapping(shape),
+                    path=path,
+                )
                 for shape, row in zip(shapes, rows, strict=True)
             ]
             contents[layer] = _Content(features, about["crs"] or "", needs_crs=about["crs"] is None)
@@ -786,15 +647,12 @@ def _zipped(source: BorderSource) -> _Content:
                 inside.write_bytes(archive.read(one))
             files = sorted(one for one in Path(folder).iterdir() if _is_border(one))
             if len(files) != 1:
-                found = (
-                    f"{len(files)} files with borders: {listing(one.name for one in files)}"
-                    if files
-                    else ("no file with a border")
-                )
+                several = f"{len(files)} files with borders: {listing(one.name for one in files)}"
+                found = several if files else "no file with a border"
                 raise InputError(f"holds {found}", "unpack it, and give the file with the border", path)
             inner = replace(source, path=files[0])
             try:
-                return _READERS.get(files[0].suffix.lower(), _vectors)(inner)
+                return _READERS[files[0].suffix.lower()](inner)
             except InputError as error:  # the archive has the fault, not its copy
                 raise InputError([replace(mistake, path=path) for mistake in error.mistakes]) from None
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError, OSError) as error:
@@ -809,13 +667,11 @@ def _is_border(file: Path) -> bool:
 
 
 _READERS: dict[str, Callable[[BorderSource], _Content]] = {
-    ".geojson": _geojson,
-    ".json": _geojson,
+    **dict.fromkeys(VECTORS, _vectors),
+    **dict.fromkeys((".geojson", ".json"), _geojson),
+    **dict.fromkeys((".zip", ".kmz"), _zipped),
     ".kml": _kml,
     ".gpx": _gpx,
-    ".osm": _osm,
     ".xml": _isoxml,
     ".wkt": _wkt,
-    ".zip": _zipped,
-    ".kmz": _zipped,
 }

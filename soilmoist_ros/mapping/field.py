@@ -251,7 +251,7 @@ def load_field(path: Path) -> Field:
     return Field(foreign_text(content.name), frame, polygon, tuple(no_go), content.cell_m, covariates, notes)
 
 
-_BORDER_ENDINGS = (".geojson", ".shp", ".gpkg", ".fgb", ".kml", ".kmz", ".gpx", ".wkt", ".osm", ".xml", ".zip")
+_BORDER_ENDINGS = (".geojson", ".shp", ".gpkg", ".fgb", ".kml", ".kmz", ".gpx", ".wkt", ".xml", ".zip")
 
 
 def _read_border(path: Path, section: BorderSection) -> Border:
