@@ -321,13 +321,9 @@ class _Covariate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         """
         if value == "none":
             return
-        from soilmoist_ros.mapping import CovariateSource
+        from soilmoist_ros.mapping import CovariateSource, require_covariates
 
-        source = CovariateSource.parse(value)
-        source.require_file()
-        from soilmoist_ros.mapping import require_covariates
-
-        require_covariates([source])
+        require_covariates([CovariateSource.parse(value)])
 
 
 def earlier_option(more: str = "") -> Callable[[Command], Command]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import heapq
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,6 @@ from soilmoist_ros.foundation import InputError, LocalFrame, did_you_mean, listi
 
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader
-    from shapely.geometry.base import BaseGeometry
 
 Array = NDArray[np.float64]
 
@@ -109,23 +108,11 @@ class RasterBands:
         from pyproj import CRS, Transformer
 
         to_source = Transformer.from_crs(frame.crs, CRS.from_wkt(self._source.crs.to_wkt()), always_xy=True)
-        east, north = to_source.transform([0.0, 100.0, 0.0], [0.0, 0.0, 100.0])
+        east, north = map(np.array, to_source.transform([0.0, 100.0, 0.0], [0.0, 0.0, 100.0]))
         grid = ~self._source.transform
-        east, north = np.array(east), np.array(north)
         pixels = np.array([grid.a * east + grid.b * north, grid.d * east + grid.e * north])
         moved = np.hypot(*(pixels[:, 1:] - pixels[:, :1]))  # by 100 m to the east, and to the north
         return float(100.0 / max(moved.min(), 1e-9)) if np.isfinite(moved).all() else math.inf
-
-    def outline(self, frame: LocalFrame) -> Array:
-        """Places along the raster in the plane of a field, shape (k, 2) [m]; none on the earth's other side."""
-        from pyproj import CRS, Transformer
-
-        there = Transformer.from_crs(CRS.from_wkt(self._source.crs.to_wkt()), frame.crs, always_xy=True)
-        shares = np.linspace(0.0, 1.0, 5)
-        columns, rows = np.meshgrid(shares * self._source.width, shares * self._source.height)
-        x, y = self._source.transform @ (columns.ravel(), rows.ravel())
-        corners = np.column_stack(there.transform(x, y))
-        return np.asarray(corners[np.isfinite(corners).all(axis=1)])
 
     def on(self, number: int, frame: LocalFrame, x_m: Array, y_m: Array) -> Array:
         """A band at square cells, NaN where it has no value, shape (ny, nx).
@@ -213,50 +200,51 @@ def read_polygons(path: Path, attribute: str, frame: LocalFrame, xy: Array) -> N
     :raises InputError: if the file cannot be read, has no such attribute, no polygon or no reference system
     """
     import shapely
+    from pyproj import CRS, Transformer
 
+    name = attribute_of(path, attribute)[0]
     with readable_vector(path):
-        shapes, values = _read(path, attribute, frame)
-    place, polygon = shapely.STRtree(shapes).query(shapely.points(xy), predicate="intersects")
+        about, _, geometries, (values,) = optional_module("pyogrio").raw.read(path, columns=[name])
+        shapes = shapely.from_wkb(geometries, on_invalid="ignore") if geometries is not None else np.array([])
+        there = Transformer.from_crs(CRS.from_user_input(about["crs"]), frame.crs, always_xy=True)
+        area = np.isin(shapely.get_type_id(shapes), (3, 6))  # polygons, alone or several
+        if not area.any():
+            raise InputError("has no polygons", "give the polygons of a soil map, or a raster", path)
+        moved = shapely.transform(shapes[area], lambda xy: np.column_stack(there.transform(xy[:, 0], xy[:, 1])))
+        tree = shapely.STRtree(shapely.make_valid(moved))
+    if values.dtype.kind == "f":
+        values = values.astype(float)
+    else:
+        values = np.array([None if one is None else str(one) for one in values.tolist()], object)
+    place, polygon = tree.query(shapely.points(xy), predicate="intersects")
     # Where polygons overlap, the first one of the file counts; the tree returns them in any order.
     order = np.lexsort((polygon, place))
     place, polygon = place[order], polygon[order]
     first, index = np.unique(place, return_index=True)
     found = np.full(len(xy), np.nan if values.dtype.kind == "f" else None, values.dtype)
-    found[first] = values[polygon[index]]
+    found[first] = values[area][polygon[index]]
     return found
 
 
-def attributes(path: Path) -> list[str]:
-    """Names of the attributes in a vector file.
+def attribute_of(path: Path, attribute: str) -> tuple[str, list[str]]:
+    """The attribute of a vector file that is meant, and all of them.
 
-    :raises InputError: if the file cannot be read
-    """
-    with readable_vector(path):
-        return list(map(str, optional_module("pyogrio").read_info(path)["fields"].tolist()))
-
-
-def outline_of_polygons(path: Path, frame: LocalFrame) -> Array:
-    """Corners of the box about all polygons, in the plane of a field, shape (k, 2) [m]."""
-    from pyproj import CRS, Transformer
-
-    with readable_vector(path):
-        about = optional_module("pyogrio").read_info(path, force_total_bounds=True)
-        _require_crs(path, about)
-        west, south, east, north = about["total_bounds"]
-        there = Transformer.from_crs(CRS.from_user_input(about["crs"]), frame.crs, always_xy=True)
-        corners = np.column_stack(there.transform([west, east, east, west], [south, south, north, north]))
-    return np.asarray(corners[np.isfinite(corners).all(axis=1)])
-
-
-def require_polygons(path: Path, attribute: str) -> None:
-    """Check a vector file before long work: that it can be opened, and has a reference system and the attribute.
-
-    :raises InputError: as :func:`read_polygons`
+    :raises InputError: if the file cannot be read or has no reference system, if there is no attribute of this
+        name, or none is given and there are several
     """
     with readable_vector(path):
         about = optional_module("pyogrio").read_info(path)
-    _require_crs(path, about)
-    _attribute(path, about["fields"].tolist(), attribute)
+    names = list(map(str, about["fields"].tolist()))
+    if about["crs"] is None:
+        raise InputError("has no coordinate reference system (CRS)", "export it again, with its CRS", path)
+    if not attribute and len(names) != 1:
+        remedy = "name one as band: FILE:ATTRIBUTE" if names else "give each polygon its class"
+        known = listing(names) or "none"
+        raise InputError(f"does not say which attribute is meant: it has {known}", remedy, path)
+    if attribute and attribute not in names:
+        remedy = f"use one of: {listing(names)}{did_you_mean(attribute, names)}"
+        raise InputError(f"has no attribute {attribute!r}", remedy, path)
+    return attribute or names[0], names
 
 
 @contextmanager
@@ -277,55 +265,7 @@ def readable_vector(path: Path, remedy: str = REMEDY) -> Iterator[None]:
             raise InputError("cannot be read as polygons: its content is something else", remedy, path)
         yield
     except (*errors, UnicodeDecodeError, UnboundLocalError) as error:  # the last: pyogrio, for a damaged .prj
-        reason = f"cannot be read as polygons: {error!s:.200}"
-        raise InputError(reason, remedy, path) from None
-
-
-def _require_crs(path: Path, about: Mapping[str, Any]) -> None:
-    if about["crs"] is None:
-        raise InputError("has no coordinate reference system (CRS)", "export it again, with its CRS", path)
-
-
-def _read(path: Path, attribute: str, frame: LocalFrame) -> tuple[list[BaseGeometry], NDArray[Any]]:
-    import shapely
-    from pyproj import CRS, Transformer
-
-    about, _, geometries, columns = optional_module("pyogrio").raw.read(path)
-    _require_crs(path, about)
-    values = _column(path, dict(zip(about["fields"].tolist(), columns, strict=True)), attribute)
-    there = Transformer.from_crs(CRS.from_user_input(about["crs"]), frame.crs, always_xy=True)
-
-    def moved(xy: Array) -> Array:
-        return np.column_stack(there.transform(xy[:, 0], xy[:, 1]))
-
-    shapes = shapely.from_wkb(geometries, on_invalid="ignore") if geometries is not None else np.array([])
-    area = np.isin(shapely.get_type_id(shapes), (3, 6))  # polygons, alone or several
-    if not area.any():
-        raise InputError("has no polygons", "give the polygons of a soil map, or a raster", path)
-    return [shapely.make_valid(shapely.transform(one, moved)) for one in shapes[area]], values[area]
-
-
-def _attribute(path: Path, names: Sequence[str], attribute: str) -> str:
-    """The attribute that is meant.
-
-    :raises InputError: if there is none of this name, or none is given and there are several
-    """
-    if not attribute and len(names) != 1:
-        known = listing(names) or "none"
-        remedy = "name one as band: FILE:ATTRIBUTE" if names else "give each polygon its class"
-        raise InputError(f"does not say which attribute is meant: it has {known}", remedy, path)
-    if attribute and attribute not in names:
-        remedy = f"use one of: {listing(names)}{did_you_mean(attribute, names)}"
-        raise InputError(f"has no attribute {attribute!r}", remedy, path)
-    return attribute or names[0]
-
-
-def _column(path: Path, columns: Mapping[str, NDArray[Any]], attribute: str) -> NDArray[Any]:
-    """Values of an attribute; whole numbers as texts."""
-    values = columns[_attribute(path, list(columns), attribute)]
-    if values.dtype.kind == "f":
-        return values.astype(float)
-    return np.array([None if one is None else str(one) for one in values.tolist()], object)
+        raise InputError(f"cannot be read as polygons: {error!s:.200}", remedy, path) from None
 
 
 def indicators(values: NDArray[Any], inside: NDArray[np.bool_]) -> dict[str, Array]:
@@ -336,18 +276,12 @@ def indicators(values: NDArray[Any], inside: NDArray[np.bool_]) -> dict[str, Arr
     :returns: class -> column, NaN where the class is unknown; empty if the field has a single class
     """
     known = np.array([one is not None for one in values], bool)
-    names, counts = np.unique(values[known & inside].astype(str), return_counts=True)
-    order = np.argsort(-counts, kind="stable")
-    names, counts = names[order], counts[order]
-    kept = [
-        str(name)
-        for number, (name, count) in enumerate(zip(names, counts, strict=True))
-        if number < MAX_CLASSES and count >= MIN_SHARE * counts.sum()
-    ]
-    pooled = len(names) > len(kept)
     texts = values.astype(str)
+    names, counts = np.unique(texts[known & inside], return_counts=True)
+    order = np.argsort(-counts, kind="stable")[:MAX_CLASSES]
+    kept = names[order[counts[order] >= MIN_SHARE * counts.sum()]].tolist()
     columns = {name: np.where(known, texts == name, np.nan) for name in kept[1:]}
-    if pooled:
+    if len(names) > len(kept):
         columns[OTHER] = np.where(known, ~np.isin(texts, kept), np.nan)
     return columns
 
@@ -360,31 +294,31 @@ Offset = tuple[int, int]
 def derivatives(elevation_m: Array, step_m: float) -> dict[str, Array]:
     """Everything that is derived from elevations, by its name.
 
-    * slope: tangent of the steepest slope [m/m], by the third-order finite differences of Horn (1981)
+    * slope: tangent of the steepest slope [m/m], by the third-order finite differences of Horn (1981), Proc. IEEE
+      69:14-47
     * northness, eastness: components of the unit normal of the surface, > 0 where it faces north or east [-]
     * curvature: minus twice (D + E) of Zevenbergen and Thorne (1987) [1/m], > 0 on crests, < 0 in hollows
-    * wetness: topographic wetness index ln(a / tan b) of Beven and Kirkby (1979) [ln m], see :func:`wetness`
+    * wetness: topographic wetness index ln(a / tan b) of Beven and Kirkby (1979) [ln m], a the upslope area per
+      metre of contour [m], tan b the slope, at least :data:`MIN_SLOPE`
 
     :param elevation_m: elevations, shape (ny, nx) [m]
     :param step_m: distance between neighbours, > 0 [m]
     """
-    around = _around(elevation_m)
-    # Horn, Proc. IEEE 69:14-47: weights 1, 2, 1
-    east = (around[1, 1] + 2 * around[0, 1] + around[-1, 1]) - (around[1, -1] + 2 * around[0, -1] + around[-1, -1])
-    north = (around[1, 1] + 2 * around[1, 0] + around[1, -1]) - (
-        around[-1, 1] + 2 * around[-1, 0] + around[-1, -1]
-    )
+    at = _around(elevation_m)
+    east = (at[1, 1] + 2 * at[0, 1] + at[-1, 1]) - (at[1, -1] + 2 * at[0, -1] + at[-1, -1])
+    north = (at[1, 1] + 2 * at[1, 0] + at[1, -1]) - (at[-1, 1] + 2 * at[-1, 0] + at[-1, -1])
     east, north = east / (8 * step_m), north / (8 * step_m)
     slope = np.hypot(east, north)
     length = np.sqrt(1 + slope**2)
-    laplacian = (around[0, 1] + around[0, -1] + around[1, 0] + around[-1, 0] - 4 * elevation_m) / step_m**2
+    laplacian = (at[0, 1] + at[0, -1] + at[1, 0] + at[-1, 0] - 4 * elevation_m) / step_m**2
+    area = upslope_area(filled_pits(elevation_m, step_m), step_m)
     return {
         "elevation": elevation_m,
         "slope": slope,
         "northness": -north / length,
         "eastness": -east / length,
         "curvature": -laplacian,
-        "wetness": wetness(elevation_m, slope, step_m),
+        "wetness": np.log(area / step_m / np.maximum(slope, MIN_SLOPE)),
     }
 
 
@@ -407,15 +341,6 @@ def _shifted(values: Array, offset: Offset, outside: float = np.nan) -> Array:
     row, column = offset
     rows, columns = values.shape
     return padded[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
-
-
-def wetness(elevation_m: Array, slope: Array, step_m: float) -> Array:
-    """Topographic wetness index ln(a / tan b), a the upslope area per metre of contour [m], b the slope.
-
-    :param slope: tangent of the slope, shape (ny, nx); at least :data:`MIN_SLOPE` is taken
-    """
-    area = upslope_area(filled_pits(elevation_m, step_m), step_m)
-    return np.log(area / step_m / np.maximum(slope, MIN_SLOPE))
 
 
 def filled_pits(elevation_m: Array, step_m: float) -> Array:

@@ -19,17 +19,15 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, Section, distance_text, floats, listing
+from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, Section, floats, listing
 from soilmoist_ros.mapping.covariate_files import (
     BEGINNINGS,
     RasterBands,
-    attributes,
+    attribute_of,
     derivatives,
     indicators,
     opened_raster,
-    outline_of_polygons,
     read_polygons,
-    require_polygons,
 )
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.samples import check_xy
@@ -77,30 +75,34 @@ class CovariateSource:
             file, band = text, ""
         return cls(folder / Path(file).expanduser(), band)
 
-    def require_file(self) -> None:
-        """Check that the file is there.
-
-        :raises InputError: if it is not
-        """
-        if not self.path.is_file():
-            raise InputError("there is no such file of covariates", "check its path", self.path)
-
     def unused_parts(self) -> str:
         """Bands or attributes of a file that are not used, in words; empty if all are.
 
-        :raises InputError: if the file cannot be read
+        :raises InputError: if the file cannot be read, or has no such band or attribute
         """
-        if _has_polygons(self):
-            names = attributes(self.path)
-            others = [name for name in names if name != (self.band or names[0])]
-            what = "attributes"
+        if not self.path.is_file():
+            raise InputError("there is no such file of covariates", "check its path", self.path)
+        if self.has_polygons:
+            used, names = attribute_of(self.path, self.band)
+            others, what = [name for name in names if name != used], "attributes"
         else:
             with opened_raster(self.path) as raster:
                 bands = RasterBands(self.path, raster)
-                _, used = _derived(self, bands)
-            others = [name or str(number) for number, name in enumerate(bands.names, start=1) if number != used]
-            what = "bands"
+                number = _derived(self, bands)[1]
+            labels = [name or str(each) for each, name in enumerate(bands.names, start=1)]
+            others, what = labels[: number - 1] + labels[number:], "bands"
         return f"{what} of {self.path.name} that are not used: {listing(others)}" if others else ""
+
+    @property
+    def has_polygons(self) -> bool:
+        """True if the file has polygons, by its ending.
+
+        :raises InputError: if something would be derived from them
+        """
+        found = self.path.suffix.lower() in BEGINNINGS
+        if found and self.derive:
+            raise InputError("has polygons: nothing is derived from them", "remove 'derive'", self.path)
+        return found
 
     @property
     def label(self) -> str:
@@ -276,11 +278,7 @@ def require_covariates(sources: Iterable[CovariateSource]) -> None:
     mistakes = list[Mistake]()
     for source in sources:
         try:
-            if _has_polygons(source):
-                require_polygons(source.path, source.band)
-            else:
-                with opened_raster(source.path) as raster:
-                    _derived(source, RasterBands(source.path, raster))
+            source.unused_parts()
         except InputError as error:
             mistakes += error.mistakes
     if mistakes:
@@ -317,12 +315,16 @@ def read_covariates(sources: Sequence[CovariateSource], frame: LocalFrame, grid:
 
 def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapping[str, Array]:
     """The checked rasters of a source by their names, shape (ny, nx) each."""
-    layers = (_of_polygons if _has_polygons(source) else _of_raster)(source, frame, grid)
+    source.unused_parts()
+    layers = (_of_polygons if source.has_polygons else _of_raster)(source, frame, grid)
     for name, values in layers.items():
         inside = values[grid.mask & np.isfinite(values)]
         if not len(inside):
-            where, remedy = _elsewhere(source, frame, grid)
-            raise InputError(f"has no value of {name!r} in the field{where}", remedy, source.path)
+            raise InputError(
+                f"has no value of {name!r} in the field",
+                "check that the file covers the field, and that its reference system (CRS) is right",
+                source.path,
+            )
         if inside.std() <= MIN_SPREAD * np.abs(inside).max():
             raise InputError(
                 f"has the same value of {name!r} everywhere in the field: it says nothing about differences",
@@ -330,37 +332,6 @@ def _layers(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> Mapp
                 source.path,
             )
     return layers
-
-
-def _elsewhere(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> tuple[str, str]:
-    """Distance of a file from the field, in words, and what to do."""
-    import shapely
-
-    remedy = "check that the file covers the field, and that its reference system (CRS) is right"
-    if _has_polygons(source):
-        corners = outline_of_polygons(source.path, frame)
-    else:
-        with opened_raster(source.path) as raster:
-            corners = RasterBands(source.path, raster).outline(frame)
-    if not len(corners):
-        return ": it lies on the other side of the earth", remedy
-    box = shapely.box(*grid.box[0], *grid.box[1])
-    distance_m = float(shapely.MultiPoint(corners).convex_hull.distance(box))
-    if distance_m == 0:
-        return ", which it covers with gaps only", "fill the gaps, or leave the file out"
-    return f": it lies {distance_text(distance_m)} away", remedy
-
-
-def _has_polygons(source: CovariateSource) -> bool:
-    """True if an existing file has polygons, by its ending.
-
-    :raises InputError: if there is no such file, or something would be derived from polygons
-    """
-    source.require_file()
-    found = source.path.suffix.lower() in BEGINNINGS
-    if found and source.derive:
-        raise InputError("has polygons: nothing is derived from them", "remove 'derive'", source.path)
-    return found
 
 
 def _derived(source: CovariateSource, bands: RasterBands) -> tuple[tuple[Derived, ...], int]:
@@ -382,12 +353,8 @@ def _of_polygons(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) ->
     inside = grid.mask.ravel()
     if all(one is None for one in values[inside]):
         return {source.label: np.full(grid.shape, np.nan)}
-    columns = indicators(values, inside)
-    if not columns:
-        raise InputError(
-            "has a single class in the field: it says nothing about differences", "leave it out", source.path
-        )
-    return {f"{source.label} {name}": column.reshape(grid.shape) for name, column in columns.items()}
+    columns = indicators(values, inside) or {"": np.zeros(len(values))}  # a single class
+    return {f"{source.label} {name}".strip(): column.reshape(grid.shape) for name, column in columns.items()}
 
 
 def _of_raster(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:
@@ -395,16 +362,13 @@ def _of_raster(source: CovariateSource, frame: LocalFrame, grid: FieldGrid) -> d
         bands = RasterBands(source.path, raster)
         derive, number = _derived(source, bands)
         if derive:
-            wanted = dict.fromkeys(name for one in derive for name in _parts(one))
+            aspect = ("northness", "eastness")
+            wanted = dict.fromkeys(name for one in derive for name in (aspect if one == "aspect" else (one,)))
             found = _terrain(bands, number, frame, grid)
             label = source.label.removesuffix(" elevation").removesuffix("elevation").strip()
             return {f"{label} {name}".strip(): found[name] for name in wanted}
         label = source.label if source.name or not source.band else f"{source.label} {source.band}"
         return {label: bands.on(number, frame, grid.x_m, grid.y_m)}
-
-
-def _parts(derived: str) -> tuple[str, ...]:
-    return ("northness", "eastness") if derived == "aspect" else (derived,)
 
 
 def _terrain(bands: RasterBands, number: int, frame: LocalFrame, grid: FieldGrid) -> dict[str, Array]:

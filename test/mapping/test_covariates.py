@@ -180,7 +180,7 @@ def test_where_polygons_overlap_the_first_one_of_the_file_counts(tmp_path):
     ):
         path.write_text(json.dumps({**content, "features": features}))
         if clay:
-            with pytest.raises(InputError, match="a single class"):
+            with pytest.raises(InputError, match="same value of 'map' everywhere"):
                 read(path)
         else:
             assert read(path).at([(5, 25)])[0] != read(path).at([(55, 25)])[0]
@@ -243,7 +243,6 @@ BAD = {
     "same value of 'a' everywhere": lambda tmp_path: write_raster(
         tmp_path / "a.tif", function=lambda x, y: 0 * x + 3
     ),
-    "single class": lambda tmp_path: soil_map(tmp_path / "a.geojson", ["sand", "sand"]),
     "has no attribute 'soul'": lambda tmp_path: f"{soil_map(tmp_path / 'a.geojson', ['sand', 'clay'])}:soul",
     "which attribute": lambda tmp_path: soil_map(tmp_path / "a.geojson", ["sand", "clay"], other="x"),
     "cannot be read as polygons": lambda tmp_path: Path(text_file(tmp_path)).rename(tmp_path / "a.gpkg"),
@@ -304,18 +303,13 @@ def test_the_virtual_files_are_ones_that_gdal_follows(tmp_path):
     assert len(pyogrio.raw.read(virtual_polygons(tmp_path / "a.geojson"))[2]) == 2
 
 
-OF_THE_FIELD = ("has no value of 'a' in the field", "same value of 'a' everywhere", "single class")
+OF_THE_FIELD = ("has no value of 'a' in the field", "same value of 'a' everywhere")
 
 
 @pytest.mark.parametrize("message", [message for message in BAD if message not in OF_THE_FIELD])
 def test_what_needs_no_field_is_found_before_the_work(tmp_path, message):
     with pytest.raises(InputError, match=message):
         require_covariates([CovariateSource.parse(str(BAD[message](tmp_path)))])
-
-
-def test_files_that_can_be_read_are_passed(tmp_path):
-    relief, soils = write_raster(tmp_path / "relief.tif"), soil_map(tmp_path / "a.geojson", ["sand", "clay"])
-    require_covariates([CovariateSource.parse(f"{relief}:slope"), CovariateSource.parse(str(soils))])
 
 
 def test_all_mistakes_are_named_and_so_are_double_names(tmp_path):
@@ -347,7 +341,7 @@ def test_a_file_called_elevation_says_it_once(tmp_path):
 @pytest.mark.parametrize("about", [(5000, 0), (2e6, 3e6)])
 def test_elevations_off_the_field_are_named(tmp_path, about):
     path = write_raster(tmp_path / "relief.tif", about=about)
-    with pytest.raises(InputError, match=r"no value of 'relief wetness' in the field: it lies [\d.,]+ k?m away"):
+    with pytest.raises(InputError, match=r"no value of 'relief wetness' in the field"):
         read(f"{path}:wetness")
 
 
