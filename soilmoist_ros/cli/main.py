@@ -71,7 +71,7 @@ EXAMPLES = {
     "watch": (
         "watch --field my_field.yaml",
         "watch --field my_field.yaml --robot robot_1 --robot robot_2",
-        "watch --field my_field.yaml --robot robot_1 --property salt --layouts out/viewers",
+        "watch --field my_field.yaml --robot robot_1 --property salt",
     ),
     "campaign": (
         "campaign paper --runs 1 --out out/paper",

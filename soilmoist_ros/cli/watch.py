@@ -7,12 +7,11 @@ from __future__ import annotations
 import importlib.util
 import os
 import time
-from pathlib import Path
 
 import click
 
-from soilmoist_ros.cli.answer import echo, json_lines, live_view, reporting_errors
-from soilmoist_ros.cli.options import FILE, Name
+from soilmoist_ros.cli.answer import json_lines, live_view, reporting_errors
+from soilmoist_ros.cli.options import Name
 from soilmoist_ros.foundation import InputError
 
 _POLL_S = 0.2
@@ -24,14 +23,10 @@ _POLL_S = 0.2
 )
 @click.option("--robot", "robots", multiple=True, help="Namespace of a robot, repeatable. Default: none.")
 @click.option("--property", "properties", multiple=True, help="Further property to show, repeatable.")
-@click.option("--layouts", type=FILE, metavar="DIR",
-              help="Write layouts of RViz, Foxglove and PlotJuggler for these robots, and end.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True,
               help="Print a JSON object a line for each change, once a second at most.")  # fmt: skip
 @reporting_errors
-def command(
-    field: str, robots: tuple[str, ...], properties: tuple[str, ...], layouts: Path | None, as_json: bool
-) -> None:
+def command(field: str, robots: tuple[str, ...], properties: tuple[str, ...], as_json: bool) -> None:
     """Watch a running survey in a terminal, until Ctrl-C: state, numbers, and the map as it grows.
 
     It listens on the ROS domain of the shell, and changes nothing.
@@ -42,14 +37,6 @@ def command(
 
     place = load_field(resource("fields", field))
     names = [name.strip("/") for name in robots] or [""]
-    if layouts is not None:
-        from soilmoist_ros.reporting import write_layouts
-
-        for name in names:
-            folder = layouts / name if len(names) > 1 else layouts
-            for path in write_layouts(place, name, properties, folder):
-                echo(f"wrote {path}", err=as_json)
-        return
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
     live = LiveMission(f" {place.name} ", [LiveMap(name) for name in ("", *properties)], names)

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.exports.source import ExportSettings as ExportSettings
     from soilmoist_ros.reporting.exports.source import RunSource as RunSource
     from soilmoist_ros.reporting.geotiff import write_geotiff as write_geotiff
-    from soilmoist_ros.reporting.layouts import write_layouts as write_layouts
     from soilmoist_ros.reporting.live_view import DRY_TO_WET as DRY_TO_WET
     from soilmoist_ros.reporting.live_view import LiveMap as LiveMap
     from soilmoist_ros.reporting.live_view import LiveMission as LiveMission
@@ -88,7 +87,6 @@ _open, __dir__, __all__ = open_door(
         "exports.registry": "EXPORTS Export export_kind export_run",
         "exports.source": "ExportSettings RunSource",
         "geotiff": "write_geotiff",
-        "layouts": "write_layouts",
         "live_view": "DRY_TO_WET LiveMap LiveMission LiveRobot render",
         "moisture_steps": "at_one_place moisture_of_all moisture_series",
         "opened_run": "OpenedRun open_run",

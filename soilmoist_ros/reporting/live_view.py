@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import printable
+from soilmoist_ros.reporting.colours import between
 from soilmoist_ros.reporting.page.numbers import duration, length
 
 if TYPE_CHECKING:
@@ -22,37 +23,17 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 DRY_TO_WET = np.array(
-    [
-        (253, 237, 196),
-        (222, 226, 150),
-        (152, 203, 129),
-        (72, 172, 147),
-        (29, 133, 158),
-        (26, 88, 147),
-        (34, 42, 107),
-    ],
+    [list(bytes.fromhex(text)) for text in ("fdedc4", "dee296", "98cb81", "48ac93", "1d859e", "1a5893", "222a6b")],
     float,
 )
 """Colours from dry to wet: light sand over green to deep blue, in even steps of lightness, shape (7, 3)."""
-_ROBOT, _TARGET, _SAMPLE = (230, 30, 60), (255, 140, 0), (20, 20, 20)
+_ROBOT, _TARGET, _SAMPLE = "#e61e3c", "#ff8c00", "#141414"
 _TEXTS = ("state", "reason", "target", "forecast", "ended")
 _NUMBERS = (
-    "target_x_m",
-    "target_y_m",
-    "planned_dwell_s",
-    "elapsed_dwell_s",
-    "time_used_s",
-    "time_left_s",
-    "distance_m",
-    "samples",
-    "raw_counts",
-    "failures",
-    "estimated_end_s",
-    "stamp_s",
-)
+    "target_x_m", "target_y_m", "planned_dwell_s", "elapsed_dwell_s", "time_used_s", "time_left_s", "distance_m",
+    "samples", "raw_counts", "failures", "estimated_end_s", "stamp_s",
+)  # fmt: skip
 _FLAGS = ("needs_operator", "silent", "emergency")
-WETTEST = 0.6
-"""Upper limit of plausible soil moisture [m^3/m^3]; early maps exceed it where the rate is uncertain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +45,21 @@ class LiveBand:
     extent: tuple[float, float, float, float]
     wet_is_high: bool = True
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Values of the first and last colour: quantiles, so that a few outliers have no effect."""
+        known = self.values[np.isfinite(self.values)]
+        return (float(np.quantile(known, 0.02)), float(np.quantile(known, 0.98))) if known.size else (0.0, 0.0)
+
+    def colours(self, shares: Array) -> list[str]:
+        """Colours of places on the scale from 0 to 1."""
+        shares = np.nan_to_num(shares if self.wet_is_high else 1 - shares)
+        return ["#" + bytes(colour).hex() for colour in between(DRY_TO_WET, shares)]
+
 
 @dataclass(frozen=True, eq=False)
 class LiveView:
-    """The content of the view; every part may be missing.
-
-    :param facts: short name -> text, one line each below the title
-    :param samples_xy: places of the samples, shape (n, 2) [m]
-    :param targets_xy: place of the current stop of each robot that has one [m]
-    """
+    """The content of the view; every part may be missing. ``facts`` have a line each below the title."""
 
     title: str
     facts: Mapping[str, str]
@@ -99,12 +86,13 @@ def render(view: LiveView, columns: int = 56, rows: int = 20) -> RenderableType:
         facts.add_row(Text(printable(name)), Text(printable(value)))  # as Text: rich would read brackets as markup
     parts: list[RenderableType] = [Text(printable(view.title), style="bold reverse"), facts]
     if not view.bands:
-        parts.append(Text("no map yet: it begins with the first samples", style="dim"))
-        return Group(*parts)
-    pictures = Table.grid(padding=(0, 1))
+        return Group(*parts, Text("no map yet: it begins with the first samples", style="dim"))
     width = max(1, (columns + 1) // len(view.bands) - 1 if len(view.bands) > 1 else columns)
+    pictures = Table.grid(padding=(0, 1))
     pictures.add_row(*(map_picture(view, band, width, max(1, rows)) for band in view.bands))
-    return Group(*parts, pictures, *map(scale, view.bands), legend())
+    names = ((_ROBOT, "robot"), (_TARGET, "target"), (_SAMPLE, "sample"))
+    legend = Text.assemble(*(part for colour, name in names for part in (("■", colour), f" {name}  ")))
+    return Group(*parts, pictures, *map(scale, view.bands), legend)
 
 
 def map_picture(view: LiveView, band: LiveBand, columns: int, rows: int) -> Text:
@@ -116,14 +104,11 @@ def map_picture(view: LiveView, band: LiveBand, columns: int, rows: int) -> Text
     for line in range(0, len(pixels), 2):
         if line:
             text.append("\n")
-        for upper, lower in zip(pixels[line], pixels[line + 1], strict=True):
-            above, below = (None if pixel[0] < 0 else _hex(pixel) for pixel in (upper, lower))
-            if above is None and below is None:
-                text.append(" ")
-            elif above is None:
-                text.append("▄", style=str(below))
+        for above, below in zip(pixels[line], pixels[line + 1], strict=True):
+            if above:
+                text.append("▀", style=f"{above} on {below}" if below else above)
             else:
-                text.append("▀", style=above if below is None else f"{above} on {below}")
+                text.append("▄" if below else " ", style=below)
     return text
 
 
@@ -131,27 +116,13 @@ def scale(band: LiveBand) -> Text:
     """Colour scale of a picture."""
     from rich.text import Text
 
-    low, high = _limits(band)
-    text = Text(f"{band.name} {low:.3g} ")
-    for share in np.linspace(0, 1, 16):
-        text.append("█", style=_hex(_colour(np.array([share if band.wet_is_high else 1 - share]))[0]))
-    text.append(f" {high:.3g}")
-    return text
+    low, high = band.limits
+    blocks = [("█", colour) for colour in band.colours(np.linspace(0, 1, 16))]
+    return Text.assemble(f"{band.name} {low:.3g} ", *blocks, f" {high:.3g}")
 
 
-def legend() -> Text:
-    """Legend of the markers."""
-    from rich.text import Text
-
-    text = Text()
-    for colour, name in ((_ROBOT, "robot"), (_TARGET, "target"), (_SAMPLE, "sample")):
-        text.append("■", style=_hex(colour))
-        text.append(f" {name}  ")
-    return text
-
-
-def _pixels(view: LiveView, band: LiveBand, columns: int, lines: int) -> Array:
-    """Colours of the picture, north first, shape (lines, columns, 3); -1 outside the field."""
+def _pixels(view: LiveView, band: LiveBand, columns: int, lines: int) -> list[list[str]]:
+    """Colours of the picture, north first; empty outside the field."""
     ny, nx = band.values.shape
     factor = max(nx / columns, ny / lines)
     width, height = max(1, round(nx / factor)), max(2, round(ny / factor))
@@ -159,42 +130,20 @@ def _pixels(view: LiveView, band: LiveBand, columns: int, lines: int) -> Array:
     row = np.minimum((np.arange(height) + 0.5) / height * ny, ny - 1).astype(int)[::-1]
     column = np.minimum((np.arange(width) + 0.5) / width * nx, nx - 1).astype(int)
     values = band.values[np.ix_(row, column)]
-    low, high = _limits(band)
-    share = np.clip((values - low) / (high - low), 0, 1) if high > low else np.where(np.isnan(values), np.nan, 0.5)
-    colours = _colour(share if band.wet_is_high else 1 - share)
+    low, high = band.limits
+    shares = np.clip((values - low) / (high - low), 0, 1) if high > low else np.full(values.shape, 0.5)
+    colours = np.array(band.colours(shares.ravel()), object).reshape(shares.shape)
+    colours[np.isnan(values)] = ""
     west, east, south, north = band.extent
-
-    def mark(places: Sequence[Sequence[float]] | Array, colour: tuple[int, int, int]) -> None:
-        for x, y in places:
-            if np.isfinite(x) and np.isfinite(y):
-                # A marker beyond the map is drawn at its edge, to show the direction.
-                i = min(max((north - y) / max(north - south, 1e-9), 0.0), 1.0) * height
-                j = min(max((x - west) / max(east - west, 1e-9), 0.0), 1.0) * width
-                colours[min(int(i), height - 1), min(int(j), width - 1)] = colour
-
-    mark(view.samples_xy, _SAMPLE)
-    mark(view.targets_xy, _TARGET)
-    mark(view.robots_xy, _ROBOT)
-    return colours
-
-
-def _limits(band: LiveBand) -> tuple[float, float]:
-    """Smallest and largest value of the colours: quantiles, so that a few outliers have no effect."""
-    known = band.values[np.isfinite(band.values)]
-    return (float(np.quantile(known, 0.02)), float(np.quantile(known, 0.98))) if known.size else (0.0, 0.0)
-
-
-def _colour(share: Array) -> Array:
-    place = np.nan_to_num(share, nan=0.0) * (len(DRY_TO_WET) - 1)
-    steps = np.arange(len(DRY_TO_WET))
-    found = np.stack([np.interp(place, steps, DRY_TO_WET[:, band]) for band in range(3)], axis=-1)
-    found[np.isnan(share)] = -1
+    marks = ((view.samples_xy, _SAMPLE), (view.targets_xy, _TARGET), (view.robots_xy, _ROBOT))
+    for x, y, colour in ((x, y, colour) for places, colour in marks for x, y in places):
+        if np.isfinite(x) and np.isfinite(y):
+            # A marker beyond the map is drawn at its edge, to show the direction.
+            i = min(max((north - y) / max(north - south, 1e-9), 0.0), 1.0) * height
+            j = min(max((x - west) / max(east - west, 1e-9), 0.0), 1.0) * width
+            colours[min(int(i), height - 1), min(int(j), width - 1)] = colour
+    found: list[list[str]] = colours.tolist()
     return found
-
-
-def _hex(colour: Array | tuple[int, int, int]) -> str:
-    red, green, blue = (int(part) for part in colour)
-    return f"#{red:02x}{green:02x}{blue:02x}"
 
 
 # Collects the messages of a running mission -----------------------------------------------------------------
@@ -250,23 +199,13 @@ class LiveMap:
 
 
 class LiveRobot:
-    """The latest messages of a robot.
-
-    :param namespace: its namespace; empty for none
-    """
+    """The latest messages of a robot. ``sensor_fault``: what is wrong with its records, empty if nothing is."""
 
     def __init__(self, namespace: str = "") -> None:
         self.namespace = namespace
         self.status: Mapping[str, str] = {}
         self.xy: tuple[float, float] | None = None
         self.sensor_fault = ""
-        """What is wrong with the records of its sensor; empty if nothing is."""
-
-    @property
-    def state(self) -> str:
-        """State and reason of its mission."""
-        status = self.status
-        return f"{status['state']}: {status['reason']}" if status else "waiting for the planner"
 
     @property
     def values(self) -> dict[str, Any]:
@@ -282,6 +221,17 @@ class LiveRobot:
             **{key: status[key] == "True" if key in status else None for key in _FLAGS},
             "sensor_fault": self.sensor_fault or None,
         }
+
+    def facts(self, status: Mapping[str, str]) -> dict[str, str]:
+        """Lines of the view: state, target of a single robot, forecast, fault of the sensor."""
+        name, state = self.namespace.replace("_", " "), "waiting for the planner"
+        found = {name or "state": f"{status['state']}: {status['reason']}" if status else state}
+        if status and status["target"] and not name:
+            planned_s, elapsed_s = (float(status[key]) for key in ("planned_dwell_s", "elapsed_dwell_s"))
+            of = f" of about {planned_s:.0f} s" if math.isfinite(planned_s) else ""
+            found["target"] = f"{status['target']}, counted {elapsed_s:.0f} s{of}"
+        more = {"forecast": status.get("forecast"), "sensor": self.sensor_fault}
+        return found | {f"{name} {key}".lstrip(): text for key, text in more.items() if text}
 
 
 class LiveMission:
@@ -317,56 +267,38 @@ class LiveMission:
     def view(self) -> LiveView:
         """The view now."""
         statuses, samples = [robot.status for robot in self.robots], self.samples_xy  # other threads replace them
+        bands = [band for one in self.maps if (band := one.band) is not None]
+        targets = [(float(one.get("target_x_m", "nan")), float(one.get("target_y_m", "nan"))) for one in statuses]
         return LiveView(
             self._title,
             self._facts(statuses, len(samples)),
-            [band for one in self.maps if (band := one.band) is not None],
-            samples_xy=samples,
-            robots_xy=[robot.xy for robot in self.robots if robot.xy is not None],
-            targets_xy=[target for status in statuses if (target := _target(status)) is not None],
+            bands,
+            samples,
+            [robot.xy for robot in self.robots if robot.xy is not None],
+            [place for place in targets if all(map(math.isfinite, place))],
         )
 
     def _facts(self, statuses: Sequence[Mapping[str, str]], n_samples: int) -> dict[str, str]:
-        facts = {}
+        facts: dict[str, str] = {}
         for robot, status in zip(self.robots, statuses, strict=True):
-            several = robot.namespace.replace("_", " ")
-            facts[several or "state"] = robot.state
-            if status and status["target"] and not several:
-                facts["target"] = _counted(status)
-            if status and status.get("forecast"):
-                facts[f"{several} forecast".lstrip()] = status["forecast"]
-            if robot.sensor_fault:
-                facts[f"{several} sensor".lstrip()] = robot.sensor_fault
+            facts |= robot.facts(status)
         if self.clock_waits_for:
             facts["clock"] = f"waits for {self.clock_waits_for}"
         if self.rain:
             facts["weather"] = self.rain
-        known = [status for status in statuses if status]
-        if not known:
+        if not (known := [status for status in statuses if status]):
             return facts
-        used_s, left_s, driven_m = (
-            [float(status[key]) for status in known] for key in ("time_used_s", "time_left_s", "distance_m")
+        used_s, left_s, driven_m, stops = (
+            [float(status[key]) for status in known]
+            for key in ("time_used_s", "time_left_s", "distance_m", "samples")
         )
         value, unit = length(sum(driven_m))
         facts["mission"] = f"{duration(max(used_s))} used, {duration(max(left_s))} left; {value} {unit} driven"
-        stops = sum(int(status["samples"]) for status in known)
-        facts["map"] = f"{stops} stops, {n_samples} samples with those on the way"
+        facts["map"] = f"{sum(stops):.0f} stops, {n_samples} samples with those on the way"
         errors = [f"{one.name} {mse:.4f}".lstrip() for one in self.maps if math.isfinite(mse := one.mse)]
         if errors:
             facts["map"] += f"; mean squared error {', '.join(errors)} (counts/s)²"
         return facts
-
-
-def _counted(status: Mapping[str, str]) -> str:
-    """Progress of the measurement at the target."""
-    planned_s, elapsed_s = (float(status[key]) for key in ("planned_dwell_s", "elapsed_dwell_s"))
-    of = f" of about {planned_s:.0f} s" if math.isfinite(planned_s) else ""
-    return f"{status['target']}, counted {elapsed_s:.0f} s{of}"
-
-
-def _target(status: Mapping[str, str]) -> tuple[float, float] | None:
-    x_m, y_m = (float(status.get(key, "nan")) for key in ("target_x_m", "target_y_m"))
-    return (x_m, y_m) if math.isfinite(x_m) and math.isfinite(y_m) else None
 
 
 def _inside(cells: NDArray[np.void]) -> NDArray[np.bool_]:

@@ -20,6 +20,8 @@ Variable = tuple[Any, tuple[str, ...], Mapping[str, Any]]
 
 FILL = np.float32(9.96921e36)
 """Value of cells outside the field: the default of NetCDF."""
+UNITS = {"m3/m3": "1", "counts/s": "s-1"}
+"""Units of NetCDF for those of GeoTIFFs."""
 CLOCK = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "standard"}
 """Attributes of a time."""
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -27,10 +28,12 @@ from soilmoist_ros.reporting.colours import (
     robust_range,
 )
 from soilmoist_ros.reporting.geometry import map_extent, rings
-from soilmoist_ros.reporting.moisture_steps import at_one_place, interrupted, moisture_series
-from soilmoist_ros.reporting.page.variogram_charts import mean_spread, model_curve, sample_variogram
+from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
+from soilmoist_ros.reporting.page.charts import Area, Chart, Line, moisture_chart, rate_chart
+from soilmoist_ros.reporting.page.sections import course_charts
+from soilmoist_ros.reporting.page.variogram_charts import variogram_charts
 from soilmoist_ros.reporting.season import Season
-from soilmoist_ros.simulation import MissionResult
+from soilmoist_ros.reporting.season_outputs import mean_chart
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,9 +49,19 @@ COLUMN_IN, TEXT_IN = 84 / 25.4, 174 / 25.4
 """Width of a column and of the text of a journal page [in]: 84 and 174 mm."""
 SIZE: Final = 8.0
 """Size of the text [pt]."""
+WIDE_NAME = 25
+"""Letters of a name in a key up to which two stand side by side."""
 MAPS_ACROSS = 4
 """Maps of a season side by side."""
-DAY_S = 86_400.0
+COLOURS: Final = {
+    "line": BLUE,
+    "orange": ORANGE,
+    "ink": INK,
+    "soft": SOFT,
+    "purple": "#7a3f7a",
+    "green": "#00704f",
+}
+"""Colours of the marks of a chart."""
 MOISTURE, RATE_TITLE = "Soil moisture [m³/m³]", "Neutron rate [counts/s]"
 MOISTURE_SD, RATE_SD = "Standard deviation [m³/m³]", "Standard deviation [counts/s]"
 EAST, NORTH = "East [m]", "North [m]"
@@ -96,21 +109,50 @@ def run_figures(run: MapRun) -> Iterator[tuple[str, Figure]]:
     :raises InputError: without matplotlib
     """
     if at_one_place(run):
-        yield "moisture", _moisture_figure(run)
+        series = moisture_chart(moisture_series(run.track, run.soil_map.curve)) if run.calibrated else None
+        yield "moisture", _chart_figure(series or rate_chart(run.track))
         return
     for number, one in enumerate(run.properties):
         end = f"_{one.name}" if number else ""
         soil_map = one.soil_map
-        vwc = one.calibrated
-        values = (soil_map.vwc, soil_map.vwc_sd) if vwc else (soil_map.rate, soil_map.rate_sd)
         guessed = f", {ILLUSTRATIVE}]" if calibration_of(one) == ILLUSTRATIVE else "]"
-        titles = (MOISTURE.replace("]", guessed), MOISTURE_SD) if vwc else (RATE_TITLE, RATE_SD)
-        yield f"map{end}", _raster_figure(one, values[0], titles[0], WATER if vwc else RATE)
-        yield f"sd{end}", _raster_figure(one, values[1], titles[1], UNCERTAIN)
-        yield from _variogram_figure(one, end)
+        if one.calibrated:
+            yield f"map{end}", _raster_figure(one, soil_map.vwc, MOISTURE.replace("]", guessed), WATER)
+            yield f"sd{end}", _raster_figure(one, soil_map.vwc_sd, MOISTURE_SD, UNCERTAIN)
+        else:
+            yield f"map{end}", _raster_figure(one, soil_map.rate, RATE_TITLE, RATE)
+            yield f"sd{end}", _raster_figure(one, soil_map.rate_sd, RATE_SD, UNCERTAIN)
+        for chart, _ in variogram_charts(one):
+            yield f"{chart.key.replace('-', '_')}{end}", _chart_figure(chart)
     yield "track", _track_figure(run)
-    if run.mission is not None and any(np.isfinite(row.mse) for row in run.mission.series):
-        yield "errors", _errors_figure(run.mission)
+    if run.mission is not None:
+        for chart in course_charts(run.mission.series, bool(np.isfinite(run.mission.truth_rate).any())):
+            yield chart.key.replace("-", "_"), _chart_figure(chart)
+
+
+def _chart_figure(chart: Chart) -> Figure:
+    """A chart of the report, drawn by matplotlib."""
+    figure, axes = _column_figure(0.75)
+    for mark in chart.marks:
+        colour, x = COLOURS[mark.colour], np.asarray(mark.x, float)
+        look: dict[str, Any] = {"color": colour, "label": mark.name or None}
+        if isinstance(mark, Line):
+            axes.plot(x, mark.y, linestyle="--" if mark.dashed else "-", linewidth=mark.width_px / 2, **look)
+        elif isinstance(mark, Area):
+            axes.fill_between(x, mark.low, mark.high, alpha=0.22, linewidth=0, **look)
+        else:
+            axes.scatter(x, mark.y, s=(0.6 * np.asarray(mark.size_px, float)) ** 2, linewidths=0, zorder=3, **look)
+            if mark.error is not None:
+                axes.errorbar(x, mark.y, mark.error, fmt="none", ecolor=FAINT, elinewidth=0.8)
+    axes.set(xlim=chart.x, ylim=chart.y)
+    for axis, ticks in ((axes.xaxis, chart.x_ticks), (axes.yaxis, chart.y_ticks)):
+        if ticks is not None:
+            inside = [one for one in ticks if axis.get_view_interval()[0] <= one[0] <= axis.get_view_interval()[1]]
+            axis.set_ticks([value for value, _ in inside], [text for _, text in inside])
+    _caption(axes, chart.x_label, textwrap.fill(chart.y_label, 36))
+    if chart.names:
+        _key(axes)
+    return figure
 
 
 def _raster_figure(run: MapRun, values: Array, title: str, colours: str) -> Figure:
@@ -147,67 +189,6 @@ def _track_figure(run: MapRun) -> Figure:
     return figure
 
 
-def _variogram_figure(run: MapRun, end: str) -> Iterator[tuple[str, Figure]]:
-    """Semivariance of the samples, the interval that they should lie in, and the model."""
-    soil_map = run.soil_map
-    found = sample_variogram(soil_map)
-    for number, classes in enumerate(found):
-        figure, axes = _column_figure(0.75)
-        h = np.linspace(1e-4, 1.04 * float(classes.lag_m.max()), 150)
-        used = model_curve(soil_map.variogram, h, classes.angle_deg, mean_spread(soil_map))
-        name = "9 in 10 under the model"
-        axes.fill_between(classes.lag_m, classes.low, classes.high, color=FAINT, linewidth=0, label=name)
-        axes.plot(h, used, color=BLUE, linewidth=1.2, label=f"model ({soil_map.variogram.model})")
-        size = 10 + 20 * np.sqrt(classes.pairs / max(classes.pairs.max(), 1))
-        axes.scatter(classes.lag_m, classes.gamma, s=size, color=INK, linewidths=0, label="samples", zorder=3)
-        _caption(axes, "Distance [m]", "Semivariance [(counts/s)²]")
-        axes.set_xlim(0, h[-1])
-        axes.set_ylim(bottom=min(0.0, 1.1 * float(classes.gamma.min())))
-        _key(axes)
-        yield f"variogram{end}{f'_{number + 1}' if number else ''}", figure
-
-
-def _errors_figure(mission: MissionResult) -> Figure:
-    """Error of the map, and coverage of its intervals, against time; where the truth is known."""
-    rows = [row for row in mission.series if np.isfinite(row.mse)]
-    hours = np.array([row.time_s / 3600 for row in rows])
-    figure, axes = _column_figure(0.75)
-    root = np.sqrt([row.mse for row in rows])
-    axes.step(hours, root, where="post", color=BLUE, linewidth=1.2)
-    axes.set_ylim(bottom=0)
-    _caption(axes, "Mission time [h]", "Root mean squared error [counts/s]")
-    axes.yaxis.label.set_color(BLUE)
-    other = axes.twinx()
-    other.step(hours, [100 * row.coverage95 for row in rows], where="post", color=ORANGE, linewidth=1.0)
-    other.axhline(95, color=ORANGE, linewidth=0.6, linestyle=":")
-    other.set_ylim(0, 102)
-    other.set_ylabel("Coverage of the 95 % interval [%]", fontsize=SIZE, color=ORANGE)
-    other.tick_params(labelsize=SIZE - 1, colors=SOFT, labelcolor=INK, length=3)
-    other.spines[["top", "left", "bottom"]].set_visible(False)
-    other.spines["right"].set_color(SOFT)
-    return figure
-
-
-def _moisture_figure(run: MapRun) -> Figure:
-    """Moisture, or rate, at one place over time."""
-    series = moisture_series(run.track, run.soil_map.curve)
-    bands = series.bands
-    time_s, low, vwc, high, rate = interrupted(
-        series.begin_s, 1.5 * series.step_s, bands.vwc_p05, bands.vwc, bands.vwc_p95, bands.rate
-    )
-    days = (time_s + series.step_s / 2 - time_s[0]) / DAY_S
-    figure, axes = _column_figure(0.6)
-    if run.calibrated:
-        axes.fill_between(days, low, high, color=FAINT, linewidth=0, label="90 %")
-        axes.plot(days, vwc, color=BLUE, linewidth=1.0, label="soil moisture")
-        _caption(axes, "Time [d]", MOISTURE)
-        _key(axes)
-    else:
-        axes.plot(days, rate, color=BLUE, linewidth=1.0)
-        _caption(axes, "Time [d]", RATE_TITLE)
-    return figure
-
-
 def _boundary(run: MapRun, axes: Axes) -> None:
     for ring in rings(run.soil_map):
         axes.plot(*ring.T, color=SOFT, linewidth=0.8)
@@ -226,22 +207,11 @@ def season_figures(season: Season) -> Iterator[tuple[str, Figure]]:
 
     :raises InputError: without matplotlib
     """
-    moisture = season.curve is not None
-    title = MOISTURE if moisture else RATE_TITLE
-    estimates = [one.mean_vwc or one.mean_rate for one in season.surveys]
-    values = np.array([one.value for one in estimates])
-    low, high = np.array([one.interval95 for one in estimates]).T
-    figure, axes = _column_figure(0.6)
-    axes.errorbar(
-        season.days, values, np.vstack([values - low, high - values]), fmt="o-", color=BLUE, markersize=3.5,
-        linewidth=1.0, capsize=2, elinewidth=0.8,
-    )  # fmt: skip
-    _caption(axes, "Time since the first survey [d]", f"Mean {title[0].lower()}{title[1:]}")
-    yield "season", figure
-    yield "maps", _maps_figure(season, title)
+    yield "season", _chart_figure(mean_chart(season))
+    yield "maps", _maps_figure(season)
 
 
-def _maps_figure(season: Season, title: str) -> Figure:
+def _maps_figure(season: Season) -> Figure:
     """The map of each survey, with one scale of colours."""
     moisture, x, y, half = season.curve is not None, season.grid.x_m, season.grid.y_m, season.grid.cell_m / 2
     maps = [one.bands.vwc if moisture else one.bands.rate for one in season.surveys]
@@ -260,7 +230,7 @@ def _maps_figure(season: Season, title: str) -> Figure:
         _caption(axes, EAST if bottom else "", NORTH if left else "")
         axes.spines[["left", "bottom"]].set_color(SOFT)
         panels.append(axes)
-    _colour_bar(figure, image, panels, np.stack(maps), title, shrink=0.8, pad=0.01)
+    _colour_bar(figure, image, panels, np.stack(maps), MOISTURE if moisture else RATE_TITLE, shrink=0.8, pad=0.01)
     return figure
 
 
@@ -331,7 +301,8 @@ def _colour_bar(
 
 def _key(axes: Axes) -> None:
     """A key without a frame above the axes, where it hides nothing."""
+    names = axes.get_legend_handles_labels()[1]
     axes.legend(
-        fontsize=SIZE - 1, frameon=False, handlelength=1.6, loc="lower left", bbox_to_anchor=(0, 1), ncols=2,
-        borderaxespad=0.2, columnspacing=1.2,
+        fontsize=SIZE - 1, frameon=False, handlelength=1.6, loc="lower left", bbox_to_anchor=(0, 1),
+        ncols=1 if max(map(len, names)) > WIDE_NAME else 2, borderaxespad=0.2, columnspacing=1.2,
     )  # fmt: skip

@@ -100,30 +100,40 @@ class SeasonSurvey:
 
 
 @dataclass(frozen=True, eq=False)
-class Season:
+class Ground:
+    """Field of a season, and how its counts become moisture.
+
+    :param property_name: name of the first property of the runs
+    :param illustrative: whether the calibration is a guess
+    :param time_zone: name of the time zone of the field; empty if it is not known
+    """
+
+    field_name: str
+    frame: LocalFrame
+    grid: FieldGrid
+    curve: MoistureCurve | None
+    property_name: str
+    simulated: bool
+    illustrative: bool
+    time_zone: str
+
+
+@dataclass(frozen=True, eq=False)
+class Season(Ground):
     """The surveys of a field over time.
 
     :param surveys: in order of time, at least two
     :param variogram: variogram of the rate of each survey
     :param persistence: how alike the patterns of the surveys are
     :param notes: what the user should know, in sentences
-    :param illustrative: whether the calibration is a guess
-    :param time_zone: name of the time zone of the field; empty if it is not known
     """
 
     title: str
-    field_name: str
-    frame: LocalFrame
-    grid: FieldGrid
     surveys: Sequence[SeasonSurvey]
     variogram: Variogram
     persistence: Persistence
-    curve: MoistureCurve | None
-    simulated: bool
     created_utc: datetime
     notes: tuple[str, ...] = ()
-    illustrative: bool = False
-    time_zone: str = ""
 
     @property
     def labels(self) -> list[str]:
@@ -141,28 +151,12 @@ class Season:
         return np.asarray((stamps - stamps[0]) / DAY_S, float)
 
 
-@dataclass(frozen=True, eq=False)
-class _Ground:
-    """Where the surveys lie, and how their counts become moisture."""
-
-    name: str
-    frame: LocalFrame
-    grid: FieldGrid
-    curve: MoistureCurve | None
-    property_name: str
-    simulated: bool
-    illustrative: bool
-    time_zone: str
-
-
 def make_season(
     paths: Sequence[Path], settings: SeasonSettings, progress: Progress = lambda step, share: None
 ) -> Season:
     """The season of a field.
 
     :param paths: finished runs, or folders of such
-    :param settings: choices
-    :param progress: called during the work
     :raises InputError: if a run cannot be used, or there are fewer than two
     """
     runs_at = [run for path in paths for run in find_runs(path)]
@@ -170,12 +164,12 @@ def make_season(
         message = f"a season needs two surveys, but there {'is one' if runs_at else 'is none'}"
         raise InputError(message, "give the folders of more runs of this field")
     progress("reading the runs", 0.0)
-    ground = _ground(runs_at, settings)
-    choices = FieldMapSettings(settings.model, curve=ground.curve)
-    target = Target(ground.frame, ground.grid, choices, ground.property_name, simulated=ground.simulated)
+    place = _ground(runs_at, settings)
+    choices = FieldMapSettings(settings.model, curve=place.curve)
+    target = Target(place.frame, place.grid, choices, place.property_name, simulated=place.simulated)
     runs = read_earlier_runs(runs_at, target)
     progress("fitting the variogram", 0.0)
-    variogram = _variogram(runs, settings.model, ground.grid)
+    variogram = _variogram(runs, settings.model, place.grid)
     samples = [run.survey.samples for run in runs]
     stamps = [run.survey.stamp_s for run in runs]
     persistence = Persistence.estimate(variogram, samples, stamps)
@@ -188,24 +182,12 @@ def make_season(
             used = wanted
             matrix = persistence.matrix([stamps[one] for one in used])
             kriging = JointKriging(variogram, [samples[one] for one in used], matrix)
-        here = used.index(number)
         before = used.index(number - 1) if number else None
-        surveys.append(_mapped(run, kriging, ground, here, before))
-    return Season(
-        settings.title or f"Season of {ground.name}",
-        ground.name,
-        ground.frame,
-        ground.grid,
-        surveys,
-        variogram,
-        persistence,
-        ground.curve,
-        ground.simulated,
-        now,
-        tuple(_notes(runs, now, ground.illustrative)),
-        ground.illustrative,
-        ground.time_zone,
-    )
+        surveys.append(_mapped(run, kriging, place, used.index(number), before))
+    title = settings.title or f"Season of {place.field_name}"
+    notes = tuple(_notes(runs, now, place.illustrative))
+    return Season(**vars(place), title=title, surveys=surveys, variogram=variogram, persistence=persistence,
+                  created_utc=now, notes=notes)  # fmt: skip
 
 
 def _notes(runs: Sequence[EarlierRun], now: datetime, illustrative: bool) -> Iterator[str]:
@@ -216,20 +198,16 @@ def _notes(runs: Sequence[EarlierRun], now: datetime, illustrative: bool) -> Ite
     for run in runs:
         for doubt in earlier_doubts(run, typical, now):
             yield f"The survey {run.survey.name} {doubt}"
-    informed = [run.survey.name for run in runs if _has_covariates(run.path)]
-    if informed:
+    kept = [run for run in runs if (run.path / SUMMARY).is_file()]
+    if informed := [run.survey.name for run in kept if read_summary(run.path).get("covariates")]:
         yield (
             f"Covariates inform the maps of {', '.join(informed)}, but not those of the season: it is made from "
             "counts alone."
         )
 
 
-def _has_covariates(path: Path) -> bool:
-    return (path / SUMMARY).is_file() and bool(read_summary(path).get("covariates"))
-
-
 def _mapped(
-    run: EarlierRun, kriging: JointKriging, ground: _Ground, number: int, before: int | None
+    run: EarlierRun, kriging: JointKriging, ground: Ground, number: int, before: int | None
 ) -> SeasonSurvey:
     """Map a survey, and its change since the one before."""
     grid, curve = ground.grid, ground.curve
@@ -252,28 +230,22 @@ def _mapped(
 
 def _window(samples: Sequence[Samples], stamps_s: Sequence[float], number: int) -> list[int]:
     """Surveys with which a survey is mapped: all, or of very many the one before and those nearest in time."""
-    if sum(map(len, samples)) <= MAX_SAMPLES:
+    sizes = np.array([len(one) for one in samples])
+    if sizes.sum() <= MAX_SAMPLES:
         return list(range(len(samples)))
-    chosen = [number, number - 1] if number else [number]
-    count = sum(len(samples[one]) for one in chosen)
-    for one in np.argsort(np.abs(np.subtract(stamps_s, stamps_s[number])), kind="stable").tolist():
-        count += len(samples[one]) if one not in chosen else 0
-        if count > MAX_SAMPLES:
-            break
-        if one not in chosen:
-            chosen.append(one)
-    return sorted(chosen)
+    away = np.abs(np.subtract(stamps_s, stamps_s[number]))
+    needed = [number, number - 1] if number else [number]
+    away[needed] = -1.0
+    order = np.argsort(away, kind="stable")
+    count = max(int(np.searchsorted(np.cumsum(sizes[order]), MAX_SAMPLES, side="right")), len(needed))
+    return sorted(order[:count].tolist())
 
 
 def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) -> Variogram:
     """Variogram of the rate of each survey, by restricted maximum likelihood of the last ones together."""
     last, *others = [run.survey.samples.merged for run in reversed(runs)]
-    chosen, count = [], len(last)
-    for one in others:
-        count += len(one)
-        if count > MAX_FITTED:
-            break
-        chosen.append(one)
+    within = np.cumsum([len(last), *map(len, others)])[1:] <= MAX_FITTED
+    chosen = others[: np.count_nonzero(within)]
     fit = estimate_variogram(
         last.xy, last.counts, last.exposure_s, model, extent_m=grid.extent_m, spread=last.spread,
         local_noise=True, others=chosen,
@@ -281,7 +253,7 @@ def _variogram(runs: Sequence[EarlierRun], model: ModelName, grid: FieldGrid) ->
     return fit.variogram
 
 
-def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
+def _ground(runs: Sequence[Path], settings: SeasonSettings) -> Ground:
     """Field and calibration: those of files, else those of the last run that has a folder, or of the last bag."""
     folders = [path for path in runs if (path / SUMMARY).is_file()]
     about, home = dict[str, Any](), runs[-1]
@@ -298,18 +270,20 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> _Ground:
         site = load_site(settings.site)
         curve, time_zone = site.curve, site.time_zone or time_zone
         illustrative = site.calibration is not None and site.calibration.illustrative
+    given_m = settings.cell_m
     if field is not None:
         name, frame = field.name, field.frame
-        grid = _sized(lambda cell_m: field.grid(cell_m), settings.cell_m, field.grid(settings.cell_m))
+        grid = _sized(field.grid, given_m, field.grid(given_m))
     else:
         name, frame = str(about.get("field") or "the field"), _frame(about, home)
         rings, holes = _rings(home, frame)
-        cell_m = settings.cell_m or float(about.get("cell_m") or 1.0)
-        first = FieldGrid.from_polygon(rings, cell_m, holes)
-        grid = _sized(lambda size: FieldGrid.from_polygon(rings, size, holes), settings.cell_m, first)
-    names = [one.get("name", "") for one in about.get("properties") or ()]
-    first_name = names[0] if names else ""
-    return _Ground(name, frame, grid, curve, first_name, simulated, illustrative, time_zone)
+
+        def make(cell_m: float) -> FieldGrid:
+            return FieldGrid.from_polygon(rings, cell_m, holes)
+
+        grid = _sized(make, given_m, make(given_m or float(about.get("cell_m") or 1.0)))
+    names = [str(one.get("name", "")) for one in about.get("properties") or ()]
+    return Ground(name, frame, grid, curve, names[0] if names else "", simulated, illustrative, time_zone)
 
 
 def _sized(make: Callable[[float], FieldGrid], given_m: float | None, grid: FieldGrid) -> FieldGrid:

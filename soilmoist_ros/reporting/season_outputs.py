@@ -21,7 +21,8 @@ from soilmoist_ros.pipeline import EarlierRun, local_time
 from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
-from soilmoist_ros.reporting.netcdf import CLOCK, Variable, axes, raster, write_netcdf_file
+from soilmoist_ros.reporting.geotiff import BANDS
+from soilmoist_ros.reporting.netcdf import CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.output_folder import replaced_together
 from soilmoist_ros.reporting.page import numbers
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, limits_of
@@ -44,14 +45,8 @@ from soilmoist_ros.reporting.text_files import write_json
 Array = NDArray[np.float64]
 
 NAMES = (SUMMARY, "report.html", "season.nc", "season.csv")
-_MOISTURE = ("vwc", "vwc_sd", "vwc_p05", "vwc_p95", "vwc_change", "vwc_change_sd")
 LAYERS = {
-    "vwc": ("1", "volumetric water content of the soil"),
-    "vwc_sd": ("1", "standard deviation of the volumetric water content"),
-    "vwc_p05": ("1", "5 % quantile of the volumetric water content"),
-    "vwc_p95": ("1", "95 % quantile of the volumetric water content"),
-    "rate": ("s-1", "corrected neutron count rate"),
-    "rate_sd": ("s-1", "standard deviation of the corrected neutron count rate"),
+    **{name: (UNITS[unit], meaning) for name, (unit, meaning) in BANDS.items()},
     "vwc_change": ("1", "change of the volumetric water content since the survey before"),
     "vwc_change_sd": ("1", "standard deviation of the change of the volumetric water content"),
     "rate_change": ("s-1", "change of the corrected neutron count rate since the survey before"),
@@ -73,7 +68,7 @@ def write_season(folder: Path, season: Season) -> list[Path]:
     :raises InputError: if the folder cannot be written
     """
     with replaced_together(folder, NAMES) as workshop:
-        write_season_page(workshop / "report.html", season)
+        (workshop / "report.html").write_text(render_season(season), encoding="utf-8")
         write_stack(workshop / "season.nc", season)
         _write_table(workshop / "season.csv", season)
         write_json(workshop / SUMMARY, summary(season))
@@ -82,19 +77,27 @@ def write_season(folder: Path, season: Season) -> list[Path]:
 
 def estimate_text(survey: SeasonSurvey) -> str:
     """Mean of a survey with its interval, and the change since the one before, on one line."""
-    if survey.mean_vwc is not None:
-        text = _text(survey.mean_vwc, 100.0, "% by volume", 1)
-        change = survey.change and survey.change.mean_vwc and _text(survey.change.mean_vwc, 100.0, "", 1, True)
-    else:
-        text = _text(survey.mean_rate, 1.0, "counts/s", 3)
-        change = survey.change and _text(survey.change.mean_rate, 1.0, "", 3, True)
-    return f"{text}{f', change {change}' if change else ''}"
+    moist = survey.mean_vwc is not None
+    text = f"{_interval(_mean(survey, moist), moist)} {'% by volume' if moist else 'counts/s'}"
+    return (
+        text
+        if survey.change is None
+        else f"{text}, change {_interval(_changed(survey.change, moist), moist, '+')}"
+    )
 
 
-def _text(estimate: Estimate, factor: float, unit: str, digits: int, sign: bool = False) -> str:
-    form = f"{'+' if sign else ''}.{digits}f"
+def _mean(survey: SeasonSurvey, moist: bool) -> Estimate:
+    return survey.mean_vwc if moist and survey.mean_vwc is not None else survey.mean_rate
+
+
+def _changed(change: FieldChange, moist: bool) -> Estimate:
+    return change.mean_vwc if moist and change.mean_vwc is not None else change.mean_rate
+
+
+def _interval(estimate: Estimate, moist: bool, sign: str = "") -> str:
+    factor, form = (100.0, f"{sign}.1f") if moist else (1.0, f"{sign}.3f")
     low, high = (factor * value for value in estimate.interval95)
-    return f"{factor * estimate.value:{form}} {unit}".strip() + f" ({low:{form}} to {high:{form}})"
+    return f"{factor * estimate.value:{form}} ({low:{form}} to {high:{form}})".replace("-", "−")
 
 
 def summary(season: Season) -> dict[str, Any]:
@@ -136,8 +139,10 @@ def _calibration(season: Season) -> str:
 
 def rows(season: Season) -> list[dict[str, Any]]:
     """One row per survey; undefined values are ``None``."""
-    about = {"calibration": _calibration(season)}
-    return [{**_row(*one), **about} for one in zip(season.labels, season.surveys, strict=True)]
+    return [
+        {**_row(*one), "calibration": _calibration(season)}
+        for one in zip(season.labels, season.surveys, strict=True)
+    ]
 
 
 def _row(label: str, survey: SeasonSurvey) -> dict[str, Any]:
@@ -196,14 +201,15 @@ def write_stack(path: Path, season: Season) -> Path:
     variables: dict[str, Variable] = {"time": (stamps, ("time",), of_time)}
     variables |= axes(grid.x_m, grid.y_m, season.frame.crs, places)
     for name, (unit, meaning) in LAYERS.items():
-        if season.curve is not None or name not in _MOISTURE:
-            guessed = f", {ILLUSTRATIVE}" if season.illustrative and name in _MOISTURE else ""
-            stack = np.stack([layer(survey, name) for survey in season.surveys])
+        moist = name.startswith("vwc")
+        if season.curve is not None or not moist:
+            guessed = f", {ILLUSTRATIVE}" if season.illustrative and moist else ""
+            stack = np.stack([layer_of(survey, name) for survey in season.surveys])
             variables[name] = raster(stack, ("time", "y", "x"), unit, meaning + guessed, coordinates="lat lon")
     return write_netcdf_file(path, variables, about)
 
 
-def layer(survey: SeasonSurvey, name: str) -> Array:
+def layer_of(survey: SeasonSurvey, name: str) -> Array:
     """A raster of a survey by its name in :data:`LAYERS`; NaN where it does not exist."""
     if name in survey.bands._fields:
         return np.asarray(getattr(survey.bands, name), float)
@@ -214,12 +220,6 @@ def layer(survey: SeasonSurvey, name: str) -> Array:
 
 
 # The page of a season: maps with a time slider, the course of the mean, and the course at a chosen place --------
-
-
-def write_season_page(path: Path, season: Season) -> Path:
-    """Write the page; return ``path``."""
-    path.write_text(render_season(season), encoding="utf-8")
-    return path
 
 
 def render_season(season: Season) -> str:
@@ -271,17 +271,18 @@ def _layers(season: Season) -> Iterator[dict[str, Any]]:
         rasters = np.where(mask, stack, np.nan)[:, ::step, ::step]
         return {"key": key, "grid": 0, "maps": [pack(one) for one in rasters], **more}
 
-    rate, rate_sd = (np.stack([getattr(one.bands, name) for one in surveys]) for name in ("rate", "rate_sd"))
-    about_sd = "One standard deviation: dark is unsure."
-    moist = season.curve is not None
+    def stack(name: str) -> Array:
+        return np.stack([layer_of(one, name) for one in surveys])
+
+    moist, rate, rate_sd = season.curve is not None, stack("rate"), stack("rate_sd")
+    vwc_sd = 100 * stack("vwc_sd")
     if moist:
-        vwc, sd = (100 * np.stack([getattr(one.bands, name) for one in surveys]) for name in ("vwc", "vwc_sd"))
-        unit = f"{PERCENT}, {ILLUSTRATIVE}" if season.illustrative else PERCENT
-        look = shown_as("Soil moisture", unit, 1, WATER, colour_limits(vwc, sd))
+        vwc, unit = 100 * stack("vwc"), f"{PERCENT}, {ILLUSTRATIVE}" if season.illustrative else PERCENT
+        look = shown_as("Soil moisture", unit, 1, WATER, colour_limits(vwc, vwc_sd))
         yield layer("vwc", vwc, **look, sd="vwc_sd", fixed=FIXED_VWC, about="Pale is dry, dark blue is wet.")
     look = shown_as("Neutron rate", "counts/s", 2, RATE, colour_limits(rate, rate_sd))
     yield layer("rate", rate, **look, sd="rate_sd", about="More neutrons mean drier soil.")
-    change = np.stack([_change(one, moist, np.full(mask.shape, np.nan)) for one in surveys])
+    change = 100 * stack("vwc_change") if moist else stack("rate_change")
     if np.isfinite(change).any():
         most = colour_limits(np.abs(change))[1]
         style = (PERCENT, 1, DIFFERENCE) if moist else ("counts/s", 2, f"{DIFFERENCE}_r")
@@ -294,19 +295,11 @@ def _layers(season: Season) -> Iterator[dict[str, Any]]:
             if one.change is not None:
                 raster["hatch"] = pack_bits((one.change.significant == 0)[::step, ::step])
         yield found
+    key, sd, unit, digits = ("vwc_sd", vwc_sd, PERCENT, 1) if moist else ("rate_sd", rate_sd, "counts/s", 3)
+    look = shown_as("Uncertainty", unit, digits, UNCERTAIN, (0.0, colour_limits(sd)[1]))
+    yield layer(key, sd, **look, about="One standard deviation: dark is unsure.")
     if moist:
-        look = shown_as("Uncertainty", PERCENT, 1, UNCERTAIN, (0.0, colour_limits(sd)[1]))
-        yield layer("vwc_sd", sd, **look, about=about_sd)
         yield layer("rate_sd", rate_sd)
-    else:
-        look = shown_as("Uncertainty", "counts/s", 3, UNCERTAIN, (0.0, colour_limits(rate_sd)[1]))
-        yield layer("rate_sd", rate_sd, **look, about=about_sd)
-
-
-def _change(survey: SeasonSurvey, moist: bool, nothing: Array) -> Array:
-    if survey.change is None:
-        return nothing
-    return 100 * survey.change.vwc if moist else survey.change.rate
 
 
 def mean_chart(season: Season) -> Chart:
@@ -343,17 +336,10 @@ def _spaced(days: Array) -> list[int]:
     return shown
 
 
-def _mean(survey: SeasonSurvey, moist: bool) -> Estimate:
-    return survey.mean_vwc if moist and survey.mean_vwc is not None else survey.mean_rate
-
-
 def _lead(season: Season) -> str:
-    persistence = season.persistence
-    fades = (
-        f", which falls to a third in {numbers.number(persistence.decay_days, 2)} days"
-        if np.isfinite(persistence.decay_days)
-        else ""
-    )
+    persistence, fades = season.persistence, ""
+    if np.isfinite(persistence.decay_days):
+        fades = f", which falls to a third in {numbers.number(persistence.decay_days, 2)} days"
     return (
         "The map of each survey is made from the counts of all of them, earlier and later: what persists in this "
         "field is learned once. The patterns of two surveys have a correlation of "
@@ -374,9 +360,7 @@ def _rows(season: Season) -> Iterator[dict[str, str]]:
             "end": _end(season, survey.run),
             "mean": _interval(_mean(survey, moist), moist),
             "rate": f"{survey.mean_rate.value:.3f}" if moist else "",
-            "change": "–"
-            if change is None
-            else _interval(change.mean_vwc if moist and change.mean_vwc else change.mean_rate, moist, "+"),
+            "change": "–" if change is None else _interval(_changed(change, moist), moist, "+"),
             "wetter": numbers.percent(wetter),
             "drier": numbers.percent(drier),
             "remarks": " ".join(survey.run.remarks),
@@ -393,9 +377,3 @@ def _end(season: Season, run: EarlierRun) -> str:
     here = local_time(end, season.time_zone)
     day = "" if here.date() == end.date() else f"{here:%Y-%m-%d} "
     return f"{end:%H:%M} UTC, {day}{here:%H:%M} {season.time_zone}"
-
-
-def _interval(estimate: Estimate, moist: bool, sign: str = "") -> str:
-    factor, form = (100.0, f"{sign}.1f") if moist else (1.0, f"{sign}.3f")
-    low, high = (factor * value for value in estimate.interval95)
-    return f"{factor * estimate.value:{form}} ({low:{form}} to {high:{form}})".replace("-", "−")

@@ -22,7 +22,6 @@ from soilmoist_ros.reporting.live_view import (
     LiveView,
     map_picture,
     render,
-    scale,
 )
 from soilmoist_ros.reporting.text_files import jsonable
 
@@ -82,13 +81,6 @@ def test_it_is_dark_where_it_is_wet():
         assert (np.diff(light[1:-1]) * (-1 if wet_is_high else 1) > 0).all()
 
 
-def test_north_is_up_and_east_is_right():
-    band = np.full((4, 6), np.nan)
-    band[3, 0] = 1.0
-    picture = pixels(view(band), columns=6, rows=2)
-    assert [(i, j) for i, line in enumerate(picture) for j, colour in enumerate(line) if colour] == [(0, 0)]
-
-
 @pytest.mark.parametrize(
     ("place", "pixel"),
     [((0.5, 7.5), (0, 0)), ((7.5, 0.5), (7, 7)), ((-90.0, 3.5), (4, 0)), ((1e308, -1e308), (7, 7)),
@@ -136,13 +128,6 @@ def test_any_map_gives_a_picture_within_its_room(band, columns, rows):
         assert set("".join(drawn)) == {" "}
 
 
-def test_a_few_odd_cells_do_not_decide_the_colours():
-    band = np.tile(RAMP, (20, 20))
-    band[0, 0] = 50.0
-    assert "0.1 " in scale(view(band).bands[0]).plain
-    assert scale(view(band).bands[0]).plain.endswith(" 0.4")
-
-
 def test_the_page():
     text = shown(view())
     assert text.splitlines()[0].strip() == "a mission"
@@ -185,13 +170,6 @@ def cells(mask=None, west=4.0, south=-8.0, cell=2.0, moist=True):
     for number, name in enumerate(BANDS[2:5] + (BANDS[5:] if moist else ())):
         table[name][mask] = number + column
     return table
-
-
-def test_before_anything_has_come():
-    view = LiveMission(" demo ").view()
-    assert view.facts == {"state": "waiting for the planner"}
-    assert view.bands == []
-    assert (view.title, view.targets_xy) == (" demo ", [])
 
 
 def test_what_is_told():
@@ -258,20 +236,6 @@ def test_every_property_with_a_map_is_shown():
     assert [band.name for band in live.view().bands] == ["salt rate [counts/s]"]
     live.maps[0].cells = cells()
     assert [band.name for band in live.view().bands] == ["moisture [m³/m³]", "salt rate [counts/s]"]
-
-
-def test_moisture_is_shown_if_there_is_any():
-    live = LiveMission("")
-    live.maps[0].cells = cells()
-    (band,) = live.view().bands
-    assert band.name.startswith("moisture")
-    assert band.wet_is_high
-    np.testing.assert_array_equal(band.values[0], [3, 4, 5, 6, 7])
-    live.maps[0].cells = cells(moist=False)
-    (band,) = live.view().bands
-    assert band.name.startswith("rate")
-    assert not band.wet_is_high
-    np.testing.assert_array_equal(band.values[0], [1, 2, 3, 4, 5])
 
 
 def test_the_extent_is_that_of_the_field_whatever_lies_around_it():

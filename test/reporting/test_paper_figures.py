@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Figures for publications: what is drawn, widths, embedded fonts (run_figures.py, season_figures.py)."""
+"""Figures for publications: what is drawn, widths, embedded fonts."""
 
 from __future__ import annotations
 
+import json
 import re
 import xml.etree.ElementTree as ET
 import zlib
@@ -42,7 +43,15 @@ def streams(pdf):
 
 def test_the_figures_show_the_numbers_of_the_run(run):
     figures = dict(run_figures(run))
-    assert list(figures) == ["map", "sd", "variogram", "track", "errors"]
+    assert list(figures) == [
+        "map",
+        "sd",
+        "variogram",
+        "track",
+        "course_error",
+        "course_coverage",
+        "course_distance",
+    ]
     for figure in figures.values():
         assert figure.get_figwidth() == pytest.approx(COLUMN_IN)
     image = figures["map"].axes[0].images[0]
@@ -52,13 +61,13 @@ def test_the_figures_show_the_numbers_of_the_run(run):
     np.testing.assert_array_equal(np.ma.filled(sd.get_array(), np.nan), run.soil_map.vwc_sd)
     stops = figures["track"].axes[0].collections[0].get_offsets()
     np.testing.assert_allclose(stops, [(visit.x_m, visit.y_m) for visit in run.mission.visits])
-    error = figures["errors"].axes[0].lines[0].get_ydata()
-    assert error[-1] == pytest.approx(run.mission.series[-1].mse ** 0.5)
+    error = figures["course_error"].axes[0].lines[0].get_ydata()
+    assert 10 ** error[-1] == pytest.approx(run.mission.series[-1].mse)
 
 
 def test_files_are_vectors_with_embedded_fonts_and_the_same_every_time(run, tmp_path):
     written = write_figures(tmp_path, run_figures(run), ("pdf", "svg", "pdf"))
-    assert len(written) == 10
+    assert len(written) == 14
     before = {path: path.read_bytes() for path in written}
     pdf = streams(before[tmp_path / "figures" / "map.pdf"])
     assert b"/FontFile2" in pdf, "TrueType, embedded"
@@ -71,7 +80,7 @@ def test_files_are_vectors_with_embedded_fonts_and_the_same_every_time(run, tmp_
     assert {"path", "image"} <= tags
     write_figures(tmp_path, run_figures(run), ("pdf",))
     now = sorted((tmp_path / "figures").iterdir())
-    assert [path.suffix for path in now] == [".pdf"] * 5, "those of an earlier run are gone"
+    assert [path.suffix for path in now] == [".pdf"] * 7, "those of an earlier run are gone"
     assert all(path.read_bytes() == before[path] for path in now)
     assert write_figures(tmp_path, (), ()) == []
     assert list((tmp_path / "figures").iterdir()) == []
@@ -87,10 +96,13 @@ def test_commands_write_figures_of_missions_and_seasons(tmp_path):
     def command(*words):
         result = CliRunner().invoke(main, list(map(str, words)))
         assert result.exit_code == 0, result.output
+        return result
 
     for seed in (1, 2):
         choices = ("--field", "patches", "--strategy", "random", "--dwell", "fmi:60", "--hours", "0.2")
         command("simulate", *choices, "--seed", seed, "--figures", "svg", "--out", tmp_path / f"run{seed}")
         assert (tmp_path / f"run{seed}" / "figures" / "map.svg").is_file()
-    command("season", tmp_path / "run1", tmp_path / "run2", "--figures", "pdf", "--out", tmp_path / "season")
+    season = ("season", tmp_path / "run1", tmp_path / "run2", "--figures", "pdf", "--out", tmp_path / "season")
+    answer = json.loads(command(*season, "--json").stdout)
+    assert answer["summary"]["kind"] == "season"
     assert {path.name for path in (tmp_path / "season" / "figures").iterdir()} == {"season.pdf", "maps.pdf"}

@@ -22,7 +22,7 @@ from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.zones import shown_range
 from soilmoist_ros.reporting.geotiff import BANDS
-from soilmoist_ros.reporting.netcdf import CLOCK, Variable, axes, raster, write_netcdf_file
+from soilmoist_ros.reporting.netcdf import CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.page.frame import fill_template
 from soilmoist_ros.reporting.page.numbers import round_step
 
@@ -31,7 +31,6 @@ NODATA, MAX_VALUE = 255, 254
 STANDARD_NAME = "volume_fraction_of_condensed_water_in_soil"
 NAMES = {"vwc": STANDARD_NAME, "vwc_sd": f"{STANDARD_NAME} standard_error"}
 """Standard names of the CF table; count rates have none."""
-UNITS = {"m3/m3": "1", "counts/s": "s-1"}
 LONG_SIDE_PX = 1024
 COLOURS = 256
 

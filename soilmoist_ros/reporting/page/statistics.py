@@ -246,8 +246,7 @@ def _expected_moisture(soil_map: SoilMap) -> tuple[float, float | None]:
         return value, None
     some = _evenly(len(cells), MAX_PAIRED_CELLS)
     cells, rate, variance = cells[some], rate[some], variance[some]
-    covariance, errors = kriging.covariance(cells), kriging.shared(cells)
-    covariance += errors @ errors.T
+    covariance = kriging.covariance(cells)
     np.fill_diagonal(covariance, variance)
     sd = np.sqrt(np.maximum(variance, 1e-300))
     correlation = covariance / np.outer(sd, sd)

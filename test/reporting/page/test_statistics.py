@@ -183,6 +183,9 @@ def test_the_mean_of_the_field_is_less_certain_after_a_drift(the_map):
     still = make_soil_map(samples, the_map.grid, the_map.variogram)
     added = math.sqrt(mean_sd(drifted, moisture=False) ** 2 - mean_sd(still, moisture=False) ** 2)
     assert added == pytest.approx(0.1 * still.mean_rate, rel=0.01), "all rates may be too high alike"
+    moist, still_moist = (mean_sd(one, moisture=True) for one in (drifted, still))
+    of_drift = 0.1 * still.mean_rate * float(np.mean(np.abs(still.curve.slope(still.rate[still.grid.mask]))))
+    assert math.sqrt(moist**2 - still_moist**2) == pytest.approx(of_drift, rel=0.25), "and the moisture, once"
 
 
 def survey_of(name, seed, footprint_m, settings):
