@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.colours import UNCERTAIN as UNCERTAIN
     from soilmoist_ros.reporting.colours import Picture as Picture
     from soilmoist_ros.reporting.colours import between as between
-    from soilmoist_ros.reporting.colours import colour_ramp as colour_ramp
     from soilmoist_ros.reporting.colours import data_uri as data_uri
     from soilmoist_ros.reporting.colours import palette_png as palette_png
     from soilmoist_ros.reporting.colours import robust_range as robust_range
@@ -56,7 +55,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.page.numbers import plain as plain
     from soilmoist_ros.reporting.page.numbers import strategy_text as strategy_text
     from soilmoist_ros.reporting.page.numbers import strategy_traits as strategy_traits
-    from soilmoist_ros.reporting.page.report import write_report as write_report
     from soilmoist_ros.reporting.page.sections import change_amount as change_amount
     from soilmoist_ros.reporting.page.sections import change_since as change_since
     from soilmoist_ros.reporting.page.sections import change_summary as change_summary
@@ -78,12 +76,11 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.season_outputs import write_season as write_season
     from soilmoist_ros.reporting.text_files import dumps as dumps
     from soilmoist_ros.reporting.text_files import jsonable as jsonable
-    from soilmoist_ros.reporting.text_files import write_samples as write_samples
 
 _open, __dir__, __all__ = open_door(
     __name__,
     {
-        "colours": "BLUE FAINT INK ORANGE Picture RATE SOFT UNCERTAIN between colour_ramp data_uri palette_png robust_range",
+        "colours": "BLUE FAINT INK ORANGE Picture RATE SOFT UNCERTAIN between data_uri palette_png robust_range",
         "exports.registry": "EXPORTS Export export_kind export_run",
         "exports.source": "ExportSettings RunSource",
         "geotiff": "write_geotiff",
@@ -95,14 +92,13 @@ _open, __dir__, __all__ = open_door(
         "page.frame": "render_page",
         "page.notes": "notes",
         "page.numbers": "dwell_text length number percent plain strategy_text strategy_traits",
-        "page.report": "write_report",
         "page.sections": "change_amount change_since change_summary dated relations",
         "page.statistics": "covariate_importance mean_moisture truth_score",
         "paper_figures": "colour_map extension plain_axes run_figures season_figures write_figures",
         "run_summary": "summary",
         "season": "SeasonSettings make_season",
         "season_outputs": "estimate_text write_season",
-        "text_files": "dumps jsonable write_samples",
+        "text_files": "dumps jsonable",
     },
 )
 

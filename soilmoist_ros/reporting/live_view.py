@@ -208,6 +208,12 @@ class LiveRobot:
         self.sensor_fault = ""
 
     @property
+    def state(self) -> str:
+        """State and reason of its mission."""
+        status = self.status
+        return f"{status['state']}: {status['reason']}" if status else "waiting for the planner"
+
+    @property
     def values(self) -> dict[str, Any]:
         """Status of the mission for programs: texts, numbers and flags; those of a silent planner are ``None``."""
         status = self.status
@@ -224,8 +230,8 @@ class LiveRobot:
 
     def facts(self, status: Mapping[str, str]) -> dict[str, str]:
         """Lines of the view: state, target of a single robot, forecast, fault of the sensor."""
-        name, state = self.namespace.replace("_", " "), "waiting for the planner"
-        found = {name or "state": f"{status['state']}: {status['reason']}" if status else state}
+        name = self.namespace.replace("_", " ")
+        found = {name or "state": self.state}
         if status and status["target"] and not name:
             planned_s, elapsed_s = (float(status[key]) for key in ("planned_dwell_s", "elapsed_dwell_s"))
             of = f" of about {planned_s:.0f} s" if math.isfinite(planned_s) else ""
