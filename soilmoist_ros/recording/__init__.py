@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING
 from soilmoist_ros.foundation import open_door
 
 if TYPE_CHECKING:
-    from soilmoist_ros.recording.bag.info import BagInfo as BagInfo
-    from soilmoist_ros.recording.bag.info import bag_info as bag_info
     from soilmoist_ros.recording.bag.info import info_table as info_table
     from soilmoist_ros.recording.bag.info import plain_text as plain_text
     from soilmoist_ros.recording.bag.info import print_plain as print_plain
@@ -59,9 +57,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.recording.bag.retention import find_excess as find_excess
     from soilmoist_ros.recording.bag.retention import is_synchronised as is_synchronised
     from soilmoist_ros.recording.bag.storage import recorder_notes as recorder_notes
-    from soilmoist_ros.recording.bag.verify import RecoveredBag as RecoveredBag
+    from soilmoist_ros.recording.bag.verify import bag_info as bag_info
     from soilmoist_ros.recording.bag.verify import recover_bag as recover_bag
-    from soilmoist_ros.recording.bag.verify import verify_bag as verify_bag
     from soilmoist_ros.recording.bag.writer import BagWriter as BagWriter
     from soilmoist_ros.recording.journal import Journal as Journal
     from soilmoist_ros.recording.journal import load_journal as load_journal
@@ -103,7 +100,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = open_door(
     __name__,
     {
-        "bag.info": "BagInfo bag_info info_table plain_text print_plain recovery_table verified_table",
+        "bag.info": "info_table plain_text print_plain recovery_table verified_table",
         "bag.messages": "QUARANTINED REASON REASONS STAMP_OFFSET count_records points quarantined_topic visit_of",
         "bag.metadata": "Qos Request Topic find_definition request_for",
         "bag.playback": "INPUTS Pacer Playback TopicChoice",
@@ -111,7 +108,7 @@ __getattr__, __dir__, __all__ = open_door(
         "bag.recorder": "BagRecorder SequenceGaps check_name free_bytes next_bag recorder_health",
         "bag.retention": "CLOSED_S ClockWatch Excess Limits delete_bags excess_text find_excess is_synchronised",
         "bag.storage": "recorder_notes",
-        "bag.verify": "RecoveredBag recover_bag verify_bag",
+        "bag.verify": "bag_info recover_bag",
         "bag.writer": "BagWriter",
         "journal": "Journal load_journal",
         "map_records": "HELD LIST_S MAX_RECORDS MISSED MapRecords RECEIVED RecordExchange START TEAM TEAM_S record_key",

@@ -24,7 +24,7 @@ from soilmoist_ros.recording.journal import ENTRIES, load_journal
 from soilmoist_ros.sensing import FIRST_STAMP_S, LAST_STAMP_S, CountRecord
 
 if TYPE_CHECKING:
-    from soilmoist_ros.recording.bag.info import BagInfo
+    from soilmoist_ros.recording.bag.verify import BagInfo
 
 RECORDS: Final = "records.csv"
 """Name of the table of records in an output folder, from which a later map can start."""
@@ -106,29 +106,20 @@ def stored_counts(bag: Path, topics: Collection[str], frame: str) -> list[CountR
     :raises InputError: if there is no MCAP file
     :raises OSError: if a file cannot be read
     """
-    from soilmoist_ros.recording.bag.chunks import Allowance, TooMuchError
     from soilmoist_ros.recording.bag.messages import count_records, quarantined_topic
     from soilmoist_ros.recording.bag.scan import McapScan
-    from soilmoist_ros.recording.bag.storage import TOO_MUCH
     from soilmoist_ros.recording.bag.verify import mcap_files
 
     records: list[CountRecord] = []
     wanted = {*topics, *map(quarantined_topic, topics)}
-    files = mcap_files(bag)
-    allowance = Allowance(sum(path.stat().st_size for path in files))
-    for path in files:
-        for message in McapScan(path).messages():
-            if message.topic.name not in wanted or message.topic.definition.type_name != CLOUD:
+    for path in mcap_files(bag):
+        for message in McapScan(path).messages(wanted):
+            if message.topic.definition.type_name != CLOUD:
                 continue
             try:
                 cloud = _store().deserialize_cdr(message.data, CLOUD)
                 if frame in ("", cloud.header.frame_id):
-                    found = count_records(cloud)
-                    allowance.take_records(len(found))
-                    records += found
-            except TooMuchError:
-                _log.warning("%s %s; the rest of it is skipped", bag, TOO_MUCH)
-                return records
+                    records += count_records(cloud)
             except (ValueError, LookupError, TypeError, struct.error) as error:
                 _log.warning("%s: a message of %s is skipped: %s", path, message.topic.name, error)
     return records

@@ -27,10 +27,9 @@ from soilmoist_ros.exploration.mission.types import Phase
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS
 from soilmoist_ros.pipeline import replay_bag
 from soilmoist_ros.pipeline.field_survey import open_survey
-from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.bag.verify import recover_bag
+from soilmoist_ros.recording.bag.verify import bag_info, recover_bag
 from soilmoist_ros.recording.journal import decode
 from soilmoist_ros.recording.map_sources import DRIVER, RecordLog
 

@@ -221,7 +221,7 @@ class Extent:
 
 @dataclass
 class Content:
-    """What a file has.
+    """Topics and messages of a file.
 
     :param topics: its topics
     :param counts: number of messages of each topic, by name
@@ -231,6 +231,11 @@ class Content:
     topics: list[Topic] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
     extent: Extent = field(default_factory=Extent)
+
+    def take(self, name: str, time_ns: int) -> None:
+        """Count a message."""
+        self.counts[name] = self.counts.get(name, 0) + 1
+        self.extent = self.extent.with_message(time_ns)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from heapq import merge
@@ -17,11 +18,10 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 
 from soilmoist_ros.exploration import Visit
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.chunks import Allowance, TooMuchError
 from soilmoist_ros.recording.bag.messages import count_records, quarantined_topic, visit_of
-from soilmoist_ros.recording.bag.metadata import Definition, Extent, Qos, joined, require_small
+from soilmoist_ros.recording.bag.metadata import Definition, Qos, joined, require_small
 from soilmoist_ros.recording.bag.ros1 import ROS1, Message
-from soilmoist_ros.recording.bag.storage import FAULTS, TOO_MUCH, Storage, open_storages, remedy_of
+from soilmoist_ros.recording.bag.storage import FAULTS, Storage, listed_files, open_file, remedy_of
 from soilmoist_ros.recording.run_folder import BAG_FILES
 from soilmoist_ros.sensing import CountRecord
 
@@ -61,66 +61,40 @@ class BagReader:
         self._stack = ExitStack()
         try:
             for bag in bags_of(path):
-                storages, closing = open_storages(bag)
-                self._stack.enter_context(closing)
-                self._bags.append(storages)
+                files = listed_files(bag) if bag.is_dir() else [bag]
+                self._bags.append([open_file(file, self._stack) for file in files])
+            contents = [storage.content for storages in self._bags for storage in storages]
         except FAULTS as error:
             self._stack.close()
             raise _damaged(path, error) from None
         except BaseException:
             self._stack.close()
             raise
-        self._contents = [storage.content for storages in self._bags for storage in storages]
-        self._definitions = {
-            topic.definition.type_name: topic.definition
-            for content in self._contents
-            for topic in content.topics
-            if topic.definition.text
-        }
+        self.topics: dict[str, str] = {}
+        """Names of topics, and their types."""
+        self.offered: dict[str, tuple[Qos, ...]] = {}
+        """Quality of service that the publishers of each topic offered, if the bag has it."""
+        self.counts: Counter[str] = Counter()
+        """Number of messages of each topic."""
+        self.extent = joined([content.extent for content in contents])
+        """All messages."""
+        self._definitions: dict[str, Definition] = {}
+        for content in contents:
+            self.counts.update(content.counts)
+            for topic in content.topics:
+                kind, had = topic.definition.type_name, self.offered.get(topic.name, ())
+                self.topics[topic.name] = kind
+                self.offered[topic.name] = had + tuple(qos for qos in topic.offered if qos not in had)
+                if topic.definition.text:
+                    self._definitions[kind] = topic.definition
+        self._texts = {kind: definition.text for kind, definition in self._definitions.items()}
         self._types = get_typestore(Stores.EMPTY if self._definitions else Stores.ROS2_JAZZY)
         if not self._definitions:  # SQLite before ROS 2 Iron has none
             self._types.register(get_types_from_msg(_SENTENCE, "nmea_msgs/msg/Sentence"))
 
-    @property
-    def topics(self) -> Mapping[str, str]:
-        """Names of topics, and their types."""
-        return {topic.name: topic.definition.type_name for content in self._contents for topic in content.topics}
-
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """Number of messages of each topic."""
-        found: dict[str, int] = {}
-        for content in self._contents:
-            for name, count in content.counts.items():
-                found[name] = found.get(name, 0) + count
-        return found
-
-    @property
-    def extent(self) -> Extent:
-        """All messages."""
-        return joined([content.extent for content in self._contents])
-
-    @property
-    def offered(self) -> Mapping[str, tuple[Qos, ...]]:
-        """Quality of service that the publishers of each topic offered, if the bag has it."""
-        found: dict[str, tuple[Qos, ...]] = {}
-        for content in self._contents:
-            for topic in content.topics:
-                had = found.get(topic.name, ())
-                found[topic.name] = had + tuple(qos for qos in topic.offered if qos not in had)
-        return found
-
     def definition_text(self, type_name: str) -> str:
         """Definition of a type, with those of the types in it; empty if the bag has none."""
-        return next(
-            (
-                topic.definition.text
-                for content in self._contents
-                for topic in content.topics
-                if topic.definition.type_name == type_name
-            ),
-            "",
-        )
+        return self._texts.get(type_name, "")
 
     def messages(self, topics: Sequence[str] | None = None, by_time: bool = True) -> Iterator[BagMessage]:
         """Messages in the order of the times at which they were received.
@@ -205,21 +179,16 @@ class BagReader:
 
         :param topics: full names
         :param frame: frame of the records; messages of others are left out; empty for any frame
-        :raises InputError: if the messages of a topic are not counts, or have far more records than the bag can
+        :raises InputError: if the messages of a topic are not counts
         """
         found = []
-        allowance = Allowance(_size_bytes(self.path))
         quarantined = {quarantined_topic(topic): topic for topic in topics}
         for message in self.messages([*topics, *quarantined]):
             name = quarantined.get(message.topic, message.topic)
             try:
                 cloud = self.decode(message)
                 if frame in ("", cloud.header.frame_id.lstrip("/")):
-                    records = count_records(cloud)
-                    allowance.take_records(len(records))
-                    found += [(name, record) for record in records]
-            except TooMuchError as error:
-                raise _damaged(self.path, error) from None
+                    found += [(name, record) for record in count_records(cloud)]
             except ValueError as error:
                 remedy = "was it recorded by soilmoist_ros?"
                 raise InputError(f"{message.topic}: {error}", remedy, self.path) from None
@@ -286,11 +255,6 @@ def bags_of(path: Path) -> list[Path]:
     return found
 
 
-def _size_bytes(path: Path) -> int:
-    files = [path] if path.is_file() else [file for bag in bags_of(path) for file in [bag, *bag.glob("*")]]
-    return sum(file.stat().st_size for file in files if file.is_file())
-
-
 _MAX_DEFINITION: Final = 1 << 20
 
 
@@ -309,6 +273,4 @@ def _types_in(definition: Definition) -> dict[str, Any]:
 def _damaged(path: Path, error: Exception) -> InputError:
     if isinstance(error, InputError):
         return error
-    if isinstance(error, TooMuchError):
-        return InputError(TOO_MUCH, "do not open it with other programs either", path)
     return InputError(f"cannot be read as a bag: {error}", remedy_of(path), path)

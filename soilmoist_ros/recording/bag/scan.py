@@ -1,53 +1,54 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Read every complete message of an MCAP file, even if the file is cut off or damaged, or made to do harm."""
+"""Read every complete message of an MCAP file, even if it is cut off or damaged; it may come from a stranger."""
 
 from __future__ import annotations
 
+import os
 import re
 import struct
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final, NamedTuple
 
+import lz4.frame  # type: ignore[import-untyped]
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 
-from soilmoist_ros.recording.bag.chunks import (
-    MAX_CHUNK_BYTES,
-    RECORD,
-    Allowance,
-    FileBytes,
-    Record,
-    TimeOrder,
-    TooMuchError,
-    begun_chunk,
-    chunk_at,
-    split,
-    whole_chunk,
-)
-from soilmoist_ros.recording.bag.metadata import Definition, Qos, Topic, qos_from_yaml
+from soilmoist_ros.recording.bag.metadata import Definition, Topic, qos_from_yaml
 
+MAX_CHUNK_BYTES: Final = 64 << 20
+"""Largest chunk that is unpacked, and largest record that is read [bytes]; recorders write 1 to 8 MB."""
+_MAX_WAITING_BYTES: Final = 2 * MAX_CHUNK_BYTES
+_OVERHEAD: Final = 300
+"""Memory of a message without its data [bytes]."""
 _MAGIC: Final = b"\x89MCAP0\r\n"
+_RECORD: Final = struct.Struct("<BQ")
+_CHUNK: Final = struct.Struct("<QQQII")
+_LENGTH: Final = struct.Struct("<Q")
 _MESSAGE: Final = struct.Struct("<HIQQ")
 _FOOTER: Final = struct.Struct("<QQI")
-_LENGTH: Final = struct.Struct("<I")
-_KNOWN: Final = frozenset(int(opcode) for opcode in Opcode)
+_INDEX: Final = struct.Struct("<QQQ")
+_KNOWN: Final = frozenset(map(int, Opcode))
 _READ: Final = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
 _SKIPPED: Final = frozenset((Opcode.HEADER, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA))
-_MAX_DESCRIPTIONS: Final = 32 << 20
-_MAX_QOS: Final = 32 << 10
-"""Size of all different qualities of service of a file [bytes]: YAML is slow to read."""
 _A_CHUNK: Final = re.compile(rb"(?=\x06[\x00-\xff]{5}\x00{3})")
 """Opcode of a chunk, and a length below a terabyte."""
-_WINDOW: Final = 8 << 10
+_WINDOW: Final = 64 << 10
 """Part of a file in which a chunk is searched at once [bytes]."""
+_PIECE: Final = 1 << 20
+_MAX_SEARCHES: Final = 10_000
+"""Places that look like a chunk and are unpacked after a damaged one."""
 _FAULTS: Final = (McapError, struct.error, ValueError, KeyError, MemoryError, OverflowError)
+
+Record = tuple[int, bytes]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,276 +67,309 @@ class ScannedMessage:
     data: bytes
 
 
+class _Bytes:
+    """The bytes of a file, fewer where it ends: a map in memory would end the process if it became shorter."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.size = os.fstat(file.fileno()).st_size
+
+    def read(self, begin: int, end: int) -> bytes:
+        self._file.seek(begin)
+        return self._file.read(max(0, min(end, self.size) - begin))
+
+    def head(self, at: int) -> tuple[int, int]:
+        """Opcode and end of the record at a place; opcode 0, which none has, if the file ends before."""
+        data = self.read(at, at + _RECORD.size)
+        if len(data) < _RECORD.size:
+            return 0, self.size + 1
+        opcode, length = _RECORD.unpack(data)
+        return opcode, at + _RECORD.size + length
+
+
+class _Chunk(NamedTuple):
+    """Head of a chunk: size and CRC-32 of its records as it claims, and the place of its packed data."""
+
+    size: int
+    checksum: int
+    compression: bytes
+    begin: int
+    end: int
+
+    @property
+    def too_large(self) -> bool:
+        return max(self.size, self.end - self.begin) > MAX_CHUNK_BYTES
+
+
 class McapScan:
     """One pass over an MCAP file. Its findings are complete after the last message.
 
-    Other readers need the index at the file's end, which is missing after a crash. A message that fails its
-    checksum is skipped: a lost message is better than a wrong one. In a file with chunks only chunks have
-    checksums, so a message outside of them is taken for a damaged index. Memory and time are limited, whatever the
-    file claims.
+    Other readers need the index at the file's end, which is missing after a crash. A chunk that fails its checksum
+    is skipped: a lost message is better than a wrong one. In a file with chunks only chunks have checksums, so a
+    message outside of them is taken for a damaged index. Memory is limited, whatever the file claims.
 
     :param path: the file; only read
+
+    Attributes
+    ----------
+    finished : bool
+        whether the file was closed
+    cut_bytes : int
+        size of the incomplete record at the end [bytes]
+    damaged : int
+        places in the middle that cannot be read, or fail their checksum
+    too_large : int
+        number of chunks that are too large to be read
+    statistics : Statistics | None
+        numbers of messages, from the end of a closed file
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.finished = False
-        """True if the file was closed."""
-        self.cut_bytes = 0
-        """Size of the incomplete record at the end [bytes]."""
-        self.damaged = 0
-        """Places in the middle that cannot be read, or fail their checksum."""
-        self.orphans = 0
-        """Number of complete messages of topics without a description."""
-        self.too_large = 0
-        """Number of chunks that are too large to be read."""
-        self.fault = ""
-        """Reason why parts of the file could not be read; empty if all could. They are damaged places."""
-        self.too_much = False
-        """True if reading ended because the file unpacks to more than a recording of its size can."""
+        self.cut_bytes = self.damaged = self.too_large = 0
         self.statistics: Statistics | None = None
-        """Numbers of messages, from the end of a closed file."""
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._topics: dict[int, Topic | None] = {}
-        self._described = 0
-        self._qos: dict[str, tuple[Qos, ...]] = {}
-        self._qos_bytes = 0
+        self._topics: dict[int, Topic] = {}
+        self._undescribed: set[int] = set()
+        self._starts: dict[int, int] = {}
 
     def topics(self) -> dict[int, Topic]:
         """The topics that were described so far, by the number of their channel."""
         return {number: topic for number in self._channels if (topic := self._topic(number)) is not None}
 
     def read_summary(self) -> bool:
-        """Read the end of a closed file: topics and statistics; returns whether it has both.
+        """Read topics and statistics at the end of a closed file; returns whether it has both.
 
         :raises OSError: if the file cannot be read
         """
         with self.path.open("rb") as file:
-            self._read_summary(FileBytes(file, salvage=True))
+            self._read_summary(_Bytes(file))
         return self.statistics is not None
 
-    def messages(self) -> Iterator[ScannedMessage]:
-        """Every complete message, in the order of the file.
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[ScannedMessage]:
+        """Complete messages of topics, or of all, in the order of the file.
 
         :raises OSError: if the file cannot be read
         """
-        for _, messages in self._pieces():
-            yield from messages
+        for _, records in self._pieces():
+            yield from self._messages(records, topics)
 
-    def sorted_messages(self) -> Iterator[ScannedMessage]:
-        """Every complete message in the order of time, if no more than 128 MB of messages are out of it.
+    def sorted_messages(self, topics: Collection[str]) -> Iterator[ScannedMessage]:
+        """Complete messages of topics in the order of time, if no more than 128 MB of them are out of it.
 
         :raises OSError: if the file cannot be read
         """
-        waiting: TimeOrder[ScannedMessage] = TimeOrder()
-        for later_ns, messages in self._pieces():
-            for message in messages:
-                waiting.add(message.log_ns, len(message.data), message)
-            yield from waiting.ready(-1 if later_ns is None else later_ns)
-        yield from waiting.ready()
+        waiting: list[ScannedMessage] = []
+        later, earliest_ns, size, latest_ns = dict[int, int](), 2**64, 0, 0
+        for at, records in self._pieces():
+            if not later:  # the earliest message in all later chunks, as the index claims
+                for place, start_ns in sorted(self._starts.items(), reverse=True):
+                    later[place], earliest_ns = earliest_ns, min(earliest_ns, start_ns)
+            for message in self._messages(records, topics):
+                waiting.append(message)
+                size += len(message.data) + _OVERHEAD
+                latest_ns = max(latest_ns, message.log_ns)
+            if latest_ns <= later.get(at, -1) or size > _MAX_WAITING_BYTES:
+                yield from sorted(waiting, key=_log_ns)
+                waiting, size = [], 0
+        yield from sorted(waiting, key=_log_ns)
 
-    def _pieces(self) -> Iterator[tuple[int | None, Iterable[ScannedMessage]]]:
-        """Messages of each chunk, and the time of the earliest message in later chunks, if it is known [ns]."""
-        with self.path.open("rb") as file:
-            data = FileBytes(file, salvage=True)
-            try:
-                self._read_summary(data)
-                later_ns = _later_ns(data)
-                for at, records in self._records(data, Allowance(len(data))):
-                    yield later_ns.get(at), self._messages(records)
-            except TooMuchError:
-                self.too_much = True
-            finally:
-                self.fault = data.fault
-
-    def _messages(self, records: Iterable[Record]) -> Iterator[ScannedMessage]:
+    def _messages(self, records: Iterable[Record], topics: Collection[str] | None) -> Iterator[ScannedMessage]:
         for opcode, body in records:
             message = self._take(opcode, body)
-            if message is not None:
+            if message is not None and (topics is None or message.topic.name in topics):
                 yield message
 
-    def _records(self, data: FileBytes, allowance: Allowance) -> Iterator[tuple[int, Iterable[Record]]]:
+    def _pieces(self) -> Iterator[tuple[int, Iterable[Record]]]:
         """Place and records of each chunk; outside of chunks, of each record."""
-        at, size, chunked, in_summary = len(_MAGIC), len(data), False, False
-        if data[:at] != _MAGIC[: min(at, size)]:
-            self.damaged += 1
-        while at < size:
-            opcode, length = data.unpack(RECORD, at) if size - at >= RECORD.size else (0, size)
-            start = at + RECORD.size
-            end = start + length
-            if not _plausible(data, opcode, start, end):
-                found = _next_chunk(data, at, allowance)
-                if found is None:
-                    self.cut_bytes = size - at
-                    chunk = chunk_at(data, start) if opcode == Opcode.CHUNK else None
-                    if chunk is not None:
-                        yield at, split(begun_chunk(data, chunk, allowance))
-                    return
+        with self.path.open("rb") as file:
+            data = _Bytes(file)
+            self._read_summary(data)
+            at, chunked, in_summary = len(_MAGIC), False, False
+            if data.read(0, at) != _MAGIC[: data.size]:
                 self.damaged += 1
-                at, chunked = found, True
-                continue
-            if opcode == Opcode.FOOTER:
-                self.finished = size - end == len(_MAGIC)
-                self.cut_bytes = 0 if self.finished else size - end
-                return
-            if opcode == Opcode.CHUNK:
-                chunked = True
-                chunk = chunk_at(data, start)
-                records = None if chunk is None else whole_chunk(data, chunk, allowance)
-                if chunk is not None and chunk.too_large:
-                    self.too_large += 1
-                else:
-                    self.damaged += records is None
-                yield at, split(records or b"")
-            elif opcode in _READ:
-                if chunked or in_summary or at == len(_MAGIC) or length > MAX_CHUNK_BYTES:
-                    self.damaged += not in_summary
-                else:
-                    allowance.take_records()
-                    body = data[start:end]
-                    if data.is_lost(at, end):
+            while at < data.size:
+                opcode, end = data.head(at)
+                start = at + _RECORD.size
+                chunk = _chunk_at(data, start) if opcode == Opcode.CHUNK else None
+                good = chunk.end == end if chunk else opcode != Opcode.CHUNK and _plausible(data, opcode, at, end)
+                if not good or end > data.size:
+                    found = _next_chunk(data, at + 1)
+                    if found is not None:
                         self.damaged += 1
+                        at, chunked = found, True
+                        continue
+                    self.cut_bytes = data.size - at
+                    if chunk is not None and not chunk.too_large:  # it was being written
+                        yield at, _split(_unpacked(data, chunk))
+                    return
+                if opcode == Opcode.FOOTER:
+                    self.cut_bytes = max(0, data.size - end - len(_MAGIC))
+                    self.finished = data.read(end, end + len(_MAGIC)) == _MAGIC and not self.cut_bytes
+                    return
+                if chunk is not None:
+                    chunked = True
+                    records = None if chunk.too_large else _whole(data, chunk)
+                    self.too_large += chunk.too_large
+                    self.damaged += records is None and not chunk.too_large
+                    yield at, _split(records or b"")
+                elif opcode in _READ:
+                    if chunked or in_summary or at == len(_MAGIC) or end - start > MAX_CHUNK_BYTES:
+                        self.damaged += not in_summary
                     else:
-                        yield at, ((opcode, body),)
-            elif opcode == Opcode.DATA_END:
-                in_summary = True
-            else:  # a record of the summary among the data was a chunk, or its index
-                self.damaged += opcode not in _SKIPPED and not in_summary
-            at = end
+                        yield at, ((opcode, data.read(start, end)),)
+                elif opcode == Opcode.DATA_END:
+                    in_summary = True
+                else:  # a record of the summary among the data was a chunk, or its index
+                    self.damaged += opcode not in _SKIPPED and not in_summary
+                at = end
 
-    def _read_summary(self, data: FileBytes) -> None:
-        """Read schemas and channels from the end of a closed file, in case a chunk with them is damaged."""
-        footer = len(data) - len(_MAGIC) - _FOOTER.size - RECORD.size
-        if data[-len(_MAGIC) :] != _MAGIC or footer < 0 or data.unpack(RECORD, footer)[0] != Opcode.FOOTER:
+    def _read_summary(self, data: _Bytes) -> None:
+        """Read the end of a closed file, in case a chunk with the descriptions of topics is damaged."""
+        end = max(0, data.size - len(_MAGIC) - _FOOTER.size - _RECORD.size)
+        tail = data.read(end, data.size)
+        if not end or not tail.endswith(_MAGIC) or tail[0] != Opcode.FOOTER:
             return
-        start, _, checksum = data.unpack(_FOOTER, footer + RECORD.size)
-        if not 0 < start < footer or footer - start > MAX_CHUNK_BYTES:
+        start, _, checksum = _FOOTER.unpack_from(tail, _RECORD.size)
+        if not 0 < start < end or end - start > MAX_CHUNK_BYTES:
             return
-        summary = data[start : -len(_MAGIC) - 4]
-        if data.is_lost(start, len(data)) or (checksum and zlib.crc32(summary) != checksum):
+        summary = data.read(start, data.size - len(_MAGIC) - 4)
+        if checksum and zlib.crc32(summary) != checksum:
             return
-        for opcode, body in split(summary):
-            if opcode == Opcode.FOOTER:
-                return
-            if opcode == Opcode.STATISTICS:
-                try:
-                    self.statistics = Statistics.read(ReadDataStream(BytesIO(body)))
-                except _FAULTS:
-                    self.damaged += 1
-            elif opcode != Opcode.MESSAGE:
-                self._take(opcode, body)
-
-    def _take(self, opcode: int, body: bytes) -> ScannedMessage | None:
-        if opcode == Opcode.MESSAGE:
-            if len(body) < _MESSAGE.size:
-                self.damaged += 1
-                return None
-            channel, _, log_ns, publish_ns = _MESSAGE.unpack_from(body)
-            topic = self._topic(channel)
-            if topic is not None:
-                return ScannedMessage(topic, log_ns, publish_ns, body[_MESSAGE.size :])
-            self.orphans += 1
-        elif opcode in _READ:
+        for opcode, body in _split(summary):
             try:
-                self._describe(opcode, body)
+                if opcode == Opcode.STATISTICS:
+                    self.statistics = Statistics.read(ReadDataStream(BytesIO(body)))
+                elif opcode == Opcode.CHUNK_INDEX:
+                    start_ns, _, place = _INDEX.unpack_from(body)
+                    self._starts[place] = start_ns
+                elif opcode != Opcode.MESSAGE:
+                    self._take(opcode, body)
             except _FAULTS:
                 self.damaged += 1
+
+    def _take(self, opcode: int, body: bytes) -> ScannedMessage | None:
+        """The message of a record, or what it describes."""
+        try:
+            if opcode == Opcode.MESSAGE:
+                number, _, log_ns, publish_ns = _MESSAGE.unpack_from(body)
+                topic = self._topic(number)
+                if topic is not None:
+                    return ScannedMessage(topic, log_ns, publish_ns, body[_MESSAGE.size :])
+                self.damaged += number not in self._undescribed
+                self._undescribed.add(number)
+            elif opcode == Opcode.SCHEMA and int.from_bytes(body[:2], "little") not in self._schemas:
+                schema = Schema.read(ReadDataStream(BytesIO(body)))
+                self._schemas[schema.id] = schema
+            elif opcode == Opcode.CHANNEL and int.from_bytes(body[:2], "little") not in self._channels:
+                channel = Channel.read(ReadDataStream(BytesIO(body)))
+                self._channels[channel.id] = channel
+        except _FAULTS:
+            self.damaged += 1
         return None
 
-    def _describe(self, opcode: int, body: bytes) -> None:
-        stream = ReadDataStream(BytesIO(body))
-        known = int.from_bytes(body[:2], "little") in (
-            self._schemas if opcode == Opcode.SCHEMA else self._channels
-        )
-        if known:
-            return
-        self._described += len(body)
-        if self._described > _MAX_DESCRIPTIONS:
-            raise TooMuchError
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
-            self._schemas[schema.id] = schema
-        else:
-            channel = Channel.read(stream)
-            self._channels[channel.id] = channel
-
     def _topic(self, number: int) -> Topic | None:
-        if number not in self._topics:
-            channel = self._channels.get(number)
-            schema = self._schemas.get(channel.schema_id) if channel is not None else None
-            if channel is None or schema is None:
-                return None
+        channel = self._channels.get(number)
+        schema = self._schemas.get(channel.schema_id) if channel is not None else None
+        if channel is not None and schema is not None and number not in self._topics:
+            about = channel.metadata
             text = schema.data.decode("utf-8", "replace")
-            type_hash = channel.metadata.get("topic_type_hash", "")
-            self._topics[number] = Topic(
-                channel.topic,
-                Definition(schema.name, text, schema.encoding, type_hash),
-                self._offered(channel.metadata.get("offered_qos_profiles", "")),
-            )
-        return self._topics[number]
-
-    def _offered(self, text: str) -> tuple[Qos, ...]:
-        if text not in self._qos:
-            self._qos_bytes += len(text)
-            self._qos[text] = qos_from_yaml(text) if self._qos_bytes <= _MAX_QOS else ()
-        return self._qos[text]
+            definition = Definition(schema.name, text, schema.encoding, about.get("topic_type_hash", ""))
+            offered = qos_from_yaml(about.get("offered_qos_profiles", ""))
+            self._topics[number] = Topic(channel.topic, definition, offered)
+        return self._topics.get(number)
 
 
-def _plausible(data: FileBytes, opcode: int, start: int, end: int) -> bool:
-    """True if a record outside of chunks is as long as its content; a wrong length would skip what follows."""
-    size = len(data)
-    if opcode not in _KNOWN or end > size:
+def _log_ns(message: ScannedMessage) -> int:
+    return message.log_ns
+
+
+def _plausible(data: _Bytes, opcode: int, at: int, end: int) -> bool:
+    """True if a record is followed by another one, or the end: a wrong length would skip what follows."""
+    if opcode not in _KNOWN or end > data.size:
         return False
     if opcode == Opcode.FOOTER:
-        return data[end : end + len(_MAGIC)] == _MAGIC[: size - end]
-    if opcode == Opcode.CHUNK:
-        chunk = chunk_at(data, start)
-        return chunk is not None and chunk.end == end
-    if opcode == Opcode.DATA_END:
-        return end - start == 4
-    if opcode in (Opcode.HEADER, Opcode.METADATA):  # two blocks with their lengths
-        first = start + 4 + int(data.unpack(_LENGTH, start)[0]) if end - start >= 8 else end
-        return first + 4 <= end and first + 4 + data.unpack(_LENGTH, first)[0] == end
-    if opcode == Opcode.MESSAGE_INDEX:
-        return end - start >= 6 and data.unpack(_LENGTH, start + 2)[0] == end - start - 6
-    return True
+        return data.read(end, end + len(_MAGIC)) == _MAGIC[: data.size - end]
+    if opcode == Opcode.MESSAGE_INDEX:  # a chunk whose opcode has one other bit
+        return int.from_bytes(data.read(at + 11, at + 15), "little") == end - at - 15
+    following = data.read(end, end + 1)
+    return not following or following[0] in _KNOWN
 
 
-def _later_ns(data: FileBytes) -> dict[int, int]:
-    """For each chunk by its place, the time of the earliest message in later chunks [ns], as their heads claim."""
-    starts: list[tuple[int, int]] = []
-    at = len(_MAGIC)
-    while len(data) - at >= RECORD.size:
-        opcode, length = data.unpack(RECORD, at)
-        if opcode not in _KNOWN or opcode == Opcode.DATA_END:
-            break
-        if opcode == Opcode.CHUNK and (chunk := chunk_at(data, at + RECORD.size)) is not None:
-            starts.append((at, chunk.start_ns))
-        at += RECORD.size + length
-    found, earliest = {}, 2**64
-    for at, start_ns in reversed(starts):
-        found[at] = earliest
-        earliest = min(earliest, start_ns)
-    return found
+def _chunk_at(data: _Bytes, start: int) -> _Chunk | None:
+    """The head of a chunk, ``None`` if there cannot be one."""
+    head = data.read(start, start + _CHUNK.size + 12)
+    if len(head) < _CHUNK.size + 8:
+        return None
+    _, _, size, checksum, name_length = _CHUNK.unpack_from(head)
+    begin = start + _CHUNK.size + name_length + 8
+    compression = head[_CHUNK.size :][: min(name_length, 4)]
+    if compression not in (b"", b"lz4", b"zstd") or len(compression) != name_length or begin > data.size:
+        return None
+    (length,) = _LENGTH.unpack_from(head, _CHUNK.size + name_length)
+    return _Chunk(size, checksum, compression, begin, begin + length)
 
 
-def _next_chunk(data: FileBytes, after: int, allowance: Allowance) -> int | None:
-    """Start of the next chunk that is complete and passes its checksum; of the one at this place, too."""
-    for at in _chunk_places(data, after):
-        chunk = chunk_at(data, at + RECORD.size)
-        if chunk is None or chunk.end > len(data) or chunk.too_large:
-            continue
-        if not allowance.search(chunk.end - chunk.begin + chunk.size):
+def _unpacked(data: _Bytes, chunk: _Chunk) -> bytes:
+    """The records of a chunk, as far as they can be unpacked; at most one byte more than it claims."""
+    packed = data.read(chunk.begin, chunk.end)
+    if not chunk.compression:
+        return packed
+    if chunk.compression == b"lz4":
+        try:
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, chunk.size + 1))
+        except (RuntimeError, EOFError, MemoryError):
+            return b""
+    found = bytearray()
+    reader = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES).stream_reader(
+        packed, read_across_frames=True
+    )
+    with suppress(zstandard.ZstdError, MemoryError):
+        while len(found) <= chunk.size and (piece := reader.read(min(_PIECE, chunk.size + 1 - len(found)))):
+            found += piece
+    return bytes(found)
+
+
+def _whole(data: _Bytes, chunk: _Chunk) -> bytes | None:
+    """The records of a chunk that passes its checksum and has nothing else; ``None`` otherwise."""
+    records = _unpacked(data, chunk)
+    if len(records) != chunk.size or (chunk.checksum and zlib.crc32(records) != chunk.checksum):
+        return None
+    at = 0
+    while len(records) - at >= _RECORD.size:
+        opcode, length = _RECORD.unpack_from(records, at)
+        at += _RECORD.size + length
+        if opcode not in _READ:
             return None
-        _, length = data.unpack(RECORD, at)
-        if chunk.end == at + RECORD.size + length and whole_chunk(data, chunk, allowance):
-            return at
+    return records if at == len(records) else None
+
+
+def _split(data: bytes) -> Iterator[Record]:
+    """Complete records of a piece of data."""
+    at = 0
+    while len(data) - at >= _RECORD.size:
+        opcode, length = _RECORD.unpack_from(data, at)
+        start = at + _RECORD.size
+        at = start + length
+        if opcode not in _KNOWN or at > len(data):
+            return
+        yield opcode, data[start:at]
+
+
+def _next_chunk(data: _Bytes, after: int) -> int | None:
+    """Start of the next chunk that is complete and passes its checksum."""
+    tries = 0
+    for begin in range(after, data.size, _WINDOW):
+        for match in _A_CHUNK.finditer(data.read(begin, begin + _WINDOW + _RECORD.size - 1)):
+            at = begin + match.start()
+            chunk = _chunk_at(data, at + _RECORD.size)
+            if chunk is None or chunk.end > data.size or chunk.too_large or data.head(at)[1] != chunk.end:
+                continue
+            tries += 1
+            if tries > _MAX_SEARCHES:
+                return None
+            if _whole(data, chunk):
+                return at
     return None
-
-
-def _chunk_places(data: FileBytes, after: int) -> Iterator[int]:
-    """Places that look like the start of a chunk."""
-    for begin in range(after, len(data), _WINDOW):
-        window = data[begin : begin + _WINDOW + RECORD.size - 1]
-        yield from (begin + match.start() for match in _A_CHUNK.finditer(window))

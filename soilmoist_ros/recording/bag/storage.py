@@ -1,40 +1,53 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The files of a bag, read within limits: MCAP, SQLite, ROS 1, also compressed. It may come from a stranger."""
+"""The files of a bag: MCAP, SQLite, ROS 1, also compressed. They may come from a stranger."""
 
 from __future__ import annotations
 
-import contextlib
 import sqlite3
-import tempfile
 from collections.abc import Collection, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
 from typing import Any, Final, Protocol
 
 import zstandard
 
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.chunks import MAX_CHUNK_BYTES, Allowance, TooMuchError
 from soilmoist_ros.recording.bag.metadata import Content, Definition, Extent, Topic, qos_from_yaml
 from soilmoist_ros.recording.bag.retention import CLOSED_S, NUMBER
-from soilmoist_ros.recording.bag.ros1 import ROS1, Connection, Message, Ros1File, converted
-from soilmoist_ros.recording.bag.scan import McapScan
+from soilmoist_ros.recording.bag.ros1 import ROS1, Message, Ros1File, converted
+from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES, McapScan
+from soilmoist_ros.recording.bag.writer import is_being_written
 
-TOO_MUCH: Final = "unpacks to far more than a recording of its size can: it is damaged, or was made to do harm"
+METADATA: Final = "metadata.yaml"
+MAX_UNPACKED: Final = 1000
+"""Size of a file relative to its compressed size beyond which it was made to do harm."""
 _PIECE: Final = 1 << 20
 _RECOVER: Final = "soilmoist bag recover"
 _REINDEX: Final = "rosbag fix or rosbag reindex (ROS 1)"
 _REMEDIES: Final = {
-    ".zstd": "unpack its files with unzstd, which unpacks a part of one that was cut; then soilmoist bag recover "
-    "(MCAP) or ros2 bag reindex (SQLite), which reads no packed files",
+    ".zstd": f"unpack its files with unzstd, also those that were cut; then {_RECOVER} (MCAP) or ros2 bag reindex "
+    "(SQLite)",
     ".mcap": _RECOVER,
     ".db3": "ros2 bag reindex writes metadata.yaml anew; a damaged file may be read by .recover of sqlite3",
     ".bag": _REINDEX,
     ".active": _REINDEX,
 }
-_MAX_DEFAULT: Final = 100
-"""Longest default of a column of SQLite: rows that lack the column do not store it, however long it is."""
+FAULTS: Final = (
+    OSError,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    sqlite3.Error,
+    zstandard.ZstdError,
+    MemoryError,
+    RecursionError,
+)
+"""Errors of a file that is damaged, or not what its name says."""
 
 
 class Storage(Protocol):
@@ -42,36 +55,33 @@ class Storage(Protocol):
 
     @property
     def content(self) -> Content:
-        """What it has."""
+        """Its topics and messages."""
 
-    def messages(self, topics: Collection[str], by_time: bool = True) -> Iterator[Message]:
-        """Messages of topics in the order of time, or else in the order in which they were written.
+    def messages(
+        self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True
+    ) -> Iterator[Message]:
+        """Messages of topics, or of all.
 
-        :raises ValueError: if the file is damaged
+        :param by_time: in the order of time, or else in the order in which they were written
+        :param convert: whether those of ROS 1 become those of ROS 2
+        :raises ValueError: if the file is damaged, unless it has :meth:`problems` that say so
         """
+
+    def problems(self) -> list[str]:
+        """What is wrong with the file, in words; complete after all messages were read."""
 
     def close(self) -> None:
         """Close the file."""
 
 
-def open_storages(path: Path) -> tuple[list[Storage], contextlib.ExitStack]:
-    """The files of a bag in the order of recording, and what closes them.
-
-    :raises InputError: if there is no bag
-    :raises ValueError: if it is damaged
-    """
-    with contextlib.ExitStack() as stack:
-        files = [path] if path.is_file() else _listed(path, stack)
-        storages: list[Storage] = []
-        for file in files:
-            one: Storage
-            if file.suffix == ".bag":
-                one = Ros1File(file)
-            else:
-                one = SqliteFile(file) if file.suffix == ".db3" else _Mcap(file)
-            stack.callback(one.close)
-            storages.append(one)
-        return storages, stack.pop_all()
+def open_file(path: Path, stack: ExitStack) -> Storage:
+    """A file of a bag by its kind, unpacked if it was compressed as a whole; the stack closes it."""
+    if path.suffix == ".zstd":
+        path = unpacked(path, Path(stack.enter_context(TemporaryDirectory())) / path.stem)
+    kinds: dict[str, Any] = {".bag": Ros1File, ".db3": _SqliteFile}
+    storage: Storage = kinds.get(path.suffix, _McapFile)(path)
+    stack.callback(storage.close)
+    return storage
 
 
 def remedy_of(path: Path) -> str:
@@ -92,7 +102,7 @@ def inside(folder: Path, path: Path) -> Path:
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """What ``metadata.yaml`` of a bag says.
+    """Content of ``metadata.yaml`` of a bag.
 
     :raises InputError: if it is no YAML, too large, or a link to another folder
     :raises OSError: if it cannot be read
@@ -100,63 +110,55 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     """
     from soilmoist_ros.foundation import parse_yaml
 
-    path = inside(folder, folder / "metadata.yaml")
+    path = inside(folder, folder / METADATA)
     with path.open("rb") as file:
         text = file.read(4 << 20).decode()
     content = parse_yaml(text, path)
     found = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     if not isinstance(found, dict):
-        raise ValueError("metadata.yaml is not that of a bag")
+        raise ValueError(f"{METADATA} is not that of a bag")
     listed = found.get("relative_file_paths")
     if not isinstance(listed, list) or not listed or not all(isinstance(name, str) for name in listed):
-        raise ValueError("metadata.yaml lists no files")
+        raise ValueError(f"{METADATA} lists no files")
     return found
 
 
 def recorder_notes(path: Path) -> dict[str, str]:
     """What the recorder of a bag has noted as lost; empty if there is nothing that can be read."""
-    if not (path / "metadata.yaml").is_file():
+    if not (path / METADATA).is_file():
         return {}
     try:
         found = read_metadata(path).get("custom_data")
     except (InputError, ValueError, OSError):
         return {}
-    if not isinstance(found, dict):
-        return {}
-    return {str(name): str(value) for name, value in found.items() if name not in (NUMBER, CLOSED_S)}
+    notes = found.items() if isinstance(found, dict) else ()
+    return {str(name): str(value) for name, value in notes if name not in (NUMBER, CLOSED_S)}
 
 
-def _listed(folder: Path, stack: contextlib.ExitStack) -> list[Path]:
-    """The files that ``metadata.yaml`` lists, unpacked; people may have unpacked them before."""
+def listed_files(folder: Path) -> list[Path]:
+    """The files that ``metadata.yaml`` lists, in the order of recording; people may have unpacked them before."""
     metadata = read_metadata(folder)
     mode, packing = (str(metadata.get(f"compression_{what}") or "").lower() for what in ("mode", "format"))
     if mode in ("file", "message") and packing != "zstd":
         raise ValueError(f"compression {packing!r} is not supported")
-    files, missing, target = list[Path](), list[str](), None
-    for name in metadata["relative_file_paths"]:
-        file = inside(folder, folder / PurePath(name).name)
-        if file.suffix == ".zstd" and file.with_suffix("").is_file():
-            file = inside(folder, file.with_suffix(""))
-        if not file.is_file():
-            missing.append(file.name)
-        elif file.suffix == ".zstd":
-            target = target or Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            file = unpacked(file, target / file.stem)
-        files.append(file)
-    if missing:
+    files = [inside(folder, folder / PurePath(name).name) for name in metadata["relative_file_paths"]]
+    plain = [inside(folder, file.with_suffix("")) if file.suffix == ".zstd" else file for file in files]
+    files = [one if one.is_file() else file for one, file in zip(plain, files, strict=True)]
+    if missing := [file.name for file in files if not file.is_file()]:
         raise ValueError(f"files are missing: {', '.join(missing)}")
     return files
 
 
 def unpacked(source: Path, target: Path) -> Path:
     """Unpack a file that was compressed as a whole, and return its new path."""
-    allowance = Allowance(source.stat().st_size)
+    left = MAX_UNPACKED * source.stat().st_size + MAX_CHUNK_BYTES
     with source.open("rb") as packed, target.open("wb") as out:
-        reader = zstandard.ZstdDecompressor(max_window_size=2 * MAX_CHUNK_BYTES).stream_reader(
-            packed, read_across_frames=True
-        )
+        unpacker = zstandard.ZstdDecompressor(max_window_size=2 * MAX_CHUNK_BYTES)
+        reader = unpacker.stream_reader(packed, read_across_frames=True)
         while piece := reader.read(_PIECE):
-            allowance.take(len(piece))
+            left -= len(piece)
+            if left < 0:
+                raise ValueError("it unpacks to far more than a recording of its size can")
             out.write(piece)
     return target
 
@@ -176,59 +178,77 @@ def _as_ros2(topic: Topic) -> Topic:
     return replace(topic, definition=replace(topic.definition, type_name=f"{package}/msg/{kind}"))
 
 
-class _Mcap:
+class _McapFile:
+    """An MCAP file, see :class:`Storage`. If it was not closed, its complete messages are read."""
+
     def __init__(self, path: Path) -> None:
-        self._path = path
-        scan = McapScan(path)
+        self._scan = McapScan(path)
+
+    @cached_property
+    def content(self) -> Content:
+        scan = McapScan(self._scan.path)
         if scan.read_summary() and scan.statistics is not None:
             numbers, topics = scan.statistics, {key: _as_ros2(one) for key, one in scan.topics().items()}
-            counts: dict[str, int] = {}
+            counts = dict.fromkeys((one.name for one in topics.values()), 0)
             for number, topic in topics.items():
-                had = counts.get(topic.name, 0)
-                counts[topic.name] = had + numbers.channel_message_counts.get(number, 0)
+                counts[topic.name] += numbers.channel_message_counts.get(number, 0)
             total = sum(counts.values())
             extent = Extent(total, numbers.message_start_time, numbers.message_end_time) if total else Extent()
-            self.content = Content(list(topics.values()), counts, extent)
-            return
+            return Content(list(topics.values()), counts, extent)
         content = Content()
         for message in scan.messages():
-            name = message.topic.name
-            content.counts[name] = content.counts.get(name, 0) + 1
-            content.extent = content.extent.with_message(message.log_ns)
+            content.take(message.topic.name, message.log_ns)
         content.topics = list(map(_as_ros2, scan.topics().values()))
-        self.content = content
-        self._check(scan)
+        _require_whole(scan)
+        return content
 
-    def messages(self, topics: Collection[str], by_time: bool = True) -> Iterator[Message]:
-        scan = McapScan(self._path)
-        for message in scan.sorted_messages() if by_time else scan.messages():
-            if message.topic.name in topics:
-                definition = _as_ros2(message.topic).definition
-                if definition.encoding == ROS1:
-                    connection = Connection(message.topic.name, definition.type_name, definition.text)
-                    data = converted(connection, message.data)
-                else:
-                    data = plain_message(message.data)
-                yield message.topic.name, definition.type_name, message.log_ns, data
-        self._check(scan)
+    def messages(
+        self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True
+    ) -> Iterator[Message]:
+        scan = self._scan = McapScan(self._scan.path)
+        for message in scan.sorted_messages(topics or ()) if by_time else scan.messages(topics):
+            topic = _as_ros2(message.topic)
+            kind = topic.definition.type_name
+            if topic.definition.encoding == ROS1:
+                data = (
+                    converted(topic.name, kind, topic.definition.text, message.data) if convert else message.data
+                )
+            else:
+                data = plain_message(message.data)
+            yield topic.name, kind, message.log_ns, data
+        if convert:
+            _require_whole(scan)
+
+    def problems(self) -> list[str]:
+        return findings(self._scan)
 
     def close(self) -> None:
         pass
 
-    @staticmethod
-    def _check(scan: McapScan) -> None:
-        if scan.too_much:
-            raise ValueError(TOO_MUCH)
-        if scan.too_large:
-            raise ValueError(f"{scan.path.name} has chunks of more than {MAX_CHUNK_BYTES >> 20} MB")
-        if scan.damaged:
-            raise ValueError(f"{scan.path.name} is damaged in {scan.damaged} places")
-        if not scan.finished:
-            raise ValueError(f"{scan.path.name} was not closed")
+
+def _require_whole(scan: McapScan) -> None:
+    if found := findings(scan):
+        raise ValueError(found[0])
 
 
-class SqliteFile:
-    """A file of rosbag2's older storage."""
+def findings(scan: McapScan) -> list[str]:
+    """Problems of a scanned file, in words."""
+    name, found = scan.path.name, []
+    if is_being_written(scan.path):
+        found.append(f"{name} is still being recorded")
+    elif not scan.finished:
+        cut = f"; its last {scan.cut_bytes} bytes are an incomplete message" if scan.cut_bytes else ""
+        found.append(f"{name} was not closed{cut}")
+    if scan.too_large:
+        chunks = f"{scan.too_large} chunk{'s'[: scan.too_large > 1]}"
+        found.append(f"{name} has {chunks} of more than {MAX_CHUNK_BYTES >> 20} MB: not read")
+    if scan.damaged:
+        found.append(f"{name} is damaged in {scan.damaged} place{'s'[: scan.damaged > 1]}")
+    return found
+
+
+class _SqliteFile:
+    """A file of rosbag2's older storage, see :class:`Storage`."""
 
     def __init__(self, path: Path) -> None:
         log = path.with_name(f"{path.name}-wal")
@@ -236,6 +256,7 @@ class SqliteFile:
             message = f"{log.name} has messages that it lacks: it is being recorded, or its recorder was killed"
             merge = 'sqlite3 COPY.db3 "PRAGMA wal_checkpoint(TRUNCATE)"'
             raise InputError(message, f"copy both files, and merge the copies: {merge}", path)
+        self._path = path
         uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
         self._base = sqlite3.connect(uri, uri=True, check_same_thread=False)
         self._base.execute("PRAGMA trusted_schema=OFF")
@@ -243,19 +264,12 @@ class SqliteFile:
         tables = {name for (name,) in self._base.execute("SELECT name FROM sqlite_master WHERE type='table'")}
         if not {"messages", "topics"} <= tables:
             raise ValueError("is not a bag of rosbag2")
-        columns = {
-            name: self._base.execute(f"PRAGMA table_xinfo({name})").fetchall()
-            for name in tables & {"messages", "topics", "message_definitions"}
-        }
-        for name, described in columns.items():
-            if any(hidden or len(default or "") > _MAX_DEFAULT for *_, default, _, hidden in described):
-                raise ValueError(f"the table {name} has values that are not in the file")
         definitions: dict[str, Definition] = {}
         if "message_definitions" in tables:
             wanted = "topic_type, encoded_message_definition, encoding, type_description_hash"
             rows = self._base.execute(f"SELECT {wanted} FROM message_definitions")
             definitions = {str(row[0]): Definition(*map(str, row)) for row in rows}
-        known = {row[1] for row in columns["topics"]}
+        known = {row[1] for row in self._base.execute("PRAGMA table_info(topics)")}
         qos = "offered_qos_profiles" if "offered_qos_profiles" in known else "''"
         self._topics: dict[int, Topic] = {}
         self.content = Content()
@@ -267,15 +281,17 @@ class SqliteFile:
         rows = self._base.execute(
             "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY 1"
         )
-        for number, count, first, last in rows:
+        for number, count, *times in rows:
             if number in self._topics:
-                self.content.counts[self._topics[number].name] += count
-                had = self.content.extent.with_message(_time_ns(first)).with_message(_time_ns(last))
-                self.content.extent = Extent(had.messages + count - 2, had.start_ns, had.end_ns)
+                for time_ns in (_time_ns(time) for time in times):
+                    self.content.take(self._topics[number].name, time_ns)
+                self.content.counts[self._topics[number].name] += count - 2
+                self.content.extent = replace(self.content.extent, messages=sum(self.content.counts.values()))
 
-    def messages(self, topics: Collection[str], by_time: bool = True) -> Iterator[Message]:
-        """See :class:`Storage`."""
-        wanted = {number: topic for number, topic in self._topics.items() if topic.name in topics}
+    def messages(
+        self, topics: Collection[str] | None, by_time: bool = True, convert: bool = True
+    ) -> Iterator[Message]:
+        wanted = {n: topic for n, topic in self._topics.items() if topics is None or topic.name in topics}
         marks = ", ".join("?" * len(wanted))
         where = f"WHERE topic_id IN ({marks}) ORDER BY {'timestamp, ' if by_time else ''}id"
         rows = self._base.execute(f"SELECT topic_id, timestamp, data FROM messages {where}", tuple(wanted))
@@ -284,8 +300,16 @@ class SqliteFile:
                 raise ValueError("a message has no data")
             yield wanted[number].name, wanted[number].definition.type_name, _time_ns(time_ns), plain_message(data)
 
+    def problems(self) -> list[str]:
+        """Whether the file is shorter than its header says: SQLite reads zeros there."""
+        with self._path.open("rb") as stream:
+            header = stream.read(100)
+        page, pages = (int.from_bytes(header[at : at + size]) for at, size in ((16, 2), (28, 4)))
+        size, there = (page if page > 1 else 1 << 16) * pages, self._path.stat().st_size
+        valid = header[24:28] == header[92:96]  # older versions of SQLite do not write the number of pages
+        return [f"{self._path.name} was cut: it has {there} of {size} bytes"] if valid and there < size else []
+
     def close(self) -> None:
-        """See :class:`Storage`."""
         self._base.close()
 
 
@@ -294,18 +318,3 @@ def _time_ns(value: Any) -> int:
     if type(value) is not int or value < 0:
         raise ValueError(f"a message has the time {value!r:.30}")
     return value
-
-
-FAULTS: Final = (
-    OSError,
-    ValueError,
-    LookupError,
-    TypeError,
-    AttributeError,
-    sqlite3.Error,
-    zstandard.ZstdError,
-    TooMuchError,
-    MemoryError,
-    RecursionError,
-)
-"""Errors of a file that is damaged, or not what its name says."""

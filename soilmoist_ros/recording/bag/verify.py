@@ -1,125 +1,156 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Decides whether a bag is whole: every message is read, and compared with ``metadata.yaml`` and the checksums."""
+"""Reads every message of a bag, compares them with metadata and checksums, and recovers what is whole."""
 
 from __future__ import annotations
 
 import hashlib
 import re
 import shutil
-import tempfile
+from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path, PurePath
 from typing import Final
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from soilmoist_ros.foundation import InputError
-from soilmoist_ros.recording.bag.chunks import MAX_CHUNK_BYTES
 from soilmoist_ros.recording.bag.metadata import BagFile, Extent, joined
 from soilmoist_ros.recording.bag.retention import NUMBER, next_number
-from soilmoist_ros.recording.bag.ros1 import ROS1, Ros1File
+from soilmoist_ros.recording.bag.ros1 import ROS1
 from soilmoist_ros.recording.bag.scan import McapScan, ScannedMessage
 from soilmoist_ros.recording.bag.storage import (
     FAULTS,
-    TOO_MUCH,
-    SqliteFile,
+    METADATA,
+    findings,
     inside,
+    open_file,
     plain_message,
     read_metadata,
+    recorder_notes,
     remedy_of,
-    unpacked,
 )
 from soilmoist_ros.recording.bag.writer import CHECKSUMS, BagWriter, is_being_written
 
-METADATA: Final = "metadata.yaml"
 _PATTERNS: Final = ("*.bag", "*.mcap", "*.mcap.zstd", "*.db3", "*.db3.zstd")
 _STORAGES: Final = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "ROS 1"}
-_LINE: Final = re.compile(r"([0-9a-f]{64}) [ *]([^/\0]+)")
+_SUM: Final = re.compile(r"([0-9a-f]{64}) [ *]([^/\0]+)")
 _MAX_SUMS: Final = 1 << 20
 _SHORT_NS: Final = 1_000_000_000
 """A bag that is shorter than its metadata say by more than this lacks messages [ns]."""
-
-Note = Callable[[str, str, int, int], None]
-"""Takes topic, type, time [ns] and size [bytes] of a message."""
+_REGULAR_FROM: Final = 10
+_REGULAR_SHARE: Final = 0.8
+_GAP_FACTOR: Final = 5.0
+_MIN_GAP_S: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Verified:
-    """What was found.
+class Gap:
+    """A silence of an otherwise regular topic.
 
-    :param bag: the bag
-    :param storage: ``mcap``, ``sqlite3`` or ``ROS 1``
-    :param paths: the files that are there
-    :param files: their messages
-    :param checksums: number of files whose checksum is right
-    :param recording: whether the bag is being recorded now
-    :param problems: why it is not whole, in words; empty if it is
-    :param remedy: what to do about the problems; empty without problems
+    :param start_s: time of the last message before it [s since 1970-01-01 UTC]
+    :param duration_s: its length [s]
     """
 
-    bag: Path
+    start_s: float
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic of a bag.
+
+    :param name: full name
+    :param type_name: name of its type
+    :param extent: its messages
+    :param size_bytes: size of all its messages [bytes]
+    :param interval_s: median time between messages [s], ``None`` for fewer than two
+    :param gaps: silences, if it is regular
+    """
+
+    name: str
+    type_name: str
+    extent: Extent
+    size_bytes: int
+    interval_s: float | None
+    gaps: tuple[Gap, ...]
+
+
+@dataclass(frozen=True)
+class BagInfo:
+    """A bag.
+
+    :param path: its folder, or its file
+    :param storage: ``mcap``, ``sqlite3`` or ``ROS 1``
+    :param size_bytes: size of its files [bytes]
+    :param extent: all messages
+    :param topics: its topics, by name
+    :param files: the files that are there
+    :param checksums: number of files whose checksum is right
+    :param recording: whether it is being recorded now
+    :param problems: why it is not whole, in words; empty if it is
+    :param remedy: what to do about the problems; empty without problems
+    :param notes: what the recorder has noted, such as the number of messages that it lost
+    """
+
+    path: Path
     storage: str
-    paths: tuple[Path, ...]
+    size_bytes: int
+    extent: Extent
+    topics: tuple[TopicInfo, ...]
     files: tuple[BagFile, ...]
     checksums: int
     recording: bool
     problems: tuple[str, ...]
     remedy: str
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def whole(self) -> bool:
+        """True if it has no problems."""
+        return not self.problems
+
+    def __repr__(self) -> str:
+        return f"<BagInfo {self.path}: {self.extent.messages} messages of {len(self.topics)} topics>"
 
 
-def mcap_files(path: Path) -> list[Path]:
-    """MCAP files of a bag in the order of recording.
+def bag_info(path: Path) -> BagInfo:
+    """Read every message of a bag, and say what it has and whether it is whole.
 
-    :raises InputError: if there are none, or one is a link to a file outside of the folder
-    """
-    if path.is_file() and path.suffix == ".mcap":
-        return [path]
-    if path.is_dir():
-        found = [inside(path, file) for file in sorted(_named(path, "*.mcap"), key=_split_number)]
-        if found:
-            return found
-        if any(path.glob("*.mcap.zstd")):
-            raise InputError("its files are compressed", "unpack them with unzstd first", path)
-    if not path.exists():
-        raise InputError("there is no such bag", "give the folder of a bag or an MCAP file", path)
-    names = [path.name, *(file.name for file in path.glob("*"))]
-    if any(re.search(r"\.db3(\.zstd)?$", name) for name in names):
-        message = "is an SQLite bag, which needs no recovery: this command is for MCAP"
-        raise InputError(message, "see soilmoist bag info; without metadata.yaml: ros2 bag reindex", path)
-    if any(name.endswith((".bag", ".bag.active")) for name in names):
-        message = "is a bag of ROS 1: this command is for MCAP"
-        raise InputError(message, "see soilmoist bag info; if it was not closed: rosbag reindex (ROS 1)", path)
-    raise InputError("holds no MCAP file", "give the folder of a bag or an MCAP file", path)
-
-
-def verify_bag(path: Path, note: Note = lambda name, kind, log_ns, size: None) -> Verified:
-    """Read every message of a bag, and say whether it is whole.
-
-    :param path: folder of a bag, or one of its files; a file alone is not compared with metadata
-    :param note: called with every message
+    :param path: folder of a bag, or one of its files, which is not compared with metadata; it may be incomplete,
+        damaged, or still being recorded
     :raises InputError: if there is no bag, or the only file cannot be read
     """
+    times: dict[tuple[str, str], array[int]] = {}  # the numbers only: there may be many messages
+    sizes: Counter[tuple[str, str]] = Counter()
     try:
         paths = _files(path)
-        storage = _STORAGES[Path(paths[0].name.removesuffix(".zstd")).suffix] if paths else "mcap"
-        counts: Counter[str] = Counter()
+        storage = _STORAGES[Path(_plain(paths[0].name)).suffix] if paths else "mcap"
         files, problems = [], [f"{file.name} was not closed" for file in path.glob("*.bag.active")]
         for file in paths:
+            extent = Extent()
             try:
-                extent, found = _read(file, counts, note)
+                with ExitStack() as stack:
+                    opened = open_file(file, stack)
+                    for name, kind, log_ns, data in opened.messages(None, by_time=False, convert=False):
+                        extent = extent.with_message(log_ns)
+                        times.setdefault((name, kind), array("Q")).append(log_ns)
+                        sizes[name, kind] += len(data)
+                    problems += opened.problems()
             except FAULTS as error:
                 if len(paths) == 1 and not path.is_dir():
                     raise
-                extent, found = Extent(), [f"{file.name} cannot be read: {_text(error)}"]
+                problems.append(f"{file.name} cannot be read: {_text(error)}")
             files.append(BagFile(file.name, extent))
-            problems += found
         recording = any(file.suffix == ".mcap" and is_being_written(file) for file in paths)
-        right = 0
+        right, topics = 0, _topics(times, sizes)
         if path.is_dir() and not recording:
-            right, wrong = compared(path, files, counts, required=storage != "ROS 1")
+            right, wrong = _compared(path, files, topics, required=storage != "ROS 1")
             problems += wrong
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", "check the disk and permissions", path) from None
@@ -130,11 +161,88 @@ def verify_bag(path: Path, note: Note = lambda name, kind, log_ns, size: None) -
     remedy = "" if not problems else "stop the recorder" if recording else remedy_of(path)
     if not recording and any(problem.endswith(" is missing") and METADATA not in problem for problem in problems):
         remedy = "copy the missing files into the folder of the bag, if they still exist"
-    return Verified(path, storage, tuple(paths), tuple(files), right, recording, tuple(problems), remedy)
+    return BagInfo(
+        path,
+        storage,
+        sum(file.stat().st_size for file in paths),
+        joined([topic.extent for topic in topics]),
+        topics,
+        tuple(files),
+        right,
+        recording,
+        tuple(problems),
+        remedy,
+        recorder_notes(path),
+    )
 
 
-def compared(
-    bag: Path, files: list[BagFile], counts: Mapping[str, int], required: bool = True
+def find_gaps(times_s: ArrayLike) -> tuple[Gap, ...]:
+    """Silences of a topic with regular messages; none for an irregular topic.
+
+    A topic is regular if 80 % of its intervals are within half of the median. A silence is longer than 5 times
+    the median, and longer than 1 s.
+
+    >>> find_gaps([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 20])
+    (Gap(start_s=10.0, duration_s=10.0),)
+
+    :param times_s: times of its messages, in order [s]
+    """
+    starts = np.asarray(times_s, float)
+    intervals = np.diff(starts)
+    if len(intervals) < _REGULAR_FROM:
+        return ()
+    usual = float(np.median(intervals))
+    regular = np.count_nonzero((0.5 * usual <= intervals) & (intervals <= 1.5 * usual))
+    if regular < _REGULAR_SHARE * len(intervals):
+        return ()
+    longest = max(_GAP_FACTOR * usual, _MIN_GAP_S)
+    return tuple(Gap(float(starts[k]), float(intervals[k])) for k in np.flatnonzero(intervals > longest))
+
+
+def _topics(
+    times: Mapping[tuple[str, str], array[int]], sizes: Mapping[tuple[str, str], int]
+) -> tuple[TopicInfo, ...]:
+    topics = []
+    for (name, type_name), stamps in sorted(times.items()):
+        stamps_ns = np.sort(np.frombuffer(stamps, np.uint64))
+        seconds = stamps_ns * 1e-9
+        interval_s = float(np.median(np.diff(seconds))) if len(stamps) > 1 else None
+        extent = Extent(len(stamps), int(stamps_ns[0]), int(stamps_ns[-1]))
+        topics.append(TopicInfo(name, type_name, extent, sizes[name, type_name], interval_s, find_gaps(seconds)))
+    return tuple(topics)
+
+
+def mcap_files(path: Path) -> list[Path]:
+    """MCAP files of a bag in the order of recording.
+
+    :raises InputError: if there are none, or one is a link to a file outside of the folder
+    """
+    if path.is_file() and path.suffix == ".mcap":
+        return [path]
+    if not path.exists():
+        raise InputError("there is no such bag", "give the folder of a bag or an MCAP file", path)
+    found = [inside(path, file) for file in sorted(_named(path, "*.mcap"), key=_split_number)]
+    if not found:
+        there = sorted({file.suffix for file in [path, *path.glob("*")]} & {".zstd", ".db3", ".bag", ".active"})
+        remedy = remedy_of(path) if there else "give the folder of a bag or an MCAP file"
+        raise InputError(f"holds no MCAP file{', only ' * bool(there)}{', '.join(there)}", remedy, path)
+    return found
+
+
+def _files(path: Path) -> list[Path]:
+    """The files of a bag in the order of recording; none in a folder with metadata only."""
+    if path.is_file():
+        return [path] if Path(_plain(path.name)).suffix in _STORAGES else mcap_files(path)
+    found = [inside(path, file) for pattern in _PATTERNS for file in _named(path, pattern)]
+    names = {file.name for file in found}  # a file and its copy that was unpacked are one
+    found = [file for file in found if not (file.suffix == ".zstd" and _plain(file.name) in names)]
+    if not found and not (path / METADATA).is_file():
+        return mcap_files(path)  # its error says what is wrong
+    return sorted(found, key=_split_number)
+
+
+def _compared(
+    bag: Path, files: list[BagFile], topics: tuple[TopicInfo, ...], required: bool = True
 ) -> tuple[int, list[str]]:
     """Number of files with right checksums, and what checksums and metadata say otherwise.
 
@@ -144,143 +252,46 @@ def compared(
     right, problems = _checked_sums(bag)
     if not (bag / METADATA).is_file():
         return right, [*problems, f"{METADATA} is missing"] if required else problems
+    said: Counter[str] = Counter()
     try:
         metadata = read_metadata(bag)
-        listed = [PurePath(str(name)).name for name in metadata["relative_file_paths"]]
-        by_file = {
-            _plain(PurePath(str(one["path"])).name): int(one["message_count"])
-            for one in metadata.get("files") or ()
-        }
-        said: Counter[str] = Counter()
+        listed = [PurePath(name).name for name in metadata["relative_file_paths"]]
         for one in metadata["topics_with_message_count"] or ():
             said[str(one["topic_metadata"]["name"])] += int(one["message_count"])
         duration_ns = int(metadata["duration"]["nanoseconds"])
     except (InputError, LookupError, TypeError, ValueError, AttributeError) as error:
         return right, [*problems, f"{METADATA} cannot be read: {_text(error)}"]
-    there = {_plain(file.name): file.extent.messages for file in files}
+    there = [_plain(file.name) for file in files]
     problems += [f"{name} is missing" for name in listed if _plain(name) not in there]
     problems += [f"{name} is not in {METADATA}" for name in there if name not in map(_plain, listed)]
-    wrong = [name for name in sorted(counts.keys() | said.keys()) if counts.get(name, 0) != said[name]]
-    if wrong:
-        problems += [
-            f"{name} has {there[name]} messages, and {METADATA} says {count}"
-            for name, count in by_file.items()
-            if there.get(name, count) != count
-        ]
-    problems += [f"{name} has {counts.get(name, 0)} messages, and {METADATA} says {said[name]}" for name in wrong]
+    counts: Counter[str] = Counter()
+    for topic in topics:
+        counts[topic.name] += topic.extent.messages
+    wrong = [name for name in sorted(counts.keys() | said.keys()) if counts[name] != said[name]]
+    problems += [f"{name} has {counts[name]} messages, and {METADATA} says {said[name]}" for name in wrong]
     lasts_ns = joined([file.extent for file in files]).duration_ns
     if not wrong and lasts_ns < duration_ns - _SHORT_NS:
         problems.append(f"it lasts {lasts_ns * 1e-9:.1f} s, and {METADATA} says {duration_ns * 1e-9:.1f} s")
     return right, list(dict.fromkeys(problems))
 
 
-def findings(scan: McapScan) -> list[str]:
-    """Problems of a scanned file, in words."""
-    name = scan.path.name
-    found = []
-    if is_being_written(scan.path):
-        found.append(f"{name} is still being recorded")
-    elif not scan.finished and not scan.too_much:
-        cut = f"; its last {scan.cut_bytes} bytes are an incomplete message" if scan.cut_bytes else ""
-        found.append(f"{name} was not closed{cut}")
-    if scan.fault:
-        found.append(f"{name} cannot be read everywhere: {scan.fault}")
-    if scan.too_much:
-        found.append(f"{name} {TOO_MUCH}; the rest of it was not read")
-        return found
-    if scan.too_large:
-        limit = f"{MAX_CHUNK_BYTES >> 20} MB"
-        found.append(
-            f"{name} has {scan.too_large} chunk{'s'[: scan.too_large > 1]} of more than {limit}: not read"
-        )
-    if scan.damaged:
-        found.append(f"{name} is damaged in {scan.damaged} place{'s'[: scan.damaged > 1]}")
-    if scan.orphans:
-        found.append(f"{name} holds {scan.orphans} messages of a topic whose description is damaged")
-    return found
-
-
-def _files(path: Path) -> list[Path]:
-    """The files of a bag in the order of recording; none in a folder with metadata only."""
-    if path.is_file():
-        return [path] if Path(path.name.removesuffix(".zstd")).suffix in _STORAGES else mcap_files(path)
-    found = [inside(path, file) for pattern in _PATTERNS for file in _named(path, pattern)]
-    names = {file.name for file in found}  # a file and its copy that was unpacked are one
-    found = [file for file in found if not (file.suffix == ".zstd" and _plain(file.name) in names)]
-    if not found and not (path / METADATA).is_file():
-        return mcap_files(path)  # its error says what is wrong
-    return sorted(found, key=_split_number)
-
-
-def _read(file: Path, counts: Counter[str], note: Note) -> tuple[Extent, list[str]]:
-    """Read the messages of a file: their extent, and its problems."""
-    if file.suffix == ".zstd":
-        with tempfile.TemporaryDirectory() as folder:
-            return _read(unpacked(file, Path(folder) / file.stem), counts, note)
-    extent, here = Extent(), Counter[str]()
-
-    def take(name: str, kind: str, log_ns: int, size: int) -> None:
-        nonlocal extent
-        extent = extent.with_message(log_ns)
-        here[name] += 1
-        note(name, kind, log_ns, size)
-
-    problems = []
-    try:
-        if file.suffix == ".mcap":
-            scan = McapScan(file)
-            for message in scan.messages():
-                take(message.topic.name, message.topic.definition.type_name, message.log_ns, len(message.data))
-            problems = findings(scan)
-        elif file.suffix == ".db3":
-            problems = _cut(file)
-            with closing(SqliteFile(file)) as base:
-                for name, kind, log_ns, data in base.messages(base.content.counts, by_time=False):
-                    take(name, kind, log_ns, len(data))
-        else:
-            with closing(Ros1File(file)) as bag:
-                for name, kind, log_ns, data in bag.messages(bag.content.counts, convert=False):
-                    take(name, kind, log_ns, len(data))
-                problems = [
-                    f"{name} has {here[name]} messages, and the index of {file.name} says {count}"
-                    for name, count in bag.content.counts.items()
-                    if here[name] != count
-                ]
-    finally:
-        counts.update(here)
-    return extent, problems
-
-
-def _cut(file: Path) -> list[str]:
-    """True if an SQLite file is shorter than its header says, in words."""
-    with file.open("rb") as stream:
-        header = stream.read(100)
-    page, pages = (int.from_bytes(header[at : at + size]) for at, size in ((16, 2), (28, 4)))
-    size, there = (page if page > 1 else 1 << 16) * pages, file.stat().st_size
-    valid = header[24:28] == header[92:96]  # older versions of SQLite do not write the number of pages
-    return [f"{file.name} was cut: it has {there} of {size} bytes"] if valid and there < size else []
-
-
 def _checked_sums(bag: Path) -> tuple[int, list[str]]:
     """Number of right checksums, and what is wrong with the others."""
     path = bag / CHECKSUMS
-    if not path.is_file():
-        return 0, []
     right, problems = 0, []
-    for line in inside(bag, path).read_bytes()[:_MAX_SUMS].decode("utf-8", "replace").splitlines():
-        match = _LINE.fullmatch(line)
+    lines = inside(bag, path).read_bytes()[:_MAX_SUMS].decode("utf-8", "replace") if path.is_file() else ""
+    for line in lines.splitlines():
+        match = _SUM.fullmatch(line)
         if match is None:
             problems.append(f"{CHECKSUMS} has a line that is no checksum: {line[:80]!r}")
-            continue
-        file = bag / match[2]
-        if not file.is_file():
+        elif not (bag / match[2]).is_file():
             problems.append(f"{match[2]} is missing")
-            continue
-        with inside(bag, file).open("rb") as stream:
-            found = hashlib.file_digest(stream, "sha256").hexdigest()
-        right += found == match[1]
-        if found != match[1]:
-            problems.append(f"{match[2]} is not the file that was recorded: its checksum is another one")
+        else:
+            with inside(bag, bag / match[2]).open("rb") as stream:
+                found = hashlib.file_digest(stream, "sha256").hexdigest()
+            right += found == match[1]
+            if found != match[1]:
+                problems.append(f"{match[2]} is not the file that was recorded: its checksum is another one")
     return right, problems
 
 
@@ -328,15 +339,7 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
     :raises InputError: if nothing can be read, or the new bag cannot be written
     """
     scans = [McapScan(file) for file in mcap_files(path)]
-    extents, found = [Extent()] * len(scans), Counter[str]()
-
-    def readable(number: int) -> Iterator[ScannedMessage]:
-        for message in _readable(scans[number]):
-            extents[number] = extents[number].with_message(message.log_ns)
-            found[message.topic.name] += 1
-            yield message
-
-    messages = chain.from_iterable(map(readable, range(len(scans))))
+    messages = chain.from_iterable(map(_readable, scans))
     first = next(messages, None)
     if first is None:
         raise InputError("holds no complete message", "nothing can be recovered: remove it", path)
@@ -356,10 +359,7 @@ def recover_bag(path: Path, out: Path) -> RecoveredBag:
     except OSError as error:
         shutil.rmtree(out, ignore_errors=True)
         raise InputError(f"cannot be written: {error.strerror}", "choose a disk with more space", out) from None
-    problems = [text for scan in scans for text in findings(scan)]
-    if path.is_dir() and not any(is_being_written(scan.path) for scan in scans):
-        files = [BagFile(scan.path.name, extent) for scan, extent in zip(scans, extents, strict=True)]
-        problems += compared(path, files, found)[1]
+    problems = bag_info(path).problems if path.is_dir() else [text for scan in scans for text in findings(scan)]
     counts = {topic.name: count for topic, count in writer.counts.items()}
     return RecoveredBag(path, out, writer.extent, counts, tuple(problems))
 
@@ -368,6 +368,5 @@ def _readable(scan: McapScan) -> Iterator[ScannedMessage]:
     try:
         yield from scan.messages()
     except OSError as error:
-        raise InputError(
-            f"cannot be read: {error.strerror}", "check the disk and permissions", scan.path
-        ) from None
+        remedy = "check the disk and permissions; a failing disk: copy the file by ddrescue, and recover the copy"
+        raise InputError(f"cannot be read: {error.strerror}", remedy, scan.path) from None

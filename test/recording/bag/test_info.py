@@ -8,15 +8,8 @@ from bags import NOTES, PRESSURE, START_NS, number_message, text_message
 from rich.console import Console
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.info import (
-    bag_info,
-    find_gaps,
-    info_table,
-    print_plain,
-    recovery_table,
-    size_text,
-)
-from soilmoist_ros.recording.bag.verify import recover_bag
+from soilmoist_ros.recording.bag.info import info_table, print_plain, recovery_table, size_text
+from soilmoist_ros.recording.bag.verify import bag_info, find_gaps, recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
 
 

@@ -17,7 +17,6 @@ from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
 from soilmoist_ros.foundation.errors import InputError, Level
-from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.metadata import Extent
 from soilmoist_ros.recording.bag.playback import TopicChoice
 from soilmoist_ros.recording.bag.reader import BagReader
@@ -31,7 +30,7 @@ from soilmoist_ros.recording.bag.recorder import (
     recorder_health,
 )
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.bag.verify import recover_bag, verify_bag
+from soilmoist_ros.recording.bag.verify import bag_info, recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
 
 DATA = text_message("x" * 90)
@@ -435,7 +434,7 @@ def test_a_bag_in_several_files_is_one_bag_for_every_reader(make, tmp_path, limi
             assert said["starting_time"]["nanoseconds_since_epoch"] == found[0]
     assert bag_info(bag).whole
     assert bag_info(bag).notes == {"messages of /fix lost on the way": "7"}
-    assert verify_bag(bag).problems == ()
+    assert bag_info(bag).problems == ()
     assert subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=bag).returncode == 0
     assert recover_bag(bag, tmp_path / "again").extent.messages == sent
 
@@ -464,7 +463,7 @@ def test_a_split_that_the_disk_refuses_loses_nothing(make, tmp_path, monkeypatch
     state = recorder.stop()
     assert (state.messages, state.dropped, state.problem, state.gone) == (300, 0, "", "")
     assert sorted(stamps(tmp_path / "run")) == list(range(START_NS, START_NS + 300))
-    assert verify_bag(tmp_path / "run").problems == ()
+    assert bag_info(tmp_path / "run").problems == ()
 
 
 @pytest.mark.parametrize("closed", [True, False])
@@ -488,7 +487,7 @@ def test_the_oldest_files_of_a_running_bag_go_and_the_rest_is_a_whole_bag(tmp_pa
     if closed:
         writer.close({"first files deleted for space": "4"})
         bag = tmp_path / "run"
-        assert verify_bag(bag).problems == ()
+        assert bag_info(bag).problems == ()
     else:
         writer.abandon()
         bag = recover_bag(tmp_path / "run", tmp_path / "recovered").folder
@@ -516,7 +515,7 @@ def test_a_recorder_makes_space_in_its_bag_and_goes_on(make, tmp_path):
     assert not (tmp_path / "run/run_0.mcap").exists()
     found = stamps(tmp_path / "run")
     assert found == list(range(found[0], START_NS + sent))
-    assert verify_bag(tmp_path / "run").problems == ()
+    assert bag_info(tmp_path / "run").problems == ()
     assert bag_info(tmp_path / "run").notes == {"first files deleted for space": str(state.deleted)}
 
 

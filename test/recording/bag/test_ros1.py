@@ -14,10 +14,10 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.chunks import MAX_CHUNK_BYTES
-from soilmoist_ros.recording.bag.info import bag_info
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.ros1 import MAGIC, Ros1File
+from soilmoist_ros.recording.bag.ros1 import MAGIC
+from soilmoist_ros.recording.bag.scan import MAX_CHUNK_BYTES
+from soilmoist_ros.recording.bag.verify import bag_info
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 TEXT, FIX, CAMERA = "std_msgs/msg/String", "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/CameraInfo"
@@ -67,13 +67,6 @@ def test_messages_are_those_of_ros_2_in_the_order_of_time(tmp_path, compression)
         assert (position.latitude, position.longitude, position.header.frame_id) == (53.25, -0.5, "gps")
         assert (position.header.stamp.sec, position.header.stamp.nanosec) == (12, 500_000_000)
         assert position.position_covariance.tolist() == list(range(9))
-
-
-def test_a_folder_of_split_bags_is_one_recording(tmp_path):
-    for number in range(3):
-        write(tmp_path / f"run_{number}.bag", [("/a", TEXT, 5 - number, text(f"{number}"))])
-    with BagReader(tmp_path) as bag:
-        assert bag.read_texts("/a") == ["2", "1", "0"]
 
 
 def test_a_bag_that_was_not_closed_is_refused_with_what_to_do(tmp_path):
@@ -157,14 +150,3 @@ def test_a_chunk_that_unpacks_to_more_than_it_says_costs_no_memory(tmp_path):
     path.write_bytes(data[:begin] + bomb.ljust(length, b"\0") + data[begin + length :])
     with BagReader(path) as bag, pytest.raises(InputError, match="a chunk of more than 64 MB"):
         list(bag.messages())
-
-
-def test_what_is_no_bag_of_ros_1_is_named(tmp_path):
-    path = tmp_path / "run.bag"
-    for content in (b"#ROSBAG V1.2\n" + bytes(50), b"x", MAGIC + b"\xff\xff\xff\x7f"):
-        path.write_bytes(content)
-        with pytest.raises(InputError, match="cannot be read as a bag"):
-            BagReader(path)
-    path.write_bytes(b"#ROSBAG V1.2\n" + bytes(50))
-    with pytest.raises(ValueError, match="is not a bag of ROS 1"):
-        Ros1File(path)
