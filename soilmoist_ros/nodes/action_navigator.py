@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import math
 import time
 from abc import ABC, abstractmethod
@@ -22,6 +21,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
+from msg_adapters import FRAME
 from soilmoist_ros.exploration import (
     ACTIVE,
     ANYBODYS,
@@ -39,7 +39,7 @@ from soilmoist_ros.exploration import (
     WayPoint,
     way_points,
 )
-from soilmoist_ros.foundation import InputError, did_you_mean
+from soilmoist_ros.foundation import InputError
 from soilmoist_ros.nodes.topics import LATCHED, NO_EVENTS, interface_class
 
 LOOK_EVERY_S = 1.0
@@ -67,16 +67,13 @@ class ActionNavigator(ABC):
         track: Track,
         there_m: float,
         report: Callable[[Ended], None],
+        frame: str = FRAME,
         yields: bool = True,
     ) -> None:
-        self._node = node
+        self._node, self._frame = node, frame
         self._name = node.resolve_service_name(name)
-        self._kind = kind
-        self._client = client
-        self._track = track
-        self._there_m = there_m
-        self._report = report
-        self._yields = yields
+        self._kind, self._client, self._track, self._there_m = kind, client, track, there_m
+        self._report, self._yields = report, yields
         self._lock = Lock()
         self._client_name = node.get_fully_qualified_name()
         self._status = ActionStatus(self._client_name)
@@ -194,7 +191,7 @@ class ActionNavigator(ABC):
     def _look(self) -> None:
         """Look which servers are there; the list of one that has gone does not count any more."""
         for action in self._drivers():
-            found = self._node.get_publishers_info_by_topic(_list_of(action))
+            found = self._node.get_publishers_info_by_topic(f"{action}{_LIST}")
             with self._lock:
                 status = self._lists.setdefault(action, ActionStatus(self._client_name))
                 anew = status.serve(frozenset(bytes(info.endpoint_gid) for info in found))
@@ -214,7 +211,7 @@ class ActionNavigator(ABC):
         """
         namespace = self._name.rpartition("/")[0]
         found = {*self._lists}
-        for info in self._node.get_publishers_info_by_topic(_list_of(self._name)):
+        for info in self._node.get_publishers_info_by_topic(f"{self._name}{_LIST}"):
             given = info.node_name, info.node_namespace
             with contextlib.suppress(RuntimeError):  # the node has just gone
                 for topic, kinds in self._node.get_publisher_names_and_types_by_node(*given):
@@ -230,7 +227,7 @@ class ActionNavigator(ABC):
             self._node.destroy_subscription(self._subscriptions[action])
         take = partial(self._on_list, self._lists[action])
         self._subscriptions[action] = self._node.create_subscription(
-            GoalStatusArray, _list_of(action), take, LATCHED, event_callbacks=NO_EVENTS
+            GoalStatusArray, f"{action}{_LIST}", take, LATCHED, event_callbacks=NO_EVENTS
         )
 
     def _on_list(self, status: ActionStatus, message: GoalStatusArray) -> None:
@@ -336,10 +333,6 @@ class ActionNavigator(ABC):
             self._step(self._client.cancel_answered, request.goal_id, code, then=(request.accepted,))
 
 
-def _list_of(action: str) -> str:
-    return f"{action}{_LIST}"
-
-
 def action_class(name: str, field: str) -> Any:
     """Class of an action; imported only here, so that the package installs without it.
 
@@ -347,20 +340,13 @@ def action_class(name: str, field: str) -> Any:
     """
     remedy = "source the workspace of the navigation, built for this ROS and Python, or set another navigator"
     package, _, rest = name.partition("/")
-    folder, _, kind = rest.partition("/")
-    if folder != "action" or not package or not kind:
+    if not package or not rest.startswith("action/"):
         raise InputError(f"{name!r} is not the type of an action", "write PACKAGE/action/NAME")
     try:
-        module = importlib.import_module(f"{package}.action")
-        known = [word for word in dir(module) if hasattr(getattr(module, word), "Goal")]
-        if kind not in known:
-            raise InputError(
-                f"{package} has no action {kind!r}", f"it has {', '.join(known)}{did_you_mean(kind, known)}"
-            )
         found = interface_class(name)
     except ImportError as error:
         raise InputError(f"the action type {name!r} cannot be used: {error}", remedy) from None
-    if not hasattr(found.Goal(), field):
+    if not (hasattr(found, "Goal") and hasattr(found.Goal(), field)):
         raise InputError(
             f"goals of {name!r} have no field {field!r}", "set the navigator that goes with this action_type"
         )

@@ -97,7 +97,6 @@ class FieldSimulator(Node):
         self._map.publish(String(data=self._system.map.to_json()))
         self.get_logger().info(f"scenario: {scenario.title}")
         properties = [wanted.name for wanted in settings.properties]
-        plain_feedback = scenario.navigation.feedback == "topic"
         self._robots = [
             RobotInterface(
                 self,
@@ -105,7 +104,6 @@ class FieldSimulator(Node):
                 f"{namespace}/" if namespace else "",
                 properties,
                 given,
-                plain_feedback,
                 start_s,
             )
             for robot, namespace in zip(self._system.robots, robot_namespaces(settings.robots), strict=True)
@@ -176,7 +174,6 @@ class RobotInterface:
     """Publishes the output of a simulated robot, and passes requests to it.
 
     :param below: namespace of the robot below the node's namespace, with a slash at its end; empty for none
-    :param plain_feedback: whether the navigation publishes feedback on a topic instead of the action
     :raises InputError: if a port cannot be opened
     """
 
@@ -187,7 +184,6 @@ class RobotInterface:
         below: str,
         properties: Iterable[str],
         given: Parameters,
-        plain_feedback: bool,
         start_s: float,
     ) -> None:
         self.robot, self.name = robot, below.rstrip("/") or "the robot"
@@ -207,7 +203,7 @@ class RobotInterface:
         self._node, self._mission, self._progress = node, f"{below}mission", RobotProgress()
         self._target_xy: tuple[float, float] | None = None
         self._by_topic = False
-        self._navigation = navigation_servers(node, robot, below, plain_feedback)
+        self._navigation = navigation_servers(node, robot, below)
         host, greeting = given.text("host"), "".join(f"{line}\r\n" for line in robot.logger.header).encode()
         port = partial(_port, given, robot.number)
         self._servers = {

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from threading import Lock
@@ -14,7 +13,6 @@ from typing import Any, Final
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 from rclpy.task import Future
 
 from msg_adapters import FRAME, pose_stamped
@@ -39,11 +37,10 @@ from soilmoist_ros.exploration import (
     way_points,
 )
 from soilmoist_ros.foundation import InputError, foreign_text
-from soilmoist_ros.nodes.action_navigator import LOOK_EVERY_S, ActionNavigator, action_class
+from soilmoist_ros.nodes.action_navigator import ActionNavigator, action_class
 from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.nodes.planner_parameters import failsafe_responses
-from soilmoist_ros.nodes.topics import DEFAULT, NO_EVENTS, interface_class, offered_qos, requested_qos
-from soilmoist_ros.recording import request_for
+from soilmoist_ros.nodes.topics import DEFAULT
 
 GOTO_NODE: Final = "topological_navigation"
 GOTO_NODE_TYPE: Final = "topological_navigation_msgs/action/GotoNode"
@@ -63,24 +60,7 @@ SETTLE_S: Final = 5.0
 class GotoNodeNavigator(ActionNavigator):
     """A client of ``GotoNode``. The server finds the route; some abort a goal where the robot stands already."""
 
-    def __init__(
-        self,
-        node: Node,
-        name: str,
-        kind: Any,
-        feedback_topic: str,
-        client: GoalClient,
-        track: Track,
-        there_m: float,
-        report: Callable[[Ended], None],
-        yields: bool = True,
-    ) -> None:
-        super().__init__(node, name, kind, client, track, there_m, report, yields)
-        self._is_nearest = False
-        self._topic = node.resolve_topic_name(feedback_topic)
-        self._next_look_s = 0.0
-        self._offer: tuple[Any, ...] = ()
-        self._feedback: Subscription | None = None
+    _is_nearest = False
 
     @property
     def feedback_age_s(self) -> float:
@@ -91,13 +71,6 @@ class GotoNodeNavigator(ActionNavigator):
         """See :class:`Navigator`."""
         self._is_nearest = 0 < len(way.corners) <= 2
         super().go(goal_id, stop, way)
-
-    def tick(self, now_s: float) -> None:
-        """See :class:`Navigator`."""
-        if time.monotonic() >= self._next_look_s:
-            self._next_look_s = time.monotonic() + LOOK_EVERY_S
-            self._look_for_feedback()
-        super().tick(now_s)
 
     def goals(self, stop: Stop, way: Way) -> tuple[WayPoint, ...]:
         """The nodes that keep the server's own route inside the fence, and the stop."""
@@ -112,10 +85,8 @@ class GotoNodeNavigator(ActionNavigator):
         return goal
 
     def heard(self, message: Any) -> str:
-        """The node that the robot passes, in feedback of a goal or in a message of the plain topic."""
-        content = getattr(message, "feedback", message)
-        texts = [getattr(content, name, None) for name in ("data", "route")]
-        return next((foreign_text(text) for text in texts if isinstance(text, str)), self.on_the_way)
+        """The node that the robot passes."""
+        return foreign_text(str(getattr(message.feedback, "route", "")))
 
     def verdict(self, result: Any) -> tuple[bool, str]:
         """The flag of the result; it has no reason, so the last feedback is quoted."""
@@ -125,57 +96,12 @@ class GotoNodeNavigator(ActionNavigator):
         last = f"; its last feedback was {self.on_the_way!r}" if self.on_the_way else ""
         return bool(getattr(result, "success", False)), f"{why}{last}"
 
-    def _look_for_feedback(self) -> None:
-        """Subscribe to the plain topic once it exists; its type and quality of service depend on the version."""
-        found = self._node.get_publishers_info_by_topic(self._topic)
-        offer = tuple(
-            (info.topic_type, info.qos_profile.reliability, info.qos_profile.durability) for info in found
-        )
-        if not found or offer == self._offer:
-            return
-        self._offer = offer
-        if self._feedback is not None:
-            self._node.destroy_subscription(self._feedback)
-            self._feedback = None
-        kind = self._feedback_class(found[0].topic_type)
-        if kind is None:
-            self._node.get_logger().warning(f"{self._topic} has the unknown type {found[0].topic_type}: ignored")
-            return
-        profile = requested_qos(request_for([offered_qos(info.qos_profile) for info in found]))
-        self._feedback = self._node.create_subscription(
-            kind, self._topic, self._on_feedback, profile, event_callbacks=NO_EVENTS
-        )
-
-    def _feedback_class(self, name: str) -> Any:
-        _package, folder, kind = name.split("/")
-        if folder == "action":
-            return self._kind.Feedback if kind == f"{self._kind.__name__}_Feedback" else None
-        try:
-            return interface_class(name)
-        except ImportError:
-            return None
-
 
 class NavigateToPoseNavigator(ActionNavigator):
     """A client of ``NavigateToPose``.
 
     The result has no flag of success: its status says it. Older versions have no error code either.
     """
-
-    def __init__(
-        self,
-        node: Node,
-        name: str,
-        kind: Any,
-        client: GoalClient,
-        track: Track,
-        there_m: float,
-        report: Callable[[Ended], None],
-        frame: str = FRAME,
-        yields: bool = True,
-    ) -> None:
-        super().__init__(node, name, kind, client, track, there_m, report, yields)
-        self._frame = frame
 
     def goal_message(self, point: WayPoint) -> Any:
         """Goal with the pose at this time: Nav2 transforms it by its stamp."""
@@ -327,17 +253,14 @@ def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], Non
     yields = response not in (Response.IGNORE, Response.WARN)
     if text("navigator") == "goal_pose":
         poses = PoseClient(radius_m, SETTLE_S, speed_mps)
-        action = text("action_name") or NAVIGATE_TO_POSE
-        return GoalPoseNavigator(node, action, poses, report, frame, yields)
-    client = GoalClient(radius_m, GoalLimits())
-    track = Track(speed_mps, radius_m)
-    if text("navigator") == "navigate_to_pose":
-        kind = action_class(text("action_type") or NAVIGATE_TO_POSE_TYPE, "pose")
-        name = text("action_name") or NAVIGATE_TO_POSE
-        return NavigateToPoseNavigator(node, name, kind, client, track, track.still_m, report, frame, yields)
-    if text("graph") == "free":
+        return GoalPoseNavigator(node, text("action_name") or NAVIGATE_TO_POSE, poses, report, frame, yields)
+    by_pose = text("navigator") == "navigate_to_pose"
+    if not by_pose and text("graph") == "free":
         raise InputError("goto_node goes to nodes of a map, but graph is free", "set graph: topic, or a map file")
-    kind = action_class(text("action_type") or GOTO_NODE_TYPE, "target")
-    name = text("action_name") or GOTO_NODE
-    feedback = text("feedback_topic")
-    return GotoNodeNavigator(node, name, kind, feedback, client, track, radius_m, report, yields)
+    make: type[ActionNavigator] = NavigateToPoseNavigator if by_pose else GotoNodeNavigator
+    default, field = (NAVIGATE_TO_POSE_TYPE, "pose") if by_pose else (GOTO_NODE_TYPE, "target")
+    kind = action_class(text("action_type") or default, field)
+    name = text("action_name") or (NAVIGATE_TO_POSE if by_pose else GOTO_NODE)
+    track = Track(speed_mps, radius_m)
+    there_m = track.still_m if by_pose else radius_m
+    return make(node, name, kind, GoalClient(radius_m, GoalLimits()), track, there_m, report, frame, yields)

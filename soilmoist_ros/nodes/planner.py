@@ -106,10 +106,7 @@ class Planner(Node):
         map_topic = self._values.text("map_topic") if graph == "topic" else ""
         others = self._values.texts("others")
         by_name = self._values.text("navigator") == "goto_node"
-        actions = self._values.texts("edge_actions") if by_name else ()
-        self._inputs = PlannerInputs(
-            self, self._control, self._frames, map_topic, others, properties, actions, by_name
-        )
+        self._inputs = PlannerInputs(self, self._control, self._frames, map_topic, others, properties, by_name)
         if graph == "free":
             self._control.use_graph(None)
         elif graph != "topic":

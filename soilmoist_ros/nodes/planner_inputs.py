@@ -37,6 +37,7 @@ from msg_adapters import (
 from soilmoist_ros.exploration import (
     ASKED_M,
     DATUM,
+    KNOWN_ACTIONS,
     ROBOT,
     Cause,
     FrameSettings,
@@ -93,10 +94,8 @@ class PlannerInputs:
         map_topic: str,
         others: Sequence[str] = (),
         properties: Iterable[str] = (),
-        edge_actions: Sequence[str] = (),
         by_name: bool = False,
     ) -> None:
-        self._edge_actions = edge_actions
         self._by_name = by_name
         self._node = node
         self._control = control
@@ -210,7 +209,7 @@ class PlannerInputs:
 
         :raises InputError: if it does not fit the field
         """
-        if doubts := found.doubts(self._edge_actions):
+        if doubts := found.doubts(KNOWN_ACTIONS if self._by_name else ()):
             self._warn_once("; ".join(doubts))
         self._frames.robot.take_map_datum(found.datum, found.frame)
         move = self._frames.robot.move

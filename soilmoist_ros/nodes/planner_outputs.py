@@ -36,6 +36,9 @@ from soilmoist_ros.sensing import DOUBTS, Doubt
 SAVE_LIMIT_S: Final = 120.0
 """Longest wait for the saved map at the end of the process [s]."""
 INFO_TOPIC: Final = "costmap_filter_info"
+CELL_M: Final = 0.2
+MIN_CELL_M: Final = 0.05
+"""Usual and smallest side of a cell of the keep-out mask [m]; smaller ones fill the memory of Nav2."""
 
 
 class PlannerOutputs:
@@ -155,7 +158,9 @@ class PlannerKeepout:
     def __init__(self, node: Node, values: Parameters) -> None:
         self._node = node
         self._frame = values.text("navigation_frame") or values.text("frame")
-        self._resolution_m = values.number("keepout_resolution_m")
+        radius_m = values.number("robot_radius_m")
+        # With half of the radius or less, no cell of a no-go area is free.
+        self._cell_m = min(CELL_M, max(radius_m / 2, MIN_CELL_M)) if radius_m else CELL_M
         self._shown: tuple[Fence, PlaneMove] | None = None
         self._topic = values.text("keepout_topic")
         if not self._topic:
@@ -191,7 +196,7 @@ class PlannerKeepout:
 
     def _publish(self, fence: Fence, move: PlaneMove) -> None:
         try:
-            mask = keepout_mask(fence, self._resolution_m, move)
+            mask = keepout_mask(fence, self._cell_m, move)
         except InputError as error:
             self._node.get_logger().error(f"{self._topic} is not published: {error}")
             return

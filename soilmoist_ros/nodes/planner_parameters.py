@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from soilmoist_ros.exploration import (
     FAILSAFES,
-    KNOWN_ACTIONS,
     LIMITS,
     MAX_UNTIL_SD,
     POSES_FROZEN_S,
@@ -97,8 +96,6 @@ PARAMETERS: Final = (
         "as any other (way)", choices=tuple(Outside)),
     row("keepout_topic", "", "topic on which the fence is published as a keep-out mask for Nav2, with "
         "costmap_filter_info, if any"),
-    row("keepout_resolution_m", 0.2, "side of a cell of the mask; with half of robot_radius_m or less, no cell "
-        "of a no-go area is free", "m", 0.01),
     row("navigator", "goto_node", "how goals are sent: to the nodes of a topological map (goto_node), to Nav2 "
         "(navigate_to_pose), or as poses without any answer (goal_pose: a stop is then only a pose where the "
         "robot is)", choices=("goto_node", "navigate_to_pose", "goal_pose")),
@@ -106,9 +103,6 @@ PARAMETERS: Final = (
         "navigate_to_pose"),
     row("action_type", "", "type of the navigation's action; empty for "
         "topological_navigation_msgs/action/GotoNode (goto_node) or nav2_msgs/action/NavigateToPose"),
-    row("edge_actions", list(KNOWN_ACTIONS), "actions of edges that the navigation of goto_node knows: edges "
-        "with others are named in a warning; empty for no check"),
-    row("feedback_topic", "topological_navigation/feedback", "plain topic of the navigation's feedback"),
     row("frame", "map", "frame of plan, markers, visits and records: east, north, up about the field's datum"),
     row("navigation_frame", "", "frame of the navigation's map and goals; empty if it is the same as frame"),
     row("navigation_datum", "field", "origin of the navigation's frame: field (the field's datum), "
@@ -121,8 +115,6 @@ PARAMETERS: Final = (
     of_setting("speed_mps", description="speed of the robot, to estimate times", low=0.01),
     of_setting("stop_overhead_s"),
     of_setting("turn_s_per_rad"),
-    of_setting("learn_travel", description="learn speed, turning time and time lost at stops from the legs "
-        "driven; the parameters are what is known before"),
     of_setting("stop_cost_s"),
     of_setting("metre_cost_s"),
     row("arrival_radius_m", 3.0, "the robot is at a stop within this distance, and within half of that to the "
@@ -130,7 +122,6 @@ PARAMETERS: Final = (
     row("return_margin_s", 60.0, "reserve kept for the way home", "s", 0.0),
     row("min_dwell_s", 10.0, "shortest time at a stop, whatever the dwell rule says, by default one record; "
         "stops that leave less are skipped", "s", 0.0),
-    row("failures_to_pause", 5, "failures in a row after which the operator is asked", low=1),
     row("silence_limit_s", 60.0, "time without a record of the stop that counts as silence", "s", 1.0),
     row("on_silence", "wait", "what to do in silence", choices=tuple(OnSilence)),
     row("autostart", False, "start the mission as soon as position, map and navigation are there"),
@@ -171,7 +162,6 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
         ),
         curve=_required(calibration) if text("target") == "vwc" else None,
         calibration=calibration,
-        learn_travel=parameters.flag("learn_travel"),
         knowledge=_knowledge(parameters, field, calibration),
         access=AccessRules(
             robot_radius_m=number("robot_radius_m"),
@@ -243,7 +233,6 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop
         arrival_radius_m=number("arrival_radius_m"),
         return_margin_s=number("return_margin_s"),
         cancel_limit_s=CANCEL_LIMIT_S,
-        failures_to_pause=parameters.whole("failures_to_pause"),
         silence_limit_s=number("silence_limit_s"),
         on_silence=OnSilence(parameters.text("on_silence")),
         until_sd=number("until_sd"),

@@ -11,9 +11,8 @@ from typing import Any, Final
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 
-from soilmoist_ros.nodes.topics import DEFAULT, interface_class
+from soilmoist_ros.nodes.topics import interface_class
 from soilmoist_ros.simulation import NO_VALID_PATH, GoalEnded, OnRoute, Outcome, Remaining, SimulatedRobot
 
 NODE_ACTION: Final = "topological_navigation"
@@ -28,10 +27,7 @@ class NavigationServer(ABC):
     """
 
     def __init__(self, node: Node, robot: SimulatedRobot, kind: Any, name: str) -> None:
-        self._kind = kind
-        self._node = node
-        self._robot = robot
-        self._name = name
+        self._kind, self._node, self._robot, self._name = kind, node, robot, name
         self._server: Any = None
         self._numbers: dict[bytes, int] = {}
         self._handles: dict[int, Any] = {}
@@ -61,7 +57,7 @@ class NavigationServer(ABC):
         """Publish feedback of a goal of this action."""
         feedback = self.feedback(event)
         if feedback is not None and event.goal_id in self._handles:
-            self._publish(event.goal_id, feedback)
+            self._handles[event.goal_id].publish_feedback(feedback)
 
     def end(self, event: GoalEnded) -> None:
         """Send the result of a goal of this action to its client."""
@@ -87,9 +83,6 @@ class NavigationServer(ABC):
     @abstractmethod
     def result(self, event: GoalEnded) -> Any:
         """Result message of a goal."""
-
-    def _publish(self, number: int, feedback: Any) -> None:
-        self._handles[number].publish_feedback(feedback)
 
     def _execute(self, handle: Any) -> Any:
         event = self._endings.pop(bytes(handle.goal_id.uuid))
@@ -122,17 +115,12 @@ class NavigationServer(ABC):
 class GotoNodeServer(NavigationServer):
     """Serves GotoNode.
 
-    :param plain_feedback: whether feedback is published on a topic instead of the action
     :raises ImportError: if topological_navigation_msgs is not usable
     """
 
-    def __init__(self, node: Node, robot: SimulatedRobot, below: str, plain_feedback: bool = False) -> None:
+    def __init__(self, node: Node, robot: SimulatedRobot, below: str) -> None:
         kind = interface_class("topological_navigation_msgs/action/GotoNode")
-        name = f"{below}{NODE_ACTION}"
-        self._plain_feedback: Publisher | None = None
-        if plain_feedback:
-            self._plain_feedback = node.create_publisher(kind.Feedback, f"{name}/feedback", DEFAULT)
-        super().__init__(node, robot, kind, name)
+        super().__init__(node, robot, kind, f"{below}{NODE_ACTION}")
 
     def accept(self, goal: Any) -> int | None:
         """See :class:`NavigationServer`."""
@@ -149,12 +137,6 @@ class GotoNodeServer(NavigationServer):
     def result(self, event: GoalEnded) -> Any:
         """See :class:`NavigationServer`."""
         return self._kind.Result(success=bool(event.success))
-
-    def _publish(self, number: int, feedback: Any) -> None:
-        if self._plain_feedback is not None:
-            self._plain_feedback.publish(feedback)
-        else:
-            super()._publish(number, feedback)
 
 
 class NavigateToPoseServer(NavigationServer):
@@ -200,22 +182,19 @@ class NavigateToPoseServer(NavigationServer):
         return result
 
 
-def navigation_servers(
-    node: Node, robot: SimulatedRobot, below: str, plain_feedback: bool
-) -> list[NavigationServer]:
+def navigation_servers(node: Node, robot: SimulatedRobot, below: str) -> list[NavigationServer]:
     """Servers of the actions whose types are installed.
 
     :param below: namespace of the robot, with a slash at its end; empty for none
-    :param plain_feedback: whether GotoNode publishes feedback on a topic instead of the action
     """
     servers: list[NavigationServer] = []
-    makers: dict[str, Callable[[], NavigationServer]] = {
-        "topological_navigation_msgs": lambda: GotoNodeServer(node, robot, below, plain_feedback),
-        "nav2_msgs": lambda: NavigateToPoseServer(node, robot, below),
+    makers: dict[str, Callable[[Node, SimulatedRobot, str], NavigationServer]] = {
+        "topological_navigation_msgs": GotoNodeServer,
+        "nav2_msgs": NavigateToPoseServer,
     }
     for package, make in makers.items():
         try:
-            servers.append(make())
+            servers.append(make(node, robot, below))
         except ImportError as error:
             node.get_logger().warning(f"a navigation action is missing: {package} is not installed ({error})")
     return servers

@@ -359,10 +359,10 @@ def test_unknown_arguments_are_refused_with_a_suggestion(monkeypatch):
 
 def test_empty_lists_are_lists_and_a_missing_parameter_file_is_named(monkeypatch, seen, tmp_path):
     path = tmp_path / "mine.yaml"
-    path.write_text("/**:\n  ros__parameters: {covariates: [a.tif], edge_actions: []}\n")
+    path.write_text("/**:\n  ros__parameters: {covariates: [a.tif], others: []}\n")
     given = {"params_file": str(path), "covariates": "[]", "earlier": "[ ]", "property": "[]"}
     values = seen(by_name(stand_in.start(ROBOT, monkeypatch, given))["planner"])
-    lists = ("covariates", "earlier", "edge_actions", "properties")
+    lists = ("covariates", "earlier", "others", "properties")
     assert [values[name] for name in lists] == [[], [], [], []]
     for file, more in ((ROBOT, {}), (SIMULATION, {"out": "run"}), (REPLAY, {"bag": "bag"})):
         with pytest.raises(InputError, match=r"params_file: there is no file 'nix\.yaml'"):

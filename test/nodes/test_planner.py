@@ -219,10 +219,14 @@ def test_pause_resume_skip_and_abort(ros, tmp_path):
 def test_stops_that_cannot_be_reached_are_ruled_out(ros, tmp_path):
     with World(ros) as world, VirtualNavigation(ros, world) as navigation:
         navigation.blocked = {stop.name for stop in STOPS if stop.name not in ("n00", "n31")}
-        planning = Planning(ros, tmp_path, strategy="random", seed=3, failures_to_pause=100, hours=2.0)
+        planning = Planning(ros, tmp_path, strategy="random", seed=3, hours=2.0)
         planning.wait(lambda status: "waiting for start" in status.reason)
         planning.call("start")
-        planning.wait(lambda status: status.samples >= 1)
+        while planning.status.samples < 1:
+            planning.wait(lambda status: status.samples >= 1 or status.phase is Phase.PAUSED)
+            if planning.status.phase is Phase.PAUSED:  # after five failures
+                planning.call("resume")
+                planning.wait(lambda status: status.samples >= 1 or status.phase is not Phase.PAUSED)
         assert "aborted" in navigation.ends
         assert planning.status.blacklisted
 
@@ -230,7 +234,7 @@ def test_stops_that_cannot_be_reached_are_ruled_out(ros, tmp_path):
 def test_a_robot_that_did_not_move_does_not_count(ros, tmp_path):
     with World(ros) as world, VirtualNavigation(ros, world) as navigation:
         navigation.lies = True
-        planning = Planning(ros, tmp_path, autostart=True, hours=2.0, failures_to_pause=2)
+        planning = Planning(ros, tmp_path, autostart=True, hours=2.0)
         planning.wait_phase(Phase.PAUSED)
         assert any("reported as reached, but the robot is" in reason for reason in planning.reasons)
         assert planning.status.samples == 0

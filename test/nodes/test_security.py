@@ -45,8 +45,8 @@ USED = {
     ],
 }  # fmt: skip
 """Parameters with which a node makes all its topics and services."""
-ON_A_ROBOT = {("planner", "subscriber"): {"/topological_navigation/feedback"}, ("planner", "client"): {"/toLL"}}
-"""What a node uses where a navigation publishes its feedback, and where robot_localization knows the datum."""
+ON_A_ROBOT = {("planner", "client"): {"/toLL"}}
+"""What a node uses where robot_localization knows the datum."""
 
 
 def full_name(name, namespace, node):

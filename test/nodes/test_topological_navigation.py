@@ -88,10 +88,7 @@ def driver(ros, tmp_path):
 
         def make(report):
             client, track = GoalClient(2.0, LIMITS), Track(SPEED_MPS, 2.0)
-            feedback = "topological_navigation/feedback"
-            return GotoNodeNavigator(
-                ros.node, "topological_navigation", GotoNode, feedback, client, track, 2.0, report
-            )
+            return GotoNodeNavigator(ros.node, "topological_navigation", GotoNode, client, track, 2.0, report)
 
         made = Driver(ros, world, make)
         made.nav2 = nav2

@@ -322,7 +322,7 @@ def keepout_mask(fence: Fence, resolution_m: float, move: PlaneMove = _HERE) -> 
     if size.prod() > MAX_CELLS:
         raise InputError(
             f"a mask of {resolution_m:g} m has {size.prod():.2g} cells (at most {MAX_CELLS:,})",
-            "set a larger keepout_resolution_m",
+            "map a smaller field, or check robot_radius_m",
         )
     x, y = ((low[axis] + 0.5 + np.arange(int(size[axis]))) * resolution_m for axis in (0, 1))
     touched = shape.buffer(resolution_m * math.sqrt(0.5))

@@ -103,9 +103,7 @@ class TopologicalMap:
         :param known_actions: as for :meth:`unknown_actions`; without any, actions are not looked at
         """
         unknown = self.unknown_actions(known_actions) if known_actions else ""
-        refused = (
-            f"the navigation may refuse to drive: {unknown}; see the parameter edge_actions" if unknown else ""
-        )
+        refused = f"the navigation may refuse to drive: {unknown}" if unknown else ""
         return list(filter(None, (refused, self.restrictions())))
 
     def _described_actions(self) -> list[str]:

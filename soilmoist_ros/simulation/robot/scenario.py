@@ -73,8 +73,6 @@ class NavigationFaults(Section):
     """Result of a goal that a new one replaces; ``success``: success is reported wherever the robot is."""
     unknown_target: Literal["rejected", "aborted"] = "rejected"
     """Result of a goal for an unknown node; ``aborted``: the goal is accepted first."""
-    feedback: Literal["action", "topic"] = "action"
-    """Source of feedback: the action, or only the plain topic ``topological_navigation/feedback``."""
     goals: tuple[GoalFault, ...] = ()  # faults of goals, by number of the goal
     failing_edges: tuple[tuple[str, str], ...] = ()
     """Blocked edges [from, to]: the robot stops at the first node, and the goal is aborted."""
