@@ -53,7 +53,7 @@ _BLANKS = dict.fromkeys(map(ord, "\u00a0\u2007\u2009\u202f"), " ")
 UTF8_BOM = b"\xef\xbb\xbf"
 Converter = Callable[[float], float]
 Quantity = Literal["pressure", "temperature", "humidity"]
-_DURATION = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0}
+DURATIONS = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0}
 _SCALES: dict[Quantity, dict[str, float]] = {
     "pressure": {"hPa": 1.0, "mb": 1.0, "mbar": 1.0, "Pa": 0.01, "kPa": 10.0, "mmHg": 1.33322, "inHg": 33.8639},
     "temperature": {"degC": 1.0, "degF": 1.0, "K": 1.0},
@@ -313,7 +313,7 @@ def converter(quantity: Quantity, unit: str) -> Converter:
 
 def to_seconds(unit: str) -> Converter:
     """Converter of a unit of duration to seconds."""
-    return _scale(_DURATION[unit])
+    return _scale(DURATIONS[unit])
 
 
 def _scale(factor: float) -> Converter:
