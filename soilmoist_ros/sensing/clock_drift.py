@@ -9,21 +9,16 @@ from collections import deque
 
 import numpy as np
 
-MAX_PAIRS = 600
-"""Number of comparisons beyond which every second one is dropped."""
-MAX_STEPS = 100
-"""Number of times that the clock was set which are remembered."""
+MAX_PAIRS = 600  # number of comparisons beyond which every second one is dropped
+MAX_STEPS = 100  # number of times that the clock was set which are remembered
 MIN_PAIRS = 9
-MIN_DRIFT_S = 3.0
-"""Change of the offset over a log that matters: a rover drives 30 m in this time [s]."""
-JITTERS = 4.0
-"""Change of the offset that the delays of lines do not cause, in their standard deviations."""
+MIN_DRIFT_S = 3.0  # change of the offset over a log that matters: a rover drives 30 m in this time [s]
+JITTERS = 4.0  # change of the offset that the delays of lines do not cause, in their standard deviations
 MIN_STEP_S = 5.0
 """Change of the offset from one comparison to the next by which the clock was set, or a line is late [s]."""
 STEP_PAIRS = 3
 """Successive comparisons with one new offset that show that the clock was set: late lines do not agree."""
-STEP_JITTER_S = 2.0
-"""Maximum difference of such comparisons [s]."""
+STEP_JITTER_S = 2.0  # maximum difference of such comparisons [s]
 
 
 class ClockDrift:

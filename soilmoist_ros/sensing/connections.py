@@ -46,17 +46,12 @@ _OPTIONS: dict[str, tuple[str, ...]] = {
     "file": ("speed",),
 }
 DEFAULT_BAUD = 115_200
-CHUNK = 65_536
-"""Maximum number of bytes of one read; no datagram is larger."""
+CHUNK = 65_536  # maximum number of bytes of one read; no datagram is larger
 RECEIVE_BUFFER = 1 << 20
-CONNECT_S = 3.0
-"""Maximum time of an attempt to connect [s]."""
-MAX_SENDERS = 8
-"""Senders that are remembered by their address."""
-RECENT_S = 60.0
-"""Time after which a sender that has fallen silent is no longer shown [s]."""
-MAX_SILENT_PERIODS = 3.5
-"""Maximum time without a record before an error, as a multiple of the record period."""
+CONNECT_S = 3.0  # maximum time of an attempt to connect [s]
+MAX_SENDERS = 8  # senders that are remembered by their address
+RECENT_S = 60.0  # time after which a sender that has fallen silent is no longer shown [s]
+MAX_SILENT_PERIODS = 3.5  # maximum time without a record before an error, as a multiple of the record period
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 
 

@@ -21,15 +21,12 @@ FIX_TYPE = "sensor_msgs/msg/NavSatFix"
 UNKNOWN_COVARIANCE: Covariance = ((NAN, NAN, NAN),) * 3
 EARLIEST_DATE_S = 946_684_800.0
 """2000-01-01: receivers without a date start in 1980, and simulated time in 1970 [s since 1970 UTC]."""
-ROLLOVER_S = 1024 * 7 * DAY_S
-"""Period of the week number of GPS, after which old receivers begin again [s]."""
+ROLLOVER_S = 1024 * 7 * DAY_S  # period of the week number of GPS, after which old receivers begin again [s]
 SINCE_1980_S = 315_964_782.0
 """Seconds since 1970 UTC minus seconds of GPS time since 1980, with 18 leap seconds [s]."""
-MAX_EDGE_S = 120.0
-"""Largest difference of the ends of two spans of one survey [s]."""
+MAX_EDGE_S = 120.0  # largest difference of the ends of two spans of one survey [s]
 MAX_ZONE_H = 14.0
-MAX_REASONS = 50
-"""Number of reasons that are counted apart: a live receiver may send any number."""
+MAX_REASONS = 50  # number of reasons that are counted apart: a live receiver may send any number
 ROLLED_OVER = "exactly 1024 weeks earlier: the receiver's date has rolled over"
 SIMULATED = "simulated time, or the time since the device was switched on"
 

@@ -19,12 +19,9 @@ from typing import Protocol
 
 from soilmoist_ros.foundation import InputError
 
-MAX_LINE = 65_536
-"""Maximum length of a line [bytes]; longer lines are noise and are dropped."""
-MAX_WAITING = 20_000
-"""Maximum number of waiting lines; above it, the reader pauses."""
-MAX_WAITING_BYTES = 16 << 20
-"""Maximum size of waiting lines [bytes]; above it, the reader pauses."""
+MAX_LINE = 65_536  # maximum length of a line [bytes]; longer lines are noise and are dropped
+MAX_WAITING = 20_000  # maximum number of waiting lines; above it, the reader pauses
+MAX_WAITING_BYTES = 16 << 20  # maximum size of waiting lines [bytes]; above it, the reader pauses
 _WAIT_S = 0.2
 _STOP_S = 5.0
 _log = logging.getLogger(__name__)

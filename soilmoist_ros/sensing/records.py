@@ -10,8 +10,7 @@ from datetime import UTC, datetime
 
 NAN = math.nan
 FIRST_STAMP_S = -62_135_596_800.0
-LAST_STAMP_S = 253_402_300_799.0
-"""The years 1 to 9999, which Python's calendar has [s since 1970 UTC]."""
+LAST_STAMP_S = 253_402_300_799.0  # the years 1 to 9999, which Python's calendar has [s since 1970 UTC]
 
 
 @dataclass(frozen=True, slots=True)

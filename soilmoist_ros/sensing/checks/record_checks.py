@@ -21,27 +21,20 @@ from soilmoist_ros.sensing.checks.weather import WeatherChecks
 from soilmoist_ros.sensing.problems import Finding, Kind
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 
-STOP_RADIUS_M = 3.0
-"""Places closer than this to the first record of a stop belong to the stop [m]."""
+STOP_RADIUS_M = 3.0  # places closer than this to the first record of a stop belong to the stop [m]
 STOP_CHANGE = (2.0, 1.5)
 """Factors by which the rate at one place may fall and rise between records: snow or a flood, and drying."""
-DRIVING_CHANGE = (3.0, 3.0)
-"""The same on the way: from dry soil to water."""
-LAST_RECORDS = 30
-"""Number of last good records with which a record is compared."""
-MIN_AT_STOP = 3
-"""Number of records at a stop from which a record is compared with them alone."""
-MAX_AGE_S = 86400.0
-"""Age up to which records are compared [s]."""
+DRIVING_CHANGE = (3.0, 3.0)  # the same on the way: from dry soil to water
+LAST_RECORDS = 30  # number of last good records with which a record is compared
+MIN_AT_STOP = 3  # number of records at a stop from which a record is compared with them alone
+MAX_AGE_S = 86400.0  # age up to which records are compared [s]
 RECORDS_TO_BELIEVE = 10, 100
 """Number of successive odd records from which their rate counts as true: as many as the good ones before, within
 these limits."""
 MAX_N0_FACTOR = 2.0
 """Rates above this multiple of N0 are impossible: dry soil reaches 1.08 N0 (Desilets et al. 2010)."""
-MIN_PAIRS = 20
-"""Number of pairs from which a dispersion is reported."""
-HIGH_DISPERSION = 1.5
-"""Index of dispersion from which intervals of a map are clearly too narrow: by a fifth."""
+MIN_PAIRS = 20  # number of pairs from which a dispersion is reported
+HIGH_DISPERSION = 1.5  # index of dispersion from which intervals of a map are clearly too narrow: by a fifth
 SIGNIFICANCE = 1e-4
 MAX_TUBE_RATE_CPS = 1000.0
 """Rate that no tube for environmental neutrons reaches, by orders of magnitude [counts/s]."""

@@ -40,34 +40,25 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 ITERATIONS = 100
-REMEMBERED_RECORDS = 1000
-"""Maximum number of records for estimating the shares during a survey."""
-EQUAL_COUNTS = 100.0
-"""Weight of the prior of equal shares, as counts of each tube: 10 % before the first record."""
-ALARMS_PER_DAY: Final = 0.1
-"""Highest number of false alarms of one kind of check in a day of good records."""
+REMEMBERED_RECORDS = 1000  # maximum number of records for estimating the shares during a survey
+EQUAL_COUNTS = 100.0  # weight of the prior of equal shares, as counts of each tube: 10 % before the first record
+ALARMS_PER_DAY: Final = 0.1  # highest number of false alarms of one kind of check in a day of good records
 MAX_PER_RECORD: Final = 1e-3
 """Highest probability of a false alarm of one kind of check in a record, for records of hours."""
 PRIOR_COUNTS = 10.0
 """Weight of equal shares, as counts of each tube: tubes of one sensor may differ by a factor of two."""
-LEARNED_COUNTS = 300.0
-"""Weight of shares that are known from the whole log, as counts of each tube."""
+LEARNED_COUNTS = 300.0  # weight of shares that are known from the whole log, as counts of each tube
 MEMORY_RECORDS = 1000.0
 """Number of records after which earlier counts have lost two thirds of their weight: tubes age."""
-FACTORS = (0.0, 0.5, 2.0)
-"""Shares of a bad tube that the cumulative sums look for, as multiples of its good share."""
+FACTORS = (0.0, 0.5, 2.0)  # shares of a bad tube that the cumulative sums look for, as multiples of its good share
 MIN_LEARNED_COUNTS = 300.0
 """Counts behind a share from which half and twice the share differ clearly from an unknown share."""
-RECOVERY = math.log(1000.0)
-"""Logarithm of the likelihood ratio from which a masked tube counts again."""
+RECOVERY = math.log(1000.0)  # logarithm of the likelihood ratio from which a masked tube counts again
 TOLERANCE = 1.2
 """Factor by which the odds of a tube may change without a fault: temperature, age, small differences in energy."""
-MAX_CHANGE = math.log(3.0)
-"""Highest change of the rate between neighbouring records, as a logarithm."""
-LAST_RATES = 31
-"""Number of last good records whose median rate decides which of two tubes is bad."""
-LAST_COUNTED = 300
-"""Number of last records of a sensor with two tubes that decide which of them has changed."""
+MAX_CHANGE = math.log(3.0)  # highest change of the rate between neighbouring records, as a logarithm
+LAST_RATES = 31  # number of last good records whose median rate decides which of two tubes is bad
+LAST_COUNTED = 300  # number of last records of a sensor with two tubes that decide which of them has changed
 
 
 def tube_shares(records: Sequence[LoggerRecord]) -> NDArray[np.float64]:

@@ -20,38 +20,29 @@ SEA_LEVEL_HPA = (870.0, 1085.0)
 World Weather and Climate Extremes Archive)."""
 ALTITUDES_M = (-430.0, 5500.0)
 """Range of altitudes if that of the site is unknown: shore of the Dead Sea to the highest fields [m]."""
-ALTITUDE_TOLERANCE_M = 100.0
-"""Altitudes of receivers and site files may be wrong by this much [m]."""
+ALTITUDE_TOLERANCE_M = 100.0  # altitudes of receivers and site files may be wrong by this much [m]
 TEMPERATURES_DEGC = (-70.0, 60.0)
 """Lowest and highest temperatures of the air near inhabited ground, and some margin [degC]."""
-HUMIDITIES = (0.0, 1.05)
-"""Range of relative humidities; sensors read up to 5 % too high in fog [-]."""
+HUMIDITIES = (0.0, 1.05)  # range of relative humidities; sensors read up to 5 % too high in fog [-]
 
-JUMP_HPA = 15.0
-"""Change of pressure at once that no front or thunderstorm causes [hPa]."""
-WEATHER_HPA_PER_S = 10.0 / 3600
-"""Highest change of pressure by weather over longer times [hPa/s]."""
-HPA_PER_M = 0.13
-"""Highest change of pressure with altitude [hPa/m]."""
-CLIMB_HPA_PER_S = 0.4
-"""Highest change of pressure of a vehicle on a road: 28 m/s on a slope of 12 % [hPa/s]."""
+JUMP_HPA = 15.0  # change of pressure at once that no front or thunderstorm causes [hPa]
+WEATHER_HPA_PER_S = 10.0 / 3600  # highest change of pressure by weather over longer times [hPa/s]
+HPA_PER_M = 0.13  # highest change of pressure with altitude [hPa/m]
+CLIMB_HPA_PER_S = 0.4  # highest change of pressure of a vehicle on a road: 28 m/s on a slope of 12 % [hPa/s]
 JUMPS_TO_BELIEVE = 5, 100
 """Number of successive jumps from which the new pressure counts as true: as many as the good values before, within
 these limits."""
 FROZEN_HOURS_PER_HPA = 30.0
 """Hours for which a pressure stays the same by chance, for each hPa of the sensor's resolution."""
-FROZEN_S = (3600.0, 43200.0)
-"""Shortest and longest time from which a pressure can count as frozen [s]."""
-FROZEN_KELVIN = 3.0
-"""Change of temperature while the pressure stays the same [K]."""
+FROZEN_S = (3600.0, 43200.0)  # shortest and longest time from which a pressure can count as frozen [s]
+FROZEN_KELVIN = 3.0  # change of temperature while the pressure stays the same [K]
 FROZEN_RECORDS = 10
 _REMEDY = "check the sensor; without a value the nearest records give it"
 MAX_FRACTION = 0.0101
 """Relative humidity that no air near the ground stays below; fractions that were read as per cent do [-]."""
 MIN_MEDIAN_HUMIDITY = 0.2
 """Median relative humidity that the air of hardly any survey has; dry housings have it [-]."""
-MAX_MEDIAN_DEGC = 42.0
-"""Median temperature that no survey exceeds; temperatures in Fahrenheit do [degC]."""
+MAX_MEDIAN_DEGC = 42.0  # median temperature that no survey exceeds; temperatures in Fahrenheit do [degC]
 
 
 def pressure_limits_hpa(altitude_m: float) -> tuple[float, float]:

@@ -27,8 +27,7 @@ Scaling = Literal["none", "hawdon2014", "mcjannet2023"]
 TABLE = Path(__file__).with_name("cutoff_rigidity.csv")
 Gaps = Literal["interpolate", "hold"]
 MAX_GAP_S = 6 * 3600.0
-MAX_MISTAKES = 3
-"""Maximum number of rows that are named in an error for one remedy."""
+MAX_MISTAKES = 3  # maximum number of rows that are named in an error for one remedy
 _TAG = re.compile(r"<[^<>]{1,40}>")
 _KEY_AND_VALUE = re.compile(r"#\s*([A-Z][A-Z .]{2,20}):\s*(.*?)\s*")
 _DURATION = re.compile(r"(\d+)\s*(min|hour|day)")

@@ -24,12 +24,9 @@ from soilmoist_ros.sensing.records import CountRecord
 
 Array = NDArray[np.float64]
 
-BIN_S = 600.0
-"""Duration of the bins whose counts are smoothed [s]."""
-AROUND_S = 6 * 3600.0
-"""Time before and after the survey from which counts of the reference are used [s]."""
-MAX_GAP_S = 1800.0
-"""Longest time within the survey without a count of the reference [s]."""
+BIN_S = 600.0  # duration of the bins whose counts are smoothed [s]
+AROUND_S = 6 * 3600.0  # time before and after the survey from which counts of the reference are used [s]
+MAX_GAP_S = 1800.0  # longest time within the survey without a count of the reference [s]
 _SIZES = np.concatenate([[0.0], np.geomspace(0.003, 0.5, 11)])
 """Trends [1/h] and random walks [1/sqrt(h)] that are compared."""
 

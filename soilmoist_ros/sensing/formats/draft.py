@@ -21,8 +21,7 @@ from soilmoist_ros.sensing.formats.logger_format import MISSING, order_of
 from soilmoist_ros.sensing.formats.notation import matching_formats
 from soilmoist_ros.sensing.lines import read_lines
 
-MAX_LINES = 2_000
-"""Number of lines from which a format is drafted."""
+MAX_LINES = 2_000  # number of lines from which a format is drafted
 _TIME = re.compile(r"time|date|stamp|datum|zeit|utc|unix|epoch")
 _COUNTS = re.compile(
     r"neutron|count|cts|(^|_)imp(_|/|$)|(^|_)n\d*(_?c)?$|cps|cph|moderated|(^|_)mod(_|$)|puls|crns"

@@ -23,12 +23,7 @@ from soilmoist_ros.sensing.formats.log_values import (
     remedy_of_unit,
     zone_doubt,
 )
-from soilmoist_ros.sensing.formats.logger_format import (
-    RATE_TIME_S,
-    AirQuantity,
-    LoggerFormat,
-    order_of,
-)
+from soilmoist_ros.sensing.formats.logger_format import RATE_TIME_S, AirQuantity, LoggerFormat, order_of
 from soilmoist_ros.sensing.formats.notation import date_text, is_packed, stamp_text
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import NAN, LoggerRecord, Position
@@ -312,11 +307,7 @@ class FieldReader:
         return whole
 
     def _quantity(
-        self,
-        fields: Sequence[str],
-        name: Quantity,
-        quantity: AirQuantity | None,
-        sources: Sequence[Source],
+        self, fields: Sequence[str], name: Quantity, quantity: AirQuantity | None, sources: Sequence[Source]
     ) -> float:
         """Value of the first sensor with a credible value, NaN if there is none."""
         if quantity is None or not sources:

@@ -24,8 +24,7 @@ _MIDNIGHT = re.compile(r"(?<![\d:])24:00(?P<seconds>:00(?:[.,]0+)?)?(?![\d:])")
 _ZONE = re.compile(r"(.*\d(?: ?[AaPp][Mm])?)\s*(UTC|GMT|Z|[+-]\d\d:?\d\d)", re.ASCII | re.IGNORECASE)
 _EXCEL_EPOCH_DAYS = 25_569
 _LAST_WALL_S = 2e11
-_THOUSANDS = {"auto": "", "point": ",", "comma": "."}
-"""Separator of thousands, besides blanks and apostrophes."""
+_THOUSANDS = {"auto": "", "point": ",", "comma": "."}  # separator of thousands, besides blanks and apostrophes
 _GROUPED = {  # three digits after each separator, and never the decimal separator itself
     decimal: re.compile(
         rf"[+-]?\d{{1,3}}(?:[{more}' ]\d{{3}})+(?:{',' if decimal == 'comma' else '[.]'}\d*)?", re.ASCII

@@ -33,17 +33,12 @@ from soilmoist_ros.sensing.formats.logger_format import (
 )
 from soilmoist_ros.sensing.lines import MAX_LINE
 
-MAX_SAMPLE = 2_000
-"""Number of first lines, and of later lines, from which the notation of numbers is decided."""
-MAX_DATES = 200
-"""Number of stamps from which it is known if dates can have two orders."""
+MAX_SAMPLE = 2_000  # number of first lines, and of later lines, from which the notation of numbers is decided
+MAX_DATES = 200  # number of stamps from which it is known if dates can have two orders
 DAY_S = 86_400.0
-MONTH_S = 20 * DAY_S
-"""Step between two records that is one of months [s]."""
-MIN_WEAK = 3
-"""Number of steps of about a day, instead of a month, that decide the order of day and month."""
-MIN_MIXED = 2
-"""Number of stamps or steps that speak for each order from which a file has both."""
+MONTH_S = 20 * DAY_S  # step between two records that is one of months [s]
+MIN_WEAK = 3  # number of steps of about a day, instead of a month, that decide the order of day and month
+MIN_MIXED = 2  # number of stamps or steps that speak for each order from which a file has both
 _SEPARATED = re.compile(r"[+-]?\d[\d.,' \u00a0\u202f]*[.,]\d[\d.,]*", re.ASCII)
 _ORDER_WORDS = {"day_first": "day before month", "month_first": "month before day"}
 _OTHER: dict[DateOrder, DateOrder] = {"day_first": "month_first", "month_first": "day_first"}

@@ -18,8 +18,7 @@ FORMAT_NAME = "thorvald_crs"
 PROTOCOL = "thorvald_crs/1"
 TUBES = 12
 PERIOD_S = 10.0
-RECORDS_PER_HEADER = 60
-"""Number of records after which the header is repeated; it is also sent on connection."""
+RECORDS_PER_HEADER = 60  # number of records after which the header is repeated; it is also sent on connection
 COLUMNS = (
     "stamp_utc",
     "record",

@@ -58,15 +58,11 @@ _SEPARATOR_LINE = re.compile(r"\"?sep=.\"?[,;\t]*", re.IGNORECASE)
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---")
 _INTERVAL = re.compile(r"(\d+(?:\.\d+)?)\s*(?:-|–|—|to|bis)\s*(\d+(?:\.\d+)?)\s*(?:cm)?", re.IGNORECASE)
 _DAY = re.compile(r"(\d{4})([-/.])(\d\d?)\2(\d\d?)(?!\d)|(\d\d?)([-/.])(\d\d?)\6(\d{4}|\d\d)(?!\d)")
-_DAY_NUMBER = re.compile(r"([2-5]\d{4})(?:\.\d+)?")
-"""Days since 1899-12-30, as spreadsheets count them."""
+_DAY_NUMBER = re.compile(r"([2-5]\d{4})(?:\.\d+)?")  # days since 1899-12-30, as spreadsheets count them
 _TIME = re.compile(r"[T ]+\d\d?:\d\d.*$")
-_SAMPLING_ERROR = 0.1
-"""Water above the pore volume that errors of mass and volume of a core may explain [m^3/m^3]."""
-_DISAGREEMENT = 0.05
-"""Difference between two statements of the moisture of one core that is named [m^3/m^3]."""
-_DRIEST = 0.01
-"""Moisture that some core of a calibration exceeds; even desert sand does [m^3/m^3]."""
+_SAMPLING_ERROR = 0.1  # water above the pore volume that errors of mass and volume of a core may explain [m^3/m^3]
+_DISAGREEMENT = 0.05  # difference between two statements of the moisture of one core that is named [m^3/m^3]
+_DRIEST = 0.01  # moisture that some core of a calibration exceeds; even desert sand does [m^3/m^3]
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _DECIMAL_POINT = re.compile(r"[+-]?\d+\.\d+")
 

@@ -32,17 +32,14 @@ PARTICLE_DENSITY_GCM3 = 2.65
 """Density of soil minerals, mostly quartz [g/cm^3] (Danielson & Sutherland 1986, Methods of Soil Analysis 1)."""
 LATTICE_WATER_OF_CLAY = 0.097
 """Lattice water of clay [g/g]: regression of Kansas State University, as documented by crnpy."""
-MATTER_OF_CARBON = 2.0
-"""Organic matter per organic carbon [g/g] (Pribyl 2010, Geoderma 156:75-83)."""
+MATTER_OF_CARBON = 2.0  # organic matter per organic carbon [g/g] (Pribyl 2010, Geoderma 156:75-83)
 WATER_OF_MATTER = 0.556
 """Water equivalent of organic matter with the hydrogen of cellulose, five H2O in C6H10O5 [g/g]."""
 SIMULATED_DENSITY_GCM3 = 1.43
 """Dry bulk density of the soil in the simulations behind the universal solution [g/cm^3]."""
-MAX_HUMIDITY_GM3 = 60.0
-"""Absolute humidity up to which every parameter set falls with moisture [g/m^3]."""
+MAX_HUMIDITY_GM3 = 60.0  # absolute humidity up to which every parameter set falls with moisture [g/m^3]
 _MAX_STEPS = 60
-_LAST_STEP = 1e-7
-"""Relative size of a step after which the error is that of rounding: Newton's method squares it."""
+_LAST_STEP = 1e-7  # relative size of a step after which the error is that of rounding: Newton's method squares it
 
 
 class SoilLimits(NamedTuple):

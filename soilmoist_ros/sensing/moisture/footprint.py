@@ -24,19 +24,16 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.sensing.moisture.cores import SoilCore, profiles_of
 
 Array = NDArray[np.float64]
-Term = tuple[float, float]
-"""Amplitude and decay [1/m] of an exponential of the distance."""
+Term = tuple[float, float]  # amplitude and decay [1/m] of an exponential of the distance
 SHARE = 0.86
 """Share of the counts from within the footprint radius, ``1 - exp(-2)`` rounded, as in the publications."""
 _STANDARD_HPA = 1013.25
 _NEAR_M, _FAR_M = 1.0, 50.0
 _TYPICAL_WATER = 0.2
-_SCREEN = 3.7
-"""Decay of the dip below the probe, within 1 m [1/m]."""
+_SCREEN = 3.7  # decay of the dip below the probe, within 1 m [1/m]
 Weighting = Literal["revised", "conventional", "equal"]
 _CONVENTIONAL_REACH_M = 127.0
-_NEAREST_M = 0.5
-"""Least distance of the published weights [m]; a ring of no radius has no weight."""
+_NEAREST_M = 0.5  # least distance of the published weights [m]; a ring of no radius has no weight
 _MAX_ITERATIONS = 200
 _TOLERANCE_VWC = 1e-8
 

@@ -37,8 +37,7 @@ NotNegative = Annotated[float, Field(ge=0)]
 WaterFraction = Annotated[float, Field(ge=0, lt=1)]
 USUAL_N0_CPS = (0.05, 30.0)
 """N0 of sensors from one small tube at sea level to twelve large ones in the mountains [counts/s]."""
-OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}
-"""Times per which other programs give N0 [s]."""
+OTHER_TIMES = {"hour": 3600.0, "minute": 60.0, "10 s": 10.0}  # times per which other programs give N0 [s]
 
 
 class Soil(Section):

@@ -48,8 +48,7 @@ _DATED = (b"RMC", b"ZDA", b"PUBX,04")
 _CHECKED = re.compile(rb"\$[^$*]*\*[0-9A-Fa-f]{2}")
 _DATE_BEFORE = re.compile(rb"(\d{4}[-/]\d\d[-/]\d\d[T ]\d\d:\d\d:\d\d)[^$]*\$")
 
-Values = dict[str, float]
-"""Values of a sentence by their names; NaN where a field is empty."""
+Values = dict[str, float]  # values of a sentence by their names; NaN where a field is empty
 
 
 class _BadFieldError(ValueError):
@@ -121,8 +120,7 @@ _CONVERTERS: Mapping[str, Callable[[str], float]] = {
     "east": _hemisphere, "valid": _status, "mode": _mode, "state": _pubx_state, "speed": _speed,
 }  # fmt: skip
 """Converters of quantities that are no plain numbers."""
-_NEVER_EMPTY = ("valid", "state")
-"""Quantities whose empty field says that there is no fix."""
+_NEVER_EMPTY = ("valid", "state")  # quantities whose empty field says that there is no fix
 _PLACE = {"time": "timestamp", "latitude": "lat", "north": "lat_dir", "longitude": "lon", "east": "lon_dir"}
 SENTENCES: Mapping[str, Mapping[str, str]] = {
     "GGA": _PLACE | {"quality": "gps_qual", "satellites": "num_sats", "hdop": "horizontal_dil",
@@ -140,8 +138,7 @@ SENTENCES: Mapping[str, Mapping[str, str]] = {
 }  # fmt: skip
 """Quantities of each sentence, and their fields as pynmea2 names them."""
 
-_PLACES = ("GGA", "GNS", "RMC", "GLL", "PUBX,00")
-"""Sentences with a position, the best first."""
+_PLACES = ("GGA", "GNS", "RMC", "GLL", "PUBX,00")  # sentences with a position, the best first
 
 
 @dataclass

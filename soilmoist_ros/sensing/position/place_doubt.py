@@ -16,8 +16,7 @@ from soilmoist_ros.sensing.records import CountRecord
 
 DOUBTS: Final = "place_doubts"
 """Topic of the doubts, next to ``counts``."""
-CLOCKS_S: Final = 2.0
-"""Clocks of receiver and logger may differ so far [s]."""
+CLOCKS_S: Final = 2.0  # clocks of receiver and logger may differ so far [s]
 CONFIRMED_M: Final = 3.0
 """Places of a confirmed doubt are right this near to the confirmed place, or to the one before the doubt [m]."""
 _NUMBERS: Final = ("since_s", "until_s", "x_m", "y_m", "before_x_m", "before_y_m")

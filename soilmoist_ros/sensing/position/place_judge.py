@@ -21,38 +21,27 @@ from typing import Final
 
 from soilmoist_ros.sensing.position.place_doubt import CLOCKS_S, Doubt, Outcome
 
-WINDOW_S: Final = 5.0
-"""Time over which places are compared and the speed is measured [s]."""
+WINDOW_S: Final = 5.0  # time over which places are compared and the speed is measured [s]
 SPACING_S: Final = 0.05
 """Places closer in time than this are not remembered apart, so that a flood of them costs little [s]."""
-MIN_SPAN_S: Final = 1.0
-"""Minimum time between two places that give a speed [s]."""
+MIN_SPAN_S: Final = 1.0  # minimum time between two places that give a speed [s]
 TOLERANCE: Final = 2.0
 """A place is plausible up to this multiple of the highest speed; the cause ``speed`` covers what lies between."""
-STOPPING_S: Final = 3.0
-"""Time until a robot stands whose goal has ended, or whose place is lost [s]."""
-SDS: Final = 3.0
-"""Errors up to this many standard deviations are noise of a single place."""
+STOPPING_S: Final = 3.0  # time until a robot stands whose goal has ended, or whose place is lost [s]
+SDS: Final = 3.0  # errors up to this many standard deviations are noise of a single place
 WANDER_SDS: Final = 7.25
 """Places of a standing robot may lie so many standard deviations apart: two independent errors of 2.5 m each are
 farther apart once in 500,000 pairs, which is more than 200 h have."""
 WANDER_S: Final = 60.0
 """Time after which errors of a receiver are independent [s]; before, they differ as those of a random walk."""
-UNKNOWN_SD_M: Final = 2.5
-"""Standard deviation of a receiver that states none, or 0, until its wander is known [m]."""
-ANCHOR_S: Final = 10.0
-"""Time over which the place of a standing robot is averaged [s]."""
-STAYS_S: Final = 60.0
-"""Time after which another place of a standing robot is believed for driving [s]."""
-BACK_S: Final = 2.0
-"""Time for which the place must be explained again until a doubt ends [s]."""
-MIN_LEARNED: Final = 10
-"""Number of changes from which on they serve for receivers that state no error."""
-REPEATED_M: Final = 1e-3
-"""Places this close are the very same one [m]: a receiver that works has more noise."""
+UNKNOWN_SD_M: Final = 2.5  # standard deviation of a receiver that states none, or 0, until its wander is known [m]
+ANCHOR_S: Final = 10.0  # time over which the place of a standing robot is averaged [s]
+STAYS_S: Final = 60.0  # time after which another place of a standing robot is believed for driving [s]
+BACK_S: Final = 2.0  # time for which the place must be explained again until a doubt ends [s]
+MIN_LEARNED: Final = 10  # number of changes from which on they serve for receivers that state no error
+REPEATED_M: Final = 1e-3  # places this close are the very same one [m]: a receiver that works has more noise
 _NOWHERE: Final = (math.nan, math.nan)
-COMPARED: Final = 30
-"""Number of seconds with places, of which the least delay passes for none."""
+COMPARED: Final = 30  # number of seconds with places, of which the least delay passes for none
 APART_S: Final = 1.0
 """Places that come within this time count as one delay [s], so that many that come at once are not the rule."""
 

@@ -15,18 +15,13 @@ from soilmoist_ros.sensing.gnss import Fix, FixStatus, Heard
 from soilmoist_ros.sensing.position.place_judge import PlaceFix, PlaceJudge, PlaceLimits, Verdict
 from soilmoist_ros.sensing.records import NAN, Position
 
-EDGE_TOLERANCE_S = 0.5
-"""Time for which a single fix is valid before and after its stamp [s]."""
-CLOCK_CORRECTED_S = 60.0
-"""Backward jump between epochs above which the receiver has corrected its clock [s]."""
+EDGE_TOLERANCE_S = 0.5  # time for which a single fix is valid before and after its stamp [s]
+CLOCK_CORRECTED_S = 60.0  # backward jump between epochs above which the receiver has corrected its clock [s]
 Offset = tuple[float, float]
-STEP_M = 1.0
-"""Distance from which two fixes give a heading [m]."""
-STEP_SDS = 3.0
-"""The same, in standard deviations of the fixes."""
+STEP_M = 1.0  # distance from which two fixes give a heading [m]
+STEP_SDS = 3.0  # the same, in standard deviations of the fixes
 METRES_PER_DEGREE = math.tau * 6_371_000.0 / 360.0
-ARMS: Final = ("antenna_x_m", "antenna_y_m", "sensor_x_m", "sensor_y_m")
-"""Names of the parameters."""
+ARMS: Final = ("antenna_x_m", "antenna_y_m", "sensor_x_m", "sensor_y_m")  # names of the parameters
 LIMITS: Final = PlaceLimits(
     max_speed_mps=60.0,
     max_sd_m=1e6,
@@ -196,8 +191,7 @@ class LeverArms:
         return _turned((-self.antenna_m[0], -self.antenna_m[1]), heading_rad)
 
 
-NO_ARMS: Final = LeverArms()
-"""Antenna and sensor at the base."""
+NO_ARMS: Final = LeverArms()  # antenna and sensor at the base
 
 
 class Course:

@@ -29,12 +29,9 @@ from soilmoist_ros.sensing.position.nmea import parse_nmea
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import NAN, Position
 
-_HEAD = 50
-"""Number of lines in which the header of a table is searched."""
-_LEAP_S = 18.0
-"""GPS time minus UTC since 2017 [s]."""
-_GPS_EPOCH_S = 315_964_800.0
-"""1980-01-06, from which GPS counts its weeks [s since 1970]."""
+_HEAD = 50  # number of lines in which the header of a table is searched
+_LEAP_S = 18.0  # GPS time minus UTC since 2017 [s]
+_GPS_EPOCH_S = 315_964_800.0  # 1980-01-06, from which GPS counts its weeks [s since 1970]
 _KNOWN: Mapping[str, Sequence[str]] = {
     "lat": ("latitude", "lat", "y_lat", "gps_lat", "gps_latitude", "latitude_n"),
     "lon": ("longitude", "lon", "lng", "long", "gps_lon", "gps_long", "gps_longitude", "longitude_e"),

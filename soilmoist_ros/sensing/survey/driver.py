@@ -26,21 +26,16 @@ from soilmoist_ros.sensing.problems import Kind, reason_text
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.stream import LAST_RECORDS, SensorStream
 
-LINES_PER_STEP = 500
-"""Maximum number of lines per step; a backlog must not block other work."""
+LINES_PER_STEP = 500  # maximum number of lines per step; a backlog must not block other work
 LOGGER, GNSS = "logger", "GNSS"
-CLOCK_TOLERANCE_S = 5.0
-"""Maximum difference of the clocks without a warning [s]."""
-STALE_FIX_S = 5.0
-"""Maximum age of the last fix without a warning [s]."""
+CLOCK_TOLERANCE_S = 5.0  # maximum difference of the clocks without a warning [s]
+STALE_FIX_S = 5.0  # maximum age of the last fix without a warning [s]
 NO_RECORD_S = 30.0
 """Time from the first byte of a logger to its first record after which faulty lines are an error [s]."""
-MAX_LOSSES = 1
-"""Maximum number of recently lost records without a warning."""
+MAX_LOSSES = 1  # maximum number of recently lost records without a warning
 OLD_INTENSITY = 0.5
 """Age of the incoming intensity without a warning, as a share of the age from which it is not used."""
-MIN_JUDGED = 3
-"""Number of records from which more than half in quarantine are an error."""
+MIN_JUDGED = 3  # number of records from which more than half in quarantine are an error
 _LINK_LEVELS = {
     LinkState.CONNECTED: Level.OK,
     LinkState.ENDED: Level.OK,

@@ -26,22 +26,15 @@ from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.correction import counting_interval_s, unusual_factors, unusual_pressure
 from soilmoist_ros.sensing.survey.survey import Survey
 
-MIN_OVERLAP = 0.2
-"""Share of a counting interval that lies before the record before, from which the two overlap."""
-MIN_OVERLAP_S = 5.0
-"""Overlap that rounded stamps and late lines do not cause [s]."""
-MONTH_S = 20 * 86_400.0
-"""Time between two days that is one of months [s]."""
-MIN_MONTHS = 3
-"""Number of such times that make the order of day and month doubtful."""
-MIN_BARE = 0.3
-"""Counts of a tube relative to the others below which it is not connected, rather than bare."""
-CHANCE_SD = 4.0
-"""Standard deviations of a count that chance explains: a log of minutes shows no bare tube."""
+MIN_OVERLAP = 0.2  # share of a counting interval that lies before the record before, from which the two overlap
+MIN_OVERLAP_S = 5.0  # overlap that rounded stamps and late lines do not cause [s]
+MONTH_S = 20 * 86_400.0  # time between two days that is one of months [s]
+MIN_MONTHS = 3  # number of such times that make the order of day and month doubtful
+MIN_BARE = 0.3  # counts of a tube relative to the others below which it is not connected, rather than bare
+CHANCE_SD = 4.0  # standard deviations of a count that chance explains: a log of minutes shows no bare tube
 BARE_SHARE = 0.7
 """Counts of a tube relative to the others below which it may be bare: a thermal tube counts about half."""
-MIN_ALIKE = 20
-"""Number of records from which common factors of all counts are no chance."""
+MIN_ALIKE = 20  # number of records from which common factors of all counts are no chance
 _CHANGED = re.compile(r"corr|smooth|mov_?avg|filtered|norm")
 
 

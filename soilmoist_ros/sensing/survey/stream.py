@@ -21,14 +21,10 @@ from soilmoist_ros.sensing.problems import Kind, Problem, Severity
 from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord
 from soilmoist_ros.sensing.survey.survey import Survey
 
-LAST_RECORDS = 20
-"""Number of latest records for the diagnostics."""
-SURE_GAPS = 3
-"""Number of times between records from which they count more than the nominal period."""
-MAX_LINES = 50
-"""Number of lines kept for the search of their format."""
-MAX_EXAMPLE = 80
-"""Number of characters shown of a line."""
+LAST_RECORDS = 20  # number of latest records for the diagnostics
+SURE_GAPS = 3  # number of times between records from which they count more than the nominal period
+MAX_LINES = 50  # number of lines kept for the search of their format
+MAX_EXAMPLE = 80  # number of characters shown of a line
 _DAMAGED = frozenset((Kind.UNREADABLE, Kind.TOO_LONG))
 _OTHER_FORMAT = frozenset((Kind.NO_HEADER, Kind.BAD_HEADER, Kind.WRONG_FIELDS, Kind.BAD_TIME, Kind.NOT_A_NUMBER))
 _BAUD = "compare the baud rate in logger_uri with the logger's, and check the cable"

@@ -37,18 +37,14 @@ from soilmoist_ros.sensing.survey.correction import (
 )
 
 MAX_WEATHER_VALUES = 1000
-MAX_TYPICAL = 500
-"""Maximum number of records for the typical rate of a log."""
-LINE_DELAY_S = 0.25
-"""Maximum delay of the receiver's lines after their record [s]."""
+MAX_TYPICAL = 500  # maximum number of records for the typical rate of a log
+LINE_DELAY_S = 0.25  # maximum delay of the receiver's lines after their record [s]
 MIN_INTENSITY_AGE_S = 3600.0
 """Least age from which an intensity from outside is not used [s]: monitors publish hourly values."""
-MAX_FIXES = 20_000
-"""Fixes kept during a survey: 5 h at 1 Hz, because a receiver may be far ahead of the logger."""
+MAX_FIXES = 20_000  # fixes kept during a survey: 5 h at 1 Hz, because a receiver may be far ahead of the logger
 MAX_EDGE_TOLERANCE_S = 5.0
 """Maximum time between the middle of a counting interval and a single fix used as its position [s]."""
-MAX_ALTITUDE_AGE_S = 300.0
-"""Maximum time between a record and a position that shows its altitude [s]."""
+MAX_ALTITUDE_AGE_S = 300.0  # maximum time between a record and a position that shows its altitude [s]
 
 
 @dataclass(frozen=True)
