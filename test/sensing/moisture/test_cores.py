@@ -183,7 +183,7 @@ def test_the_mean_lies_between_the_cores(rows, weighting, radius_m):
         ("gravimetric_percent,bulk_density_gcm3\n0.2,1.4\n", (0, "gravimetric_percent"), "gravimetric_water if"),
         ("vwc,bulk_density_kgm3\n0.2,1.4\n", (2, "bulk_density_kgm3"), "1.4 is 0.0014 in the unit of bulk_"),
         ("vwc_percent\n28x\n", (2, "vwc_percent"), "'28x' is not a number"),
-        ("vwc,top_mm,bottom_mm\n0.2,0,10\n0.2,10,30\n", (0, ""), "deeper than 3 cm: are these centimetres"),
+        ("vwc,top_mm,bottom_mm\n0.2,0,10\n0.2,10,30\n", (0, ""), "deeper than 3 cm: is this the right unit"),
         ("profile,vwc,distance_m\na,0.2,5\nmean,0.2,\n", (3, ""), "leave out rows that are no cores"),
     ],
 )  # fmt: skip
@@ -209,10 +209,10 @@ def test_what_decides_the_moisture_is_said(tmp_path):
         "1 of 1 cores have no bulk density: 1.4 g/cm3 of the site file counts",
     )
     assert notes_of(tmp_path, "vwc,weight\n0.2,148\n0.2,152\n").notes == (
-        "each core also counts by its own weight, 148 to 152",
+        "each core also counts by its own weight",
     )
     both = "vwc,gravimetric_water,bulk_density_gcm3\n0.28,0.2,1.4\n0.10,0.19,1.4\n"
-    assert "disagree, line 3: 0.10 and 0.27 m3/m3" in notes_of(tmp_path, both).notes[1]
-    table = notes_of(tmp_path, "vwc,vwc_note,soil_moisture,date\n0.2,x,21,45231\n")
-    assert table.days == ("2023-11-01",)  # the day number of a spreadsheet
+    assert notes_of(tmp_path, both).notes == ("gravimetric_water is not used for 2 cores: they have vwc",)
+    table = notes_of(tmp_path, "vwc,vwc_note,soil_moisture,Datum\n0.2,x,21,2023-11-01\n")
+    assert table.days == ("2023-11-01",)
     assert table.notes == ("columns that are not used: vwc_note, soil_moisture",)
