@@ -76,7 +76,7 @@ class Kind(enum.StrEnum):
     STUCK_TUBE = "stuck_tube", "tube repeats a number", Severity.WARNING
     IMPOSSIBLE_COUNT = "impossible_count", "impossible count", Severity.WARNING
     IMPOSSIBLE_WEATHER = "impossible_weather", "impossible weather", Severity.WARNING
-    FROZEN_PRESSURE = "frozen_pressure", "pressure never changes", Severity.WARNING
+    FROZEN_PRESSURE = "frozen_pressure", "pressure never changes", Severity.WARNING  # of older bags
     PLACE_JUMP = "place_jump", "jump of place", Severity.WARNING
     PLACE_DOUBT = "place_doubt", "place not trusted", Severity.WARNING
     CLOCK_DRIFT = "clock_drift", "logger clock drifts against GNSS time", Severity.WARNING

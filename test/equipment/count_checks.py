@@ -127,7 +127,6 @@ FAULTS: dict[str, dict[str, object]] = {
     "40 hPa too low for 15 min": {
         "weather": [{"quantity": "pressure_hpa", "value": 965, "at_s": 1200, "for_s": 900}]
     },
-    "frozen pressure": {"weather": [{"quantity": "pressure_hpa", "at_s": 600, "for_s": 9e9}]},
     "drift of 7 s/h": {"clock_drift": 0.002},
 }
 """Faults of the sensor in a survey, by name."""

@@ -45,7 +45,6 @@ class Checked:
     """A record after the checks.
 
     :param record: the record; impossible weather and the counts of bad tubes are NaN, unless no tube is left
-    :param findings: its faults
     :param bad_since_s: tubes that have just been found bad: index -> stamp of the first bad record [s since 1970]
     """
 
@@ -71,8 +70,6 @@ class RecordChecks:
     >>> checks = RecordChecks()
     >>> checks.check(LoggerRecord(10.0, (1_200_000.0,), (10.0,))).quarantine
     'impossible_count'
-    >>> checks.check(LoggerRecord(20.0, (12.0,), (10.0,))).quarantine
-    ''
     """
 
     def __init__(
@@ -147,9 +144,8 @@ class _Counted(NamedTuple):
 class Dispersion:
     """Index of dispersion of successive records at one place; 1 for pure counting statistics.
 
-    Given the total of two records, the first is binomial with a variance known exactly. The index is the mean of
-    the squared standardised differences over disjoint pairs. Its expectation is 1 if neighbours have the same
-    rate; slow changes of the soil do not matter.
+    It is the mean of the squared standardised differences over disjoint pairs: given the total of two records, the
+    first is binomial. Slow changes of the soil do not matter.
     """
 
     def __init__(self) -> None:

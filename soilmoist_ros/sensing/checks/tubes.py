@@ -2,21 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several detector tubes as one sensor, and which of them are bad.
 
-**One sensor.** The whole sensor counts with the rate ``r`` and tube ``i`` with ``s_i r``; the *shares* ``s_i`` add
-up to 1. In a record, the counts of the present tubes are independent, ``N_i ~ Poisson(s_i r t_i)``, with the live
-times ``t_i``. So raw counts ``sum N_i`` and exposure ``sum s_i t_i``, both over the tubes that are present, make
-``raw / exposure`` an unbiased estimate of the rate of *all* tubes, and the raw counts remain Poisson.
+**One sensor.** The sensor counts with the rate ``r`` and tube ``i`` with ``s_i r``; the *shares* ``s_i`` add up to
+  1. Raw counts ``sum N_i`` and exposure ``sum s_i t_i`` with the live times ``t_i``, both over the tubes present,
+  make ``raw / exposure`` an unbiased estimate of the rate of *all* tubes, and the raw counts remain Poisson.
 
-**Bad tubes.** Soil moisture, rain and pressure change the rate of all tubes together. Given the total of a record,
-the counts of one tube are binomial, whatever the rate is. Three tests follow, each with a stated rate of false
-alarms:
+**Bad tubes.** Given the total of a record, the counts of one tube are binomial, whatever the soil and the air do.
+  Three tests follow, each with a stated rate of false alarms:
 
-* In each record the exact binomial tails of all tubes, with Holm's correction (Holm 1979, Scandinavian Journal of
-  Statistics 6:65-70): the probability that a good record loses any tube, and so the false discovery rate, stays
-  below :func:`alarm_probability`. Shares may be wrong by their uncertainty (Berger & Boos 1994, Journal of the
-  American Statistical Association 89:1012-1016) and by :data:`TOLERANCE`.
-* From record to record cumulative sums of likelihood ratios (Page 1954, Biometrika 41:100-115): a tube that counts
-  nothing, half or twice its share. They find in many small counts what no single record shows.
+* In each record the binomial tails of all tubes, with Holm's correction (Holm 1979, Scandinavian Journal of
+  Statistics 6:65-70). Shares may be wrong by their uncertainty (Berger & Boos 1994, Journal of the American
+  Statistical Association 89:1012-1016) and by :data:`TOLERANCE`.
+* Cumulative sums of likelihood ratios (Page 1954, Biometrika 41:100-115): a tube that counts nothing, half or
+  twice its share. They find in many small counts what no single record shows.
 * Runs of one number. No Poisson distribution gives a number ``v`` more often than that of mean ``v``, so the
   probability of a run has an upper bound that needs neither rate nor share.
 """
@@ -65,8 +62,7 @@ def tube_shares(records: Sequence[LoggerRecord]) -> NDArray[np.float64]:
     """Share of each tube in the rate of the whole sensor, estimated from records of the sensor [-].
 
     The maximum-likelihood estimate has one rate per record: neither changing soil nor tubes missing in some
-    records bias the shares. If all tubes are present with equal live times in every record, a share is
-    the tube's fraction of all counts. A tube that never counts has the share 0.
+    records bias the shares. A tube that never counts has the share 0.
 
     :raises ValueError: if there are no records, their numbers of tubes differ, or nothing was counted
     """
@@ -100,11 +96,9 @@ def _maximum_likelihood(counts: NDArray[np.float64], live: NDArray[np.float64]) 
 
 
 def combine_tubes(record: LoggerRecord, shares: Sequence[float] | NDArray[np.float64]) -> tuple[int, float]:
-    """Raw counts and exposure [s] of a record.
+    """Raw counts and exposure [s] of a record; its counts and live times are NaN where a tube is missing.
 
-    :param record: counts and live times, NaN where a tube is missing
     :param shares: share of each tube in the whole rate [-], adding up to 1
-    :return: ``(raw_counts, exposure_s)``
     :raises ValueError: if there is not one share per tube, or no tube with a share counted
     """
     if len(shares) != len(record.tube_counts):
@@ -126,8 +120,7 @@ def combine_tubes(record: LoggerRecord, shares: Sequence[float] | NDArray[np.flo
 class RunningShares:
     """Shares of the tubes in the rate of the whole sensor, estimated from the records so far [-].
 
-    The shares matter only for a record with a missing tube: its exposure covers only the present tubes. The
-    rate remains the rate of *all* tubes, even if one tube has been missing from the start.
+    They matter only for a record with a missing tube: its exposure covers the present tubes.
     """
 
     def __init__(self) -> None:
@@ -172,17 +165,13 @@ def alarm_threshold(period_s: float, charts: int) -> float:
     """Threshold of cumulative sums of log-likelihood ratios.
 
     The mean time between false alarms of a chart is at least ``exp(threshold)`` records (Lorden 1971, Annals of
-    Mathematical Statistics 42:1897-1908, theorem 2), so all charts together stay below :func:`alarm_probability`.
+    Mathematical Statistics 42:1897-1908, theorem 2).
     """
     return math.log(charts / alarm_probability(period_s))
 
 
 class GoodShares:
-    """Shares of the tubes, learned record by record.
-
-    :param start: shares to start from, shape (tubes,), adding up to 1
-    :param prior_counts: weight of the start, as counts of each tube
-    """
+    """Shares of the tubes, learned record by record; the start weighs as some counts of each tube."""
 
     def __init__(self, start: Array, prior_counts: float) -> None:
         self._start, self._prior_counts = start, prior_counts
@@ -246,13 +235,8 @@ class ShareCharts:
 def share_ratios(counts: Array, weights: Array, use: Mask, good: Mask, behind: Array) -> Array:
     """Log-likelihood ratios of bad shares against the good share, shape (factors, tubes).
 
-    The counts of a tube are binomial given the total of the good tubes and the tube itself.
-
-    :param counts: counts of the tubes, shape (tubes,)
-    :param weights: share of each tube times its live time [s], shape (tubes,)
-    :param use: tubes that the sensor uses, shape (tubes,)
-    :param good: tubes that are good so far, at least one, shape (tubes,)
-    :param behind: counts behind the share of each tube, shape (tubes,)
+    The counts of a tube are binomial given the total of the good tubes and the tube itself. Only tubes in ``use``
+    are compared; ``behind`` are the counts from which each share is known.
     """
     number, weight = np.where(good, 0.0, counts), np.where(good, 0.0, weights)
     total, whole = counts[good].sum() + number, weights[good].sum() + weight
@@ -291,13 +275,7 @@ class Run:
 
 @dataclass(frozen=True)
 class BadTube:
-    """A tube that must not be used in a record.
-
-    :param tube: index of the tube
-    :param kind: reason
-    :param counts: its counts
-    :param expected: counts that the good tubes expect of it, NaN if unknown
-    """
+    """A tube, by its index, that must not be used in a record; its expected counts are NaN if unknown."""
 
     tube: int
     kind: Kind
@@ -318,7 +296,6 @@ class BadSpan:
 class TubeChecks:
     """Compares the tubes of one probe, record by record.
 
-    :param tubes: number of tubes
     :param shares: shares known from the whole log, shape (tubes,); equal to begin with if ``None``
     :param rate_cps: typical rate of the whole sensor [counts/s], NaN if unknown
     :param spans: bad periods known from the whole log

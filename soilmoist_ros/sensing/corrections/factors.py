@@ -105,9 +105,7 @@ class Corrections:
 def absolute_humidity_gm3(temperature_degc: float, relative_humidity: float) -> float:
     """Water vapour in the air [g/m^3] (Campbell & Norman 1998, An Introduction to Environmental Biophysics).
 
-    :param temperature_degc: air temperature [degC], above absolute zero and not near -240.97
-    :param relative_humidity: relative humidity [0..1]
-    :raises ValueError: if either is not finite or out of range
+    :raises ValueError: if the temperature [degC] or the relative humidity [0..1] is not finite or out of range
     """
     if not (math.isfinite(temperature_degc) and -150 < temperature_degc < 150):
         raise ValueError(f"temperature_degc must be within -150..150 degC, got {temperature_degc}")
@@ -120,11 +118,9 @@ def absolute_humidity_gm3(temperature_degc: float, relative_humidity: float) -> 
 def effective_exposure(exposure_s: float, factor: float) -> float:
     """Exposure that makes raw counts Poisson with the *corrected* rate [s].
 
-    ``raw ~ Poisson(rate * exposure_s / factor)``, so ``raw / effective_exposure`` estimates the
-    corrected rate with the original counting statistics.
+    ``raw ~ Poisson(rate * exposure_s / factor)``, so ``raw / effective_exposure`` estimates the corrected rate
+    with the original counting statistics.
 
-    :param exposure_s: live time of the record [s], > 0
-    :param factor: product of the correction factors [-], > 0
     :raises ValueError: if either is not positive and finite
     """
     _require_positive("exposure_s", exposure_s)
@@ -153,9 +149,7 @@ def gravity_ms2(latitude_deg: float, altitude_m: float) -> float:
 def standard_pressure_hpa(latitude_deg: float, altitude_m: float) -> float:
     """Mean air pressure [hPa] of the US Standard Atmosphere 1976 under the gravity of the place.
 
-    :param latitude_deg: latitude [deg]
-    :param altitude_m: altitude above mean sea level, -500 to 9000 [m]
-    :raises ValueError: if a value is out of range
+    :raises ValueError: if the latitude is out of range, or the altitude not within -500 to 9000 m
     """
     if not (abs(latitude_deg) <= 90 and -500 <= altitude_m <= 9000):
         raise ValueError(f"there is no place at latitude {latitude_deg:g} and altitude {altitude_m:g} m")
@@ -202,11 +196,7 @@ def barometric_coefficient(depth_gcm2: float, cutoff_rigidity_gv: float) -> floa
 
 
 def biomass_water_kgm2(fresh_kgm2: float, dry_kgm2: float) -> float:
-    """Biomass water equivalent: the water of the plants, and that of their cellulose [kg/m^2].
-
-    :param fresh_kgm2: fresh biomass above the ground [kg/m^2]
-    :param dry_kgm2: dry biomass above the ground [kg/m^2]
-    """
+    """Biomass water equivalent [kg/m^2] above the ground: the water of the plants, and that of their cellulose."""
     return fresh_kgm2 - dry_kgm2 + CELLULOSE_WATER * dry_kgm2
 
 
@@ -214,7 +204,7 @@ def f_biomass(biomass_kgm2: float, share_m2kg: float) -> float:
     """Factor ``1 / (1 - share * biomass)`` [-] (Baatz et al. 2015, Water Resources Research 51:2030-2046).
 
     :param biomass_kgm2: dry biomass or biomass water equivalent [kg/m^2], >= 0
-    :param share_m2kg: share of the counts that 1 kg/m^2 takes, the one of this kind of biomass [m^2/kg]
+    :param share_m2kg: share of the counts that 1 kg/m^2 of it takes [m^2/kg]
     :raises ValueError: if the biomass would take half of the counts or more, far beyond the measurements
     """
     if not 0 <= share_m2kg * biomass_kgm2 < 0.5:

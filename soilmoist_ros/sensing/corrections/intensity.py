@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache, lru_cache
 from pathlib import Path
@@ -38,16 +38,13 @@ _CORRECTED_E = re.compile(r"(?:R|1H)?CORR?_E", re.IGNORECASE)
 _NOT_CORRECTED = re.compile(r"uncorr|press_|pressure_mbar", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
 _WORDS = re.compile(r"(\S+(?:[ T]\d\d?:\d\d\S*)?)\s+(.+)")
+_CORRECTED = "export the rates 'corrected for pressure and efficiency' instead"
 _EXPECTED = "expected lines such as '2018-05-01 14:00:00;151.2' (UTC), as exported from nmdb.eu"
 
 
 @dataclass(frozen=True)
 class CosmicPlace:
-    """What a place means for cosmic rays.
-
-    :param cutoff_rigidity_gv: vertical cutoff rigidity [GV]
-    :param depth_gcm2: atmospheric depth [g/cm^2]
-    """
+    """Vertical cutoff rigidity [GV] and atmospheric depth [g/cm^2] of a place."""
 
     cutoff_rigidity_gv: float
     depth_gcm2: float
@@ -140,14 +137,11 @@ def cutoff_rigidity_gv(latitude_deg: float, longitude_deg: float) -> float:
 
     The table has one value per 5 x 10 degrees, for the field of 2020. ``test/equipment/cutoff_rigidity_table.py``
     computed it by tracing particles through the International Geomagnetic Reference Field (IGRF-14). Between its
-    values the error is about 0.1 GV, at most 0.3. Published values of neutron monitors, of other years, differ by
-    up to 0.5 GV.
+    values the error is about 0.1 GV, at most 0.3. Published values of other years differ by up to 0.5 GV.
 
     >>> round(cutoff_rigidity_gv(51.5, 0.0), 1)  # London
     3.0
 
-    :param latitude_deg: geographic latitude [deg]
-    :param longitude_deg: geographic longitude, any number of turns [deg]
     :raises ValueError: if the latitude is not within -90..90
     """
     if not abs(latitude_deg) <= 90:
@@ -188,24 +182,15 @@ class LatestIntensity:
         """The rate, in the unit of the site's reference; NaN if none has come."""
         self._since_s = -math.inf
 
-    def __repr__(self) -> str:
-        return f"LatestIntensity({self.rate:g})"
-
     def take(self, rate: float, now_s: float) -> bool:
-        """Store a rate that has just come; returns whether it is one: positive and finite.
-
-        :param now_s: monotonic time [s]
-        """
+        """Store a rate that has just come [monotonic s]; returns whether it is one: positive and finite."""
         if not (math.isfinite(rate) and rate > 0):
             return False
         self.rate, self._since_s = rate, now_s
         return True
 
     def age_s(self, now_s: float) -> float:
-        """Time since the rate came [s], infinite if none has come.
-
-        :param now_s: monotonic time [s]
-        """
+        """Time since the rate came [s], infinite if none has come."""
         return now_s - self._since_s
 
 
@@ -222,7 +207,7 @@ class NeutronMonitor:
     :param gaps: interpolate between the neighbours of a gap, or hold the last rate
     :param max_gap_s: maximum time between neighbours, or for which a rate is held [s]
     :param station: name of the station or column; empty if the file does not give it
-    :param not_used: other stations and columns of the file
+    :param not_used: other columns of the file
     """
 
     stamp_s: NDArray[np.float64]
@@ -264,49 +249,6 @@ class NeutronMonitor:
         return float(np.diff(edges).max()) - self.interval_s if len(self.stamp_s) else end_s - start_s
 
 
-@dataclass
-class _Export:
-    """What the lines of a file say.
-
-    :param values: values by their key in the head
-    :param columns: names of the columns, empty if the file does not give them
-    :param rates: rate by time, for each station
-    :param faults: bad rates of each station
-    :param of_database: whether the file has the head of an export, so that its columns are stations
-    :param unread: rows whose times cannot be read
-    :param last_row: the last row that is neither a comment nor a time with rates
-    """
-
-    values: dict[str, str] = field(default_factory=dict)
-    columns: list[str] = field(default_factory=list)
-    rates: dict[str, dict[float, float]] = field(default_factory=dict)
-    faults: dict[str, list[Mistake]] = field(default_factory=dict)
-    of_database: bool = False
-    unread: list[Mistake] = field(default_factory=list)
-    last_row: str = ""
-
-    @property
-    def interval_s(self) -> float:
-        """Duration of an interval by the head of an export [s], 0 without one."""
-        for key in ("AVERAGING", "ORIGINAL RES"):
-            if match := _DURATION.search(self.values.get(key, "")):
-                return int(match[1]) * _SECONDS[match[2]]
-        return 0.0
-
-    @property
-    def stations(self) -> list[str]:
-        """Stations by the head."""
-        names = re.split(r"[\s,;]+", self.values.get("STATION") or self.values.get("STATIONS") or "")
-        return [name for name in names if name]
-
-    def station(self, column: int) -> str:
-        """Name of a column: from the line of names, else from the head, else its number."""
-        for names in (self.columns, self.stations):
-            if column < len(names):
-                return names[column]
-        return f"column {column + 1}"
-
-
 def read_neutron_monitor(
     path: Path, station: str = "", gaps: Gaps = "interpolate", max_gap_s: float = MAX_GAP_S
 ) -> NeutronMonitor:
@@ -321,50 +263,103 @@ def read_neutron_monitor(
     :param max_gap_s: maximum duration of a gap that is filled [s]
     :raises InputError: if the file cannot be read, has uncorrected counts, no positive rate, or not the station
     """
-    export = _read_rows(read_lines(path, "check 'file' under 'intensity'"), path)
-    if _NOT_CORRECTED.search(export.values.get("DATA TYPE", "")):
-        remedy = "export the rates 'corrected for pressure and efficiency' instead"
-        raise InputError(f"has the data type {export.values['DATA TYPE']}", remedy, path)
-    name = _chosen(export, station, path)
-    rates = export.rates[name]
-    if faults := [*export.unread, *export.faults.get(name, [])]:
-        raise InputError(_of_each_kind(faults))
-    stamps = np.array(sorted(rates))
-    middle_s = export.interval_s / 2
-    series = np.array([rates[stamp] for stamp in stamps])
-    of = (export.stations or [""])[0] if _DATA_TYPES.fullmatch(name) or name == "column 1" else name
-    not_used = tuple(other for other in export.rates if other != name)
-    return NeutronMonitor(stamps + middle_s, series, export.interval_s, gaps, max_gap_s, of, not_used)
-
-
-def _read_rows(lines: list[str], path: Path) -> _Export:
+    lines = [_TAG.sub("", line).strip() for line in read_lines(path, "check 'file' under 'intensity'")]
     if any("no data available" in line.lower() for line in lines):
         raise InputError("says that there are no data", "export another time or station from nmdb.eu", path)
-    export = _Export()
+    head: dict[str, str] = {}
+    names: list[str] = []
+    rows: list[tuple[int, float, list[str]]] = []
+    faults: list[Mistake] = []
+    example = ""
     for number, line in enumerate(lines, start=1):
-        line = _TAG.sub("", line).strip()
         if match := _KEY_AND_VALUE.fullmatch(line):
-            export.values[match[1].strip()] = match[2]
-            export.of_database |= match[1].startswith("STATION")
+            if match[1] == "STATION" and head.get("STATION", match[2]) != match[2]:
+                remedy = "give the export of one station"
+                raise InputError(
+                    f"has the stations {head['STATION']} and {match[2]}, one after the other", remedy, path
+                )
+            head[match[1].strip()] = match[2]
         cells = _cells(line.lstrip("# "))
-        stamp_s = None if line.startswith("#") or len(cells) < 2 else _stamp(cells[0])
-        if stamp_s is not None:
-            _take_row(export, stamp_s, cells[1:], path, number)
-        elif cells[0].startswith("start_date_time"):
+        if cells[0].startswith("start_date_time"):
             names = re.split(r"[\s;,]+", line.lstrip("# "))[1:]
-            # A line such as "start_date_time RCORR_E" names what was measured, not where.
-            export.of_database = True
-            types = all(_DATA_TYPES.fullmatch(name) for name in names)
-            export.columns = names if not types or (len(set(names)) > 1 and len(export.stations) < 2) else []
-        elif len(cells) >= 2 and not line.startswith("#"):
-            export.last_row = f"{line:.60}"
-            if _NUMBER.fullmatch(cells[1]) and re.match(r"\d", cells[0]):
-                remedy = "write times as 2018-05-01 14:00 (UTC)"
-                mistake = Mistake(f"the time {cells[0]!r} cannot be read", remedy, path, number)
-                export.unread.append(mistake)
-            elif not export.rates:
-                export.columns = [cell for cell in cells[1:] if not _DATA_TYPES.fullmatch(cell)]
-    return export
+        elif line.startswith("#") or len(cells) < 2:
+            continue
+        elif (stamp_s := _stamp(cells[0])) is not None:
+            rows.append((number, stamp_s, cells[1:]))
+        elif _NUMBER.fullmatch(cells[1]) and cells[0][:1].isdigit():
+            remedy = "write times as 2018-05-01 14:00 (UTC)"
+            faults.append(Mistake(f"the time {cells[0]!r} cannot be read", remedy, path, number))
+        else:
+            names, example = names if rows else cells[1:], f", but rows such as {line[:60]!r}"
+    if _NOT_CORRECTED.search(head.get("DATA TYPE", "")):
+        raise InputError(f"has the data type {head['DATA TYPE']}", _CORRECTED, path)
+    if not rows and not faults:
+        raise InputError(f"has no row of time and rate{example}", _EXPECTED, path)
+    stations = re.findall(r"[^\s,;]+", head.get("STATION") or head.get("STATIONS") or "")
+    if len(stations) > 1:
+        names = stations  # the names of the columns are what was measured, not where
+    column, name, not_used = _column(names, stations, [cells for _, _, cells in rows], station, path)
+    rates: dict[float, float] = {}
+    for number, stamp_s, cells in rows:
+        cell = cells[column] if column < len(cells) else ""
+        if cell.casefold() in _MISSING:
+            continue
+        rate = _rate(cell)
+        if not (math.isfinite(rate) and rate > 0):
+            remedy = "correct the row, or export counts per second, not relative units"
+            remedy = "if it marks a gap, leave the rate empty" if rate == 0 or rate <= -99 else remedy
+            faults.append(Mistake(f"rate {cell!r} is not a positive number", remedy, path, number))
+        rates[stamp_s] = rate
+    if faults:
+        more = len(faults) - MAX_MISTAKES
+        shown = faults[:MAX_MISTAKES]
+        shown[-1] = replace(shown[-1], message=shown[-1].message + (f", and {more} more rows" if more > 0 else ""))
+        raise InputError(shown)
+    if not rates:
+        raise InputError("has no row of time and rate", _EXPECTED, path)
+    interval = _DURATION.search(head.get("AVERAGING", "")) or _DURATION.search(head.get("ORIGINAL RES", ""))
+    interval_s = int(interval[1]) * _SECONDS[interval[2]] if interval else 0.0
+    stamps = np.array(sorted(rates))
+    series = np.array([rates[stamp] for stamp in stamps])
+    return NeutronMonitor(stamps + interval_s / 2, series, interval_s, gaps, max_gap_s, name, not_used)
+
+
+def _column(
+    names: list[str], stations: list[str], rows: list[list[str]], station: str, path: Path
+) -> tuple[int, str, tuple[str, ...]]:
+    """Number and name of the column of rates, and the names of the other ones."""
+    width = max(map(len, rows), default=1)
+    names = [*names, *(f"column {number}" for number in range(len(names) + 1, width + 1))]
+    used = [
+        at for at in range(width) if any(at < len(cells) and math.isfinite(_rate(cells[at])) for cells in rows)
+    ]
+    used = used or [0]
+    wanted = [at for at in used if names[at].casefold() == station.casefold()]
+    if not wanted:
+        of = stations[0] if len(stations) == 1 else ""
+        if station and of and of.casefold() != station.casefold():
+            remedy = "correct 'monitor' under 'intensity', or export the file of that station"
+            raise InputError(f"is of the station {of}, not of {station}", remedy, path)
+        types = [names[at] for at in used if _DATA_TYPES.fullmatch(names[at])]
+        wanted = [at for at in used if _CORRECTED_E.fullmatch(names[at])] if types else used
+        if not wanted:
+            raise InputError(f"has the data types {', '.join(types)}", _CORRECTED, path)
+        if len(wanted) > 1:
+            known = [names[at] for at in wanted]
+            what = f"has no column of rates {station}" if station else "has several columns of rates"
+            remedy = f"choose one with 'monitor' under 'intensity'{did_you_mean(station.upper(), known)}"
+            raise InputError(f"{what}: it has {', '.join(known)}", remedy, path)
+    [at] = wanted[:1]
+    is_type = _DATA_TYPES.fullmatch(names[at]) or names[at] == "column 1"
+    name = "".join(stations[:1]) if is_type else names[at]
+    return at, name, tuple(names[other] for other in used if other != at)
+
+
+def _rate(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
 
 
 def _cells(line: str) -> list[str]:
@@ -375,79 +370,6 @@ def _cells(line: str) -> list[str]:
         return [match[1], *match[2].split()] if match else [line]
     cells = [cell.strip() for cell in line.split(separator)]
     return cells if separator == "," else [re.sub(r"^(\d+),(\d+)$", r"\1.\2", cell) for cell in cells]
-
-
-def _take_row(export: _Export, stamp_s: float, cells: list[str], path: Path, number: int) -> None:
-    for column, cell in enumerate(cells):
-        rates = export.rates.setdefault(export.station(column), {})
-        if cell.lower() in _MISSING:
-            continue
-        try:
-            rate = float(cell)
-        except ValueError:
-            rate = math.nan
-        if not (math.isfinite(rate) and rate > 0):
-            remedy = "correct the row, or export counts per second, not relative units"
-            if rate == 0 or rate <= -99:
-                remedy = "if it marks a gap, leave the rate empty"
-            mistake = Mistake(f"rate {cell!r} is not a positive number", remedy, path, number)
-            export.faults.setdefault(export.station(column), []).append(mistake)
-            continue
-        rates[stamp_s] = rate
-
-
-def _of_each_kind(faults: list[Mistake]) -> list[Mistake]:
-    """The first rows of each kind of fault; the last of them says how many more there are."""
-    found = []
-    for remedy in dict.fromkeys(fault.remedy for fault in faults):
-        alike = [fault for fault in faults if fault.remedy == remedy]
-        found += alike[:MAX_MISTAKES]
-        if (more := len(alike) - MAX_MISTAKES) > 0:
-            found[-1] = replace(found[-1], message=f"{found[-1].message}, and {more} more rows")
-    return found
-
-
-def _chosen(export: _Export, station: str, path: Path) -> str:
-    """Name of the chosen station, with one rate or fault at least."""
-    known = [name for name in export.rates if export.rates[name] or export.faults.get(name)]
-    if not known:
-        if export.unread:
-            raise InputError(_of_each_kind(export.unread))
-        rows = f", but rows such as {export.last_row!r}" if export.last_row else ""
-        raise InputError(f"has no row of time and rate{rows}", _EXPECTED, path)
-    if known and all(_DATA_TYPES.fullmatch(name) for name in known) and not (station and station in known):
-        return _corrected(export, station, path)
-    same = [name for name in known if name.upper() == station.upper()]
-    if same:
-        return same[0]
-    if not export.of_database and sum(bool(export.rates[name]) for name in known) < 2:
-        return known[0]
-    if len(known) > 1:
-        kind = "stations" if export.of_database else "columns of rates"
-        what = f"has no station {station}" if station else f"has several {kind}"
-        remedy = f"choose one with 'monitor' under 'intensity'{did_you_mean(station.upper(), known)}"
-        raise InputError(f"{what}: it has {', '.join(known)}", remedy, path)
-    named = export.values.get("STATION", "")
-    if station and named and named.upper() != station.upper():
-        raise _other_station(named, station, path)
-    return known[0]
-
-
-def _corrected(export: _Export, station: str, path: Path) -> str:
-    """The column of rates corrected for pressure and efficiency, of an export with several types of data."""
-    found = [name for name in export.rates if _CORRECTED_E.fullmatch(name) and export.rates[name]]
-    of = (export.stations or [""])[0]
-    if station and of and of.upper() != station.upper():
-        raise _other_station(of, station, path)
-    if not found:
-        remedy = "export the rates 'corrected for pressure and efficiency' instead"
-        raise InputError(f"has the data types {', '.join(export.rates)}", remedy, path)
-    return found[0]
-
-
-def _other_station(of: str, station: str, path: Path) -> InputError:
-    remedy = "correct 'monitor' under 'intensity', or export the file of that station"
-    return InputError(f"is of the station {of}, not of {station}", remedy, path)
 
 
 def _stamp(text: str) -> float | None:

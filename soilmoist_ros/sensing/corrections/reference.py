@@ -35,8 +35,6 @@ _SIZES = np.concatenate([[0.0], np.geomspace(0.003, 0.5, 11)])
 class Reference:
     """The smoothed rate of a reference sensor, relative to that at the end of a survey.
 
-    :param start_s: begin of the survey [s]
-    :param end_s: end of the survey [s]
     :param middle_s: middle of the bins, shape (n,) [s]
     :param weights: of the bins in the logarithm of the rate, see :meth:`log_rate`, shape (n,)
     :param covariance: matrix that is solved for each variance, shape (n, n)
@@ -104,12 +102,8 @@ class Reference:
 def fit_reference(
     reference: Sequence[CountRecord], start_s: float, end_s: float, path: Path | None = None
 ) -> Reference:
-    """Smooth the rate of a reference sensor.
+    """Smooth the rate of a reference sensor from its corrected records; their places do not matter.
 
-    :param reference: its corrected records; places do not matter
-    :param start_s: begin of the survey [s since 1970-01-01 UTC]
-    :param end_s: end of the survey [s since 1970-01-01 UTC]
-    :param path: the log, for messages
     :raises InputError: if the reference did not count during the survey, or has a long gap
     """
     near = [one for one in reference if start_s - AROUND_S <= one.stamp_s <= end_s + AROUND_S]

@@ -220,19 +220,15 @@ class CorrectionSettings(Section):
         return "scaling" if self.intensity is not None and self.intensity.scaling != "none" else ""
 
     def cosmic(self, location: Location | None) -> CosmicPlace | None:
-        """Cutoff rigidity and atmospheric depth of the place; ``None`` without a place or its altitude.
-
-        :param location: location of the site
-        """
+        """Cutoff rigidity and atmospheric depth of the place, else of the site; ``None`` without its altitude."""
         place = self.place or location
         if place is None or place.altitude_m is None:
             return None
         return cosmic_place(place.latitude_deg, place.longitude_deg, place.altitude_m, self.cutoff_rigidity_gv)
 
     def parameters(self, location: Location | None) -> Corrections:
-        """Parameters of the factors; a correction switched off is neutral.
+        """Parameters of the factors at the location of a site; a correction switched off is neutral.
 
-        :param location: location of the site
         :raises ValueError: if a value follows from the place and the place is unknown
         """
         pressure = self.pressure or PressureCorrection()

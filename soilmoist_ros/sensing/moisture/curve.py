@@ -50,16 +50,12 @@ class SoilLimits(NamedTuple):
 
 
 def soil_limits(bulk_density_gcm3: float) -> SoilLimits:
-    """Limits of the water in the pores of a mineral soil.
+    """Limits of the water in the pores of a mineral soil, ``1 - rho_b / 2.65`` (Hillel 1998, Environmental Soil
+    Physics).
 
-    Saturated soil has all its pores full of water; the pores are ``1 - rho_b / 2.65`` of its volume (Hillel 1998,
-    Environmental Soil Physics, chapter 2). Lattice and organic water take no part of the pores: a moisture curve
-    subtracts both, and both belong to the solid matter.
+    Lattice and organic water take no part of the pores: both belong to the solid matter.
 
-    >>> soil_limits(1.325)
-    SoilLimits(dryness=0.0, saturation=0.5)
-
-    :param bulk_density_gcm3: dry bulk density [g/cm^3], > 0
+    >>> soil_limits(1.325) SoilLimits(dryness=0.0, saturation=0.5)
     """
     return SoilLimits(0.0, max(1 - bulk_density_gcm3 / PARTICLE_DENSITY_GCM3, 0.0))
 
@@ -146,9 +142,10 @@ class MoistureCurve(ABC):
         """
 
     def vwc_sd(self, rate_cps: ArrayLike, rate_sd_cps: ArrayLike, order: int = 1) -> Array:
-        """Standard deviation of the VWC [m^3/m^3] from the one of the rate [counts/s].
+        """Standard deviation of the VWC [m^3/m^3] from that of the rate: ``|d vwc/d rate| * sd``, or
+        :meth:`vwc_and_sd`.
 
-        :param order: 1, ``|d vwc/d rate| * sd``; or 3, see :meth:`vwc_and_sd`
+        :param order: 1 or 3
         :raises ValueError: for another order
         """
         if order == 1:
@@ -329,16 +326,13 @@ class UniversalCurve(MoistureCurve):
         return self._vwc(water), np.asarray(self._scale * np.sqrt(variance))
 
     def humidity_response(self, vwc: float, humidity_gm3: float) -> float:
-        """Rate at a moisture and a humidity, relative to the rate at the curve's humidity [-].
+        """Rate at a moisture and a humidity [g/m^3], relative to the rate at the curve's humidity [-].
 
-        It divides the rate of a record: ``f_humidity = 1 / humidity_response``. It is evaluated at one
-        typical moisture of the site, because a single record does not show its moisture. What remains is of second
-        order, ``(vwc - typical) * (humidity - reference)``. With the default set and 0.20 m^3/m^3 as typical, a
-        moisture between 0.05 and 0.40 m^3/m^3 is wrong by at most 0.003 m^3/m^3 (its rate by 0.2 %) at a humidity
-        5 g/m^3 from the reference, and by 0.006 m^3/m^3 (0.4 %) at 10 g/m^3.
+        ``f_humidity = 1 / humidity_response`` is evaluated at one typical moisture of the site, because a single
+        record does not show its moisture. With the default set and 0.20 m^3/m^3 as typical, a moisture between
+        0.05 and 0.40 m^3/m^3 is wrong by at most 0.003 m^3/m^3 (its rate by 0.2 %) at a humidity 5 g/m^3 from the
+        reference, and by 0.006 m^3/m^3 (0.4 %) at 10 g/m^3.
 
-        :param vwc: typical moisture of the site [m^3/m^3]
-        :param humidity_gm3: absolute humidity of the air [g/m^3]
         :raises ValueError: for a humidity beyond :data:`MAX_HUMIDITY_GM3`
         """
         if not 0 <= humidity_gm3 <= MAX_HUMIDITY_GM3:

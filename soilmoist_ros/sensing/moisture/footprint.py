@@ -44,11 +44,7 @@ def pressure_scale(pressure_hpa: float) -> float:
 
 
 def vegetation_scale(height_m: float, water: float) -> float:
-    """Factor of distances, F_veg [-]: plants shorten the way of neutrons (Schrön et al. 2017, appendix A).
-
-    :param height_m: height of the vegetation [m]
-    :param water: all water of the soil [m^3/m^3]
-    """
+    """Factor of distances, F_veg [-]: plants shorten the way of neutrons (Schrön et al. 2017, appendix A)."""
     return 1 - 0.17 * (1 - math.exp(-0.41 * height_m)) * (1 + math.exp(-9.25 * water))
 
 
@@ -107,10 +103,7 @@ class Footprint:
 
     @classmethod
     def shielded(cls, radius_m: float) -> Footprint:
-        """The footprint of a radius for a map, whose moisture and air vary: the shape hardly depends on them.
-
-        :param radius_m: radius from within which 86 % of the counts come [m], > 0
-        """
+        """Footprint of a radius [m], > 0, for a map of any moisture and air: its shape hardly depends on them."""
         return cls(_TYPICAL_WATER, shield_radius_m=radius_m)
 
     def share(self, distance_m: float) -> float:
@@ -118,18 +111,12 @@ class Footprint:
         return self._share(distance_m / self._scale, self._taper) / self._share(math.inf, self._taper)
 
     def rings(self, count: int) -> Array:
-        """Distances of rings that represent equal shares of the counts each [m].
-
-        :param count: number of rings, >= 1
-        """
+        """Distances of rings that represent equal shares of the counts each [m]."""
         shares = (np.arange(count) + 0.5) / count * self._share(math.inf, self._taper)
         return np.array([self._within(goal, self._taper) for goal in shares.tolist()]) * self._scale
 
     def weight(self, distance_m: ArrayLike) -> Array:
-        """Weight of a ring around the probe, any unit: count per metre of its radius.
-
-        :param distance_m: distance from the probe [m], >= 0
-        """
+        """Weight of a ring around the probe, any unit: count per metre of its radius."""
         scaled = np.asarray(distance_m, float) / self._scale
         near, far = (
             sum(amplitude * np.exp(-decay * scaled) for amplitude, decay in terms) for terms in self._terms
@@ -143,19 +130,12 @@ class Footprint:
         return min(self._radius(0.0), self.shield_radius_m)
 
     def depth_cm(self, bulk_density_gcm3: float) -> float:
-        """Depth D86 above which 86 % of the counts come from, mean over the footprint [cm].
-
-        :param bulk_density_gcm3: dry bulk density [g/cm^3]
-        """
+        """Depth D86 above which 86 % of the counts come from, mean over the footprint [cm]."""
         near = self._share(math.inf, self._taper + 0.01) / self._share(math.inf, self._taper)
         return float(penetration_depth_cm(near, bulk_density_gcm3, self._water))
 
     def depth_at_cm(self, distance_m: ArrayLike, bulk_density_gcm3: float) -> Array:
-        """Depth D86 at a distance [cm].
-
-        :param distance_m: distance from the probe [m]
-        :param bulk_density_gcm3: dry bulk density [g/cm^3]
-        """
+        """Depth D86 at a distance [cm]."""
         near = np.exp(-np.asarray(distance_m, float) / self._scale / 100)
         return penetration_depth_cm(near, bulk_density_gcm3, self._water)
 
@@ -213,11 +193,7 @@ def _integral(terms: tuple[Term, Term], start_m: float, end_m: float, taper: flo
 
 @dataclass(frozen=True)
 class SensedSoil:
-    """The soil that a map shows: mean, least and most over its cells.
-
-    :param depth_cm: depth D86 above which 86 % of the counts come from [cm]
-    :param radius_m: radius R86 from within which 86 % of the counts come [m]
-    """
+    """Depth D86 [cm] and radius R86 [m] of a map: mean, least and most over its cells."""
 
     depth_cm: tuple[float, float, float]
     radius_m: tuple[float, float, float]
@@ -227,7 +203,6 @@ def sensed_soil(vwc: ArrayLike, bulk_density_gcm3: float, bound_water: float, ai
     """Depth and radius over the cells of a map; ``None`` if no cell has a moisture.
 
     :param vwc: soil moisture of the cells [m^3/m^3], any shape; NaN is left out
-    :param bulk_density_gcm3: dry bulk density [g/cm^3]
     :param bound_water: lattice and organic water [g/g]
     :param air: conditions of the survey; its water is not used
     """

@@ -95,9 +95,8 @@ class Calibration(Section):
         return bool(self.date or self.note or self.n0_sd_cps)
 
     def curve_of(self, soil: Soil, reference_humidity_gm3: float = 0.0) -> MoistureCurve:
-        """Curve from the rate to the moisture of a soil.
-
-        :param reference_humidity_gm3: absolute humidity to which the rates are corrected [g/m^3]
+        """Curve from the rate to the moisture of a soil; the humidity is that to which rates are corrected
+        [g/m^3].
         """
         if self.curve == "universal":
             return _universal_curve(self, soil, reference_humidity_gm3)
@@ -311,12 +310,8 @@ def _with_key_illustrative(site: Site, path: Path) -> Site:
 
 @dataclass(frozen=True)
 class N0Estimate:
-    """N0 with its uncertainty and the sources of the uncertainty.
-
-    :param n0_cps: count rate over dry soil [counts/s]
-    :param n0_sd_cps: standard deviation of N0 [counts/s]
-    :param from_counting_cps: part of the standard deviation from counting [counts/s]
-    :param from_cores_cps: part of the standard deviation from the cores [counts/s]; NaN if unknown
+    """N0, its standard deviation, and the parts of that from counting and from the cores (NaN if unknown)
+    [counts/s].
     """
 
     n0_cps: float
@@ -330,10 +325,8 @@ def estimate_n0(
 ) -> N0Estimate:
     """N0 in closed form, and its first-order standard deviation from counting and from the cores.
 
-    :param rate_cps: corrected rate at the calibration [counts/s], > 0
     :param rate_sd_cps: standard deviation of the rate [counts/s], ``rate / sqrt(raw counts)``
-    :param vwc: soil moisture of the cores [m^3/m^3]
-    :param vwc_sd: standard deviation of ``vwc`` [m^3/m^3]; if NaN, the result includes only counting
+    :param vwc_sd: standard deviation of the moisture of the cores [m^3/m^3]; if NaN, only counting is included
     :param unit_curve: curve of the site with an N0 of 1 count/s
     :raises ValueError: if the rate is not positive or the moisture is out of the curve's range
     """
@@ -363,11 +356,7 @@ def unusual_n0(n0_cps: float) -> str:
 
 
 def n0_in_other_time(rate_cps: float, curve: MoistureCurve) -> str:
-    """Doubt about an N0 per hour, minute or 10 s instead of per second; empty if the rate fits N0 as it is.
-
-    :param rate_cps: mean corrected rate of a survey [counts/s]
-    :param curve: curve with the N0 in doubt
-    """
+    """Doubt about an N0 per hour, minute or 10 s instead of per second; empty if the mean rate fits N0."""
     limits = soil_limits(curve.bulk_density_gcm3)
     most, least = (float(curve.rate_cps(vwc)) / curve.n0_cps for vwc in (limits.dryness, limits.saturation))
     if least <= rate_cps / curve.n0_cps <= most:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Impossible weather, jumps of the pressure, and a barometer that never changes (weather.py)."""
+"""Impossible weather, and jumps of the pressure."""
 
 import math
 from dataclasses import replace
@@ -66,21 +66,3 @@ def test_fronts_and_mountain_roads_are_no_jumps():
     assert kinds(series(front, 3600.0), 100.0) == {}
     climb = 1013 - np.cumsum(np.full(30, 12.0))  # 100 m a minute
     assert kinds(series(climb, 60.0)) == {}
-
-
-@pytest.mark.parametrize(
-    ("period_s", "records", "value", "after_h"),
-    [(10.0, 900, 1013.25, 1.0), (3600.0, 40, 983.8, 9.0), (60.0, 900, 1010.0, 12.0)],
-)
-def test_a_pressure_that_never_changes_while_the_temperature_does_is_frozen(period_s, records, value, after_h):
-    warming = np.linspace(5.0, 20.0, records)
-    frozen = kinds(series(np.full(records, value), period_s, warming))
-    assert set(frozen.values()) == {Kind.FROZEN_PRESSURE}
-    assert min(frozen) * period_s / 3600 == pytest.approx(after_h, abs=0.01 * after_h)
-    assert kinds(series(np.full(records, value), period_s)) == {}, "a steady temperature proves nothing"
-
-
-def test_a_coarse_barometer_is_not_frozen():
-    hours = np.arange(0, 72, 1 / 6)
-    pressure = np.round(1013 + 4 * np.sin(hours / 12) + 1.2 * np.sin(hours / 6 * np.pi))
-    assert kinds(series(pressure, 600.0, 15 + 8 * np.sin(hours / 24 * 2 * np.pi))) == {}
