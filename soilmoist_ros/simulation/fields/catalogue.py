@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import InputError, LocalFrame, config_folder, did_you_mean, resource_names
 from soilmoist_ros.mapping import Field, Variogram, load_field
 from soilmoist_ros.sensing import CalibrationCurve, MoistureCurve
-from soilmoist_ros.simulation.fields.rate_grid import Extent, KrigedRate
+from soilmoist_ros.simulation.fields.rate_grid import Extent, RateGrid, kriged_grid
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField
 from soilmoist_ros.simulation.fields.truth_file import has_truth, load_surrogate, truth_stamps
 
@@ -34,6 +34,7 @@ DATUM = LocalFrame(53.2680, -0.5245)
 FOOTPRINT_SD_M = 5.0  # standard deviation of the footprint that smooths a border [m]
 BORDER_OFFSETS_M = (-30.0, -15.0, -8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0, 15.0, 30.0)
 """Distances of the measured points of the published airfield from its border [m]; negative on the grass."""
+LINES_M = np.arange(0.0, 51.0, 10.0)  # positions of the six lines of an airfield along its border [m]
 AIRFIELD_RATE_S = 600.0  # counting time per point of the published airfield [s]
 AIRFIELD_SEED = 20  # seed of the point rates of ``airfield-simulated``
 AIRFIELD_SOIL = CalibrationCurve(n0_cps=4.4, bulk_density_gcm3=1.4)
@@ -55,9 +56,7 @@ def surrogate_field(name_or_path: str, rng: np.random.Generator | None = None) -
     if name_or_path in BUILT_IN:
         return _built_in(name_or_path) if rng is None else BUILT_IN[name_or_path](rng)
     path = _field_file(name_or_path)
-    if rng is not None:
-        return load_surrogate(path, rng)
-    return _loaded(path.resolve(), truth_stamps(path))
+    return load_surrogate(path, rng) if rng is not None else _loaded(path.resolve(), truth_stamps(path))
 
 
 def known_field(name_or_path: str) -> Field:
@@ -101,22 +100,10 @@ def _field_file(name: str, or_path: str = "the path of a field file with a truth
     )
 
 
-def half_wet_field(
-    width_m: float = 60.0,
-    height_m: float = 50.0,
-    dry_vwc: float = 0.08,
-    wet_vwc: float = 0.28,
-    transition_m: float = 6.0,
-) -> SurrogateField:
-    """A rectangle that is dry in the west and wet in the east, with a slanting, smooth border.
-
-    :param width_m: extent to the east [m]
-    :param height_m: extent to the north [m]
-    :param dry_vwc: moisture of the dry half [m^3/m^3]
-    :param wet_vwc: moisture of the wet half [m^3/m^3]
-    :param transition_m: width of the transition, which contains most of the change [m]
-    """
-    curve = CalibrationCurve(n0_cps=6.0, bulk_density_gcm3=1.4)
+def half_wet_field() -> SurrogateField:
+    """A rectangle that is dry (8 %) in the west and wet (28 %) in the east, with a slanting border 6 m wide."""
+    width_m, height_m = 60.0, 50.0
+    curve, dry_vwc, wet_vwc, transition_m = CalibrationCurve(n0_cps=6.0, bulk_density_gcm3=1.4), 0.08, 0.28, 6.0
 
     def truth(xy: Array) -> Array:
         slant = 0.25 * (xy[:, 1] - height_m / 2)
@@ -127,33 +114,17 @@ def half_wet_field(
     return SurrogateField("half-wet", field.name, field, truth, curve)
 
 
-def _synthetic_high(rng: np.random.Generator | None) -> SurrogateField:
-    """Airfield of 60 x 50 m, 2.5 counts/s on grass and 5.0 on concrete.
-
-    See :func:`_synthetic_airfield`; the soil is :data:`TURF`.
-    """
-    return _synthetic_airfield("synthetic-high", "Synthetic airfield, high gradient", 2.5, 5.0, TURF)
-
-
-def _synthetic_low(rng: np.random.Generator | None) -> SurrogateField:
-    """Airfield of 60 x 50 m, 3.0 counts/s on grass (20 % VWC) and 4.0 on concrete (5 %).
-
-    See :func:`_synthetic_airfield`; the soil is :data:`AIRFIELD_SOIL`.
-    """
-    return _synthetic_airfield("synthetic-low", "Synthetic airfield, low gradient", 3.0, 4.0, AIRFIELD_SOIL)
-
-
 def _synthetic_airfield(
     name: str, title: str, grass_cps: float, concrete_cps: float, curve: CalibrationCurve
 ) -> SurrogateField:
-    """Grass in the west, concrete in the east, without noise.
+    """Airfield of 60 x 50 m: grass in the west, concrete in the east, without noise.
 
     The field has 78 points: the 13 distances of the measured airfield on six lines 10 m apart. The border passes
     the middle of the field. It slants by 1 : 5 and thus does not run along the rows of a grid.
     Exponential model of range 60 m (practical range 180 m), no nugget; cells of 1 m.
     """
-    places = [(30 + 0.2 * (y - 25) + offset, y) for y in _line_positions() for offset in BORDER_OFFSETS_M]
-    rate = np.tile(_across_border(grass_cps, concrete_cps), len(_line_positions()))
+    places = [(30 + 0.2 * (y - 25) + offset, y) for y in LINES_M for offset in BORDER_OFFSETS_M]
+    rate = np.tile(_across_border(grass_cps, concrete_cps), len(LINES_M))
     variogram = Variogram("exponential", nugget=0.0, range_m=60.0, sill=(concrete_cps - grass_cps) ** 2)
     field = _rectangle(title, 60.0, 50.0, cell_m=1.0)
     return _extrapolated(name, field, np.array(places), rate, variogram, curve, hours=2.0)
@@ -171,15 +142,15 @@ def _airfield_simulated(rng: np.random.Generator | None) -> SurrogateField:
     rng = rng or np.random.default_rng(AIRFIELD_SEED)
     concrete, grass = AIRFIELD_SOIL.rate_cps([0.05, 0.20])
     line = rng.poisson(_across_border(grass, concrete) * AIRFIELD_RATE_S) / AIRFIELD_RATE_S
-    places = [(30 + offset, y) for y in _line_positions() for offset in BORDER_OFFSETS_M]
-    rate = np.tile(line, len(_line_positions()))
+    places = [(30 + offset, y) for y in LINES_M for offset in BORDER_OFFSETS_M]
+    rate = np.tile(line, len(LINES_M))
     noise = float(line.mean()) / AIRFIELD_RATE_S
     variogram = Variogram("exponential", nugget=noise, range_m=60.0, sill=0.9 + noise)
     field = _rectangle("Simulated airfield", 60.0, 50.0, cell_m=1.0)
     return _extrapolated("airfield-simulated", field, np.array(places), rate, variogram, AIRFIELD_SOIL, hours=2.0)
 
 
-def _validation(rng: np.random.Generator | None) -> SurrogateField:
+def _validation() -> SurrogateField:
     """Field of 210 x 330 m (7 ha), 18 % VWC, with an irrigated part of 24 %.
 
     The field has 72 points on a lattice of 30 m: x = 30..180 m, y = 0..330 m. The quarter of the field east of
@@ -196,17 +167,16 @@ def _validation(rng: np.random.Generator | None) -> SurrogateField:
 
 
 BUILT_IN: dict[str, Callable[[np.random.Generator | None], SurrogateField]] = {
-    "synthetic-high": _synthetic_high,
-    "synthetic-low": _synthetic_low,
+    "synthetic-high": lambda _: _synthetic_airfield(
+        "synthetic-high", "Synthetic airfield, high gradient", 2.5, 5.0, TURF
+    ),
+    "synthetic-low": lambda _: _synthetic_airfield(
+        "synthetic-low", "Synthetic airfield, low gradient", 3.0, 4.0, AIRFIELD_SOIL
+    ),
     "airfield-simulated": _airfield_simulated,
-    "validation": _validation,
-    "half-wet": lambda rng: half_wet_field(),
+    "validation": lambda _: _validation(),
+    "half-wet": lambda _: half_wet_field(),
 }
-
-
-def _line_positions() -> Array:
-    """Positions of the six lines of an airfield along its border [m]."""
-    return np.arange(0.0, 51.0, 10.0)
 
 
 def _across_border(wet_cps: float, dry_cps: float) -> Array:
@@ -224,6 +194,12 @@ def _rectangle(name: str, width_m: float, height_m: float, cell_m: float) -> Fie
 def _extrapolated(
     name: str, field: Field, xy: Array, rate: Array, variogram: Variogram, curve: MoistureCurve, hours: float
 ) -> SurrogateField:
+    """A field from point rates, kriged on first use: many callers need only its outline."""
     assert field.cell_m is not None
-    truth = KrigedRate(xy, rate, variogram, Extent.of(field.polygon, field.cell_m))
-    return SurrogateField(name, field.name, field, truth, curve, hours, xy, rate)
+    extent = Extent.of(field.polygon, field.cell_m)
+
+    @cache
+    def grid() -> RateGrid:
+        return kriged_grid(xy, rate, variogram, *extent.axes())
+
+    return SurrogateField(name, field.name, field, lambda places: grid()(places), curve, hours, xy, rate)

@@ -3,7 +3,8 @@
 """Families of fields that a formula and a few parameters define.
 
 A formula computes one quantity, the corrected rate [counts/s] or the soil moisture [m^3/m^3], at any position.
-Angles count anticlockwise from east. The middle of a field is the middle of its bounding box.
+Angles count anticlockwise from east. The middle of a field is the middle of its bounding box. ``transition_m`` and
+``edge_m`` are widths that contain three quarters of a change.
 
 Random fields come from circulant embedding: Dietrich & Newsam (1997), SIAM Journal on Scientific Computing
 18:1088-1107; Wood & Chan (1994), Journal of Computational and Graphical Statistics 3:409-432.
@@ -16,8 +17,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic import BeforeValidator, Field, model_validator
 
 from soilmoist_ros.foundation import Section, did_you_mean
 from soilmoist_ros.mapping import ModelName, correlation_model
@@ -27,34 +27,13 @@ Array = NDArray[np.float64]
 Truth = Callable[[Array], Array]
 Quantity = Literal["rate_cps", "vwc"]
 Positive = Annotated[float, Field(gt=0)]
+Seed = Annotated[int, Field(ge=0)]
 
-FLOOR = 0.05  # lower limit of random fields as a share of their mean; see :class:`.RandomFieldFormula`
+FLOOR = 0.05  # lower limit of random fields as a share of their mean
 MAX_VWC = 0.9
 NEGLIGIBLE = 1e-6
 """Share of negative eigenvalues that may be cut off; it limits the relative error of the covariances."""
 MAX_NODES = 16_000_000
-
-
-class RateFormula(Section):
-    """Base class of all families."""
-
-    values: ClassVar[tuple[str, ...]] = ()  # names of the parameters in units of the quantity
-
-    family: str
-    quantity: Quantity = "rate_cps"  # corrected rate [counts/s] or soil moisture [m^3/m^3]
-
-    @model_validator(mode="after")
-    def _fractions(self) -> RateFormula:
-        for name in self.values:
-            if self.quantity == "vwc" and getattr(self, name) > MAX_VWC:
-                raise ValueError(f"{name!r} is a moisture in m3/m3 and at most {MAX_VWC}, not a percentage")
-        return self
-
-    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
-        """A function of positions, shape (n, 2) [m], that returns values, shape (n,).
-        :param rng: source of randomness; the seed of the formula if ``None``
-        """
-        raise NotImplementedError
 
 
 def smooth_step(distance_m: Array, width_m: float) -> Array:
@@ -69,7 +48,7 @@ def direction(angle_deg: float) -> Array:
 
 
 def random_field(x_m: Array, y_m: Array, model: ModelName, range_m: float, rng: np.random.Generator) -> Array:
-    """A Gaussian random field of mean 0 and variance 1 on the nodes of an even grid.
+    """A Gaussian random field of mean 0 and variance 1 on the nodes of an even grid, shape (ny, nx).
 
     An FFT yields the eigenvalues of the covariance on a torus that contains the grid. Without negative
     eigenvalues, the field on the nodes has *exactly* the covariance of the model. The torus is enlarged until the
@@ -80,20 +59,16 @@ def random_field(x_m: Array, y_m: Array, model: ModelName, range_m: float, rng: 
     :param x_m: columns, evenly spaced, shape (nx,) [m]
     :param y_m: rows, evenly spaced, shape (ny,) [m]
     :param model: correlation model, parametrised as :class:`Variogram`
-    :returns: the field, shape (ny, nx)
     :raises ValueError: if the range is too long for the grid, because the torus would not fit into memory
     """
-    eigenvalues = _torus_eigenvalues((len(y_m), len(x_m)), (_step(y_m), _step(x_m)), model, range_m)
+    steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (y_m, x_m)]
+    eigenvalues = _torus_eigenvalues((len(y_m), len(x_m)), steps, model, range_m)
     noise = rng.standard_normal(eigenvalues.shape) + 1j * rng.standard_normal(eigenvalues.shape)
     spectrum = np.fft.fft2(np.sqrt(eigenvalues / eigenvalues.size) * noise)
     return np.ascontiguousarray(spectrum.real[: len(y_m), : len(x_m)])
 
 
-def _step(axis: Array) -> float:
-    return float(axis[1] - axis[0]) if len(axis) > 1 else 1.0
-
-
-def _torus_eigenvalues(shape: tuple[int, int], steps: tuple[float, float], model: str, range_m: float) -> Array:
+def _torus_eigenvalues(shape: tuple[int, int], steps: list[float], model: str, range_m: float) -> Array:
     """Eigenvalues of the covariance on the smallest torus without noticeably negative eigenvalues."""
     from scipy.fft import next_fast_len
 
@@ -115,6 +90,68 @@ def _torus_eigenvalues(shape: tuple[int, int], steps: tuple[float, float], model
     )
 
 
+class RateFormula(Section):
+    """Base class of all families."""
+
+    values: ClassVar[tuple[str, ...]]  # names of the parameters in units of the quantity
+
+    family: str
+    quantity: Quantity = "rate_cps"  # corrected rate [counts/s] or soil moisture [m^3/m^3]
+
+    @model_validator(mode="after")
+    def _possible(self) -> RateFormula:
+        for name in self.values:
+            if self.quantity == "vwc" and getattr(self, name) > MAX_VWC:
+                raise ValueError(f"{name!r} is a moisture in m3/m3 and at most {MAX_VWC}, not a percentage")
+        return self
+
+    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+        """A function of positions, shape (n, 2) [m], that returns values, shape (n,).
+
+        :param rng: source of randomness; the seed of the formula if ``None``
+        """
+        raise NotImplementedError
+
+
+class RandomField(RateFormula):
+    """A stationary Gaussian random field: infinitely smooth, rough (exponential), or smooth (Matern 3/2).
+
+    Values below 5 % of the mean are raised to 5 % of the mean. With a standard deviation of at most a quarter of
+    the mean, this limit affects fewer than one position in 10,000.
+    """
+
+    values: ClassVar[tuple[str, ...]] = ("mean",)
+
+    family: Literal["gaussian_field", "exponential", "matern32"]
+    mean: Positive  # mean of the quantity
+    sd: Positive  # standard deviation of the quantity, at most a quarter of the mean
+    range_m: Positive = 15.0
+    """Range parameter of the correlation [m]. The variogram reaches 95 % of the variance at a multiple of this
+    distance: 1.7 (Gaussian), 3 (exponential) or 2.7 (Matern 3/2)."""
+    seed: Seed = 1
+
+    @model_validator(mode="after")
+    def _stays_positive(self) -> RandomField:
+        _require_positive(self.sd, self.mean)
+        return self
+
+    @property
+    def model(self) -> ModelName:
+        """Correlation model."""
+        return "gaussian" if self.family == "gaussian_field" else self.family
+
+    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+        """See the base class."""
+        x, y = extent.axes()
+        noise = random_field(x, y, self.model, self.range_m, rng or np.random.default_rng(self.seed))
+        return RateGrid(x, y, np.maximum(self.mean + self.sd * noise, FLOOR * self.mean))
+
+
+def _require_positive(sd: float, mean: float) -> None:
+    if sd > mean / 4:
+        raise ValueError(f"'sd' must be at most a quarter of 'mean' ({mean / 4:g}) to stay positive")
+
+
 class UnevenField(RateFormula):
     """Base class of random fields of uneven roughness. Values below 5 % of the mean are raised to that."""
 
@@ -124,17 +161,14 @@ class UnevenField(RateFormula):
     sd: Positive  # standard deviation on rough ground, at most a quarter of the mean
     flat_sd: Annotated[float, Field(ge=0)] = 0.0  # standard deviation on flat ground, at most ``sd``
     model: ModelName = "matern32"  # variogram model of rough and flat ground
-    range_m: Positive = 10.0  # range parameter on rough ground [m], as in :class:`.RandomFieldFormula`
+    range_m: Positive = 10.0  # range parameter on rough ground [m], as in :class:`.RandomField`
     flat_range_m: Positive | None = None  # range parameter on flat ground [m]; by default that of rough ground
-    transition_m: Positive = 4.0
-    """Width of the transition from rough to flat ground, which contains three quarters of the change [m]."""
-    seed: Annotated[int, Field(ge=0)] = 1
-    """Seed of the values, and of the place or direction where it is not given."""
+    transition_m: Positive = 4.0  # width of the transition from rough to flat ground [m]
+    seed: Seed = 1  # seed of the values, and of the place or direction where it is not given
 
     @model_validator(mode="after")
     def _stays_positive(self) -> UnevenField:
-        if self.sd > self.mean / 4:
-            raise ValueError(f"'sd' must be at most a quarter of 'mean' ({self.mean / 4:g}) to stay positive")
+        _require_positive(self.sd, self.mean)
         if self.flat_sd > self.sd:
             raise ValueError(f"'flat_sd' must be at most 'sd' ({self.sd:g}), the variation of the rough ground")
         return self
@@ -161,8 +195,7 @@ class Halves(UnevenField):
     """One rough and one flat half with a straight border through the middle of the field."""
 
     family: Literal["halves"] = "halves"
-    angle_deg: float | None = None
-    """Direction from the flat to the rough half [deg]; drawn from the seed if left out."""
+    angle_deg: float | None = None  # direction from the flat to the rough half [deg]; by default from the seed
 
     def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
         """See the base class."""
@@ -174,8 +207,7 @@ class RoughPatch(UnevenField):
     """One round rough patch in a flat field, at a place drawn from the seed."""
 
     family: Literal["rough_patch"] = "rough_patch"
-    area: Annotated[float, Field(gt=0, le=0.5)] = 0.1
-    """Area of the patch as a share of the area of the field's bounding box [-]."""
+    area: Annotated[float, Field(gt=0, le=0.5)] = 0.1  # share of the field's bounding box [-]
 
     def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
         """See the base class."""
@@ -191,7 +223,7 @@ class Strips(UnevenField):
 
     family: Literal["strips"] = "strips"
     width_m: Positive = 12.0  # width of a strip [m]
-    angle_deg: float | None = None  # direction in which the strips run [deg]; drawn from the seed if left out
+    angle_deg: float | None = None  # direction in which the strips run [deg]; by default from the seed
 
     def rough_share(self, xy: Array, extent: Extent, rng: np.random.Generator) -> Array:
         """See the base class."""
@@ -221,8 +253,7 @@ class Texture(RateFormula):
     range_m: Positive = 40.0  # range parameter of the zones [m]; a zone is about twice as wide
     fine: Annotated[float, Field(ge=0, le=1)] = 0.1  # share of the variance inside zones
     fine_range_m: Positive = 8.0  # range parameter of the variation inside zones [m]
-    seed: Annotated[int, Field(ge=0)] = 1
-    """Seed of the values. Fields of one seed, boundary and cell size share their zones."""
+    seed: Seed = 1  # fields of one seed, boundary and cell size share their zones
 
     @model_validator(mode="after")
     def _low_is_below_high(self) -> Texture:
@@ -243,58 +274,21 @@ class Texture(RateFormula):
         return RateGrid(x, y, self.low + (self.high - self.low) * share)
 
 
-class RandomFieldFormula(RateFormula):
-    """A stationary Gaussian random field, drawn at the nodes of a grid (see :mod:`.random_field`).
-
-    Values below 5 % of the mean are raised to 5 % of the mean. With a standard deviation of at most a quarter of
-    the mean, this limit affects fewer than one position in 10,000.
-    """
-
-    values: ClassVar[tuple[str, ...]] = ("mean",)
-    model: ClassVar[ModelName]
-
-    mean: Positive  # mean of the quantity
-    sd: Positive  # standard deviation of the quantity, at most a quarter of the mean
-    range_m: Positive = 15.0
-    """Range parameter of the correlation [m]. The variogram reaches 95 % of the variance at a multiple of this
-    distance: 1.7 (Gaussian), 3 (exponential) or 2.7 (Matern 3/2)."""
-    seed: Annotated[int, Field(ge=0)] = 1
-
-    @model_validator(mode="after")
-    def _stays_positive(self) -> RandomFieldFormula:
-        if self.sd > self.mean / 4:
-            raise ValueError(f"'sd' must be at most a quarter of 'mean' ({self.mean / 4:g}) to stay positive")
-        return self
+class Shape(RateFormula):
+    """Base class of fields that lie between two values by a smooth share; ``values`` names them."""
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
         """See the base class."""
-        x, y = extent.axes()
-        noise = random_field(x, y, self.model, self.range_m, rng or np.random.default_rng(self.seed))
-        return RateGrid(x, y, np.maximum(self.mean + self.sd * noise, FLOOR * self.mean))
+        zero, one = (getattr(self, name) for name in self.values)
+        share = self.share(extent, rng)
+        return lambda xy: np.asarray(zero + (one - zero) * share(xy))
+
+    def share(self, extent: Extent, rng: np.random.Generator | None) -> Truth:
+        """Function that returns the share of the second value, 0..1, shape (n,)."""
+        raise NotImplementedError
 
 
-class GaussianField(RandomFieldFormula):
-    """Random field with correlation exp(-(h/range)^2): infinitely smooth."""
-
-    family: Literal["gaussian_field"] = "gaussian_field"
-    model: ClassVar[ModelName] = "gaussian"
-
-
-class ExponentialField(RandomFieldFormula):
-    """Random field with correlation exp(-h/range): rough."""
-
-    family: Literal["exponential"] = "exponential"
-    model: ClassVar[ModelName] = "exponential"
-
-
-class Matern32Field(RandomFieldFormula):
-    """Random field with Matern 3/2 correlation: smooth to the first derivative."""
-
-    family: Literal["matern32"] = "matern32"
-    model: ClassVar[ModelName] = "matern32"
-
-
-class Patches(RateFormula):
+class Patches(Shape):
     """Round patches at random positions on a uniform background."""
 
     values: ClassVar[tuple[str, ...]] = ("background", "patch")
@@ -304,24 +298,23 @@ class Patches(RateFormula):
     patch: Positive  # value inside a patch
     count: Annotated[int, Field(ge=1, le=1000)] = 6  # number of patches; they may overlap
     radius_m: Positive = 8.0  # mean radius [m]; each radius is drawn between 0.6 and 1.4 times the mean
-    edge_m: Positive = 4.0  # width of the edge of a patch, which contains three quarters of the change [m]
-    seed: Annotated[int, Field(ge=0)] = 1  # seed of positions and radii
+    edge_m: Positive = 4.0  # width of the edge of a patch [m]
+    seed: Seed = 1  # seed of positions and radii
 
-    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+    def share(self, extent: Extent, rng: np.random.Generator | None) -> Truth:
         """See the base class."""
         rng = rng or np.random.default_rng(self.seed)
         centres = rng.uniform(extent.low, extent.high, (self.count, 2))
         radii = self.radius_m * rng.uniform(0.6, 1.4, self.count)
 
-        def values(xy: Array) -> Array:
+        def share(xy: Array) -> Array:
             distance = np.hypot(*(xy[:, None, :] - centres).transpose(2, 0, 1))
-            share = smooth_step(radii - distance, self.edge_m).max(axis=1)
-            return np.asarray(self.background + (self.patch - self.background) * share)
+            return np.asarray(smooth_step(radii - distance, self.edge_m).max(axis=1))
 
-        return values
+        return share
 
 
-class Ridge(RateFormula):
+class Ridge(Shape):
     """A straight ridge (or trench) of Gaussian cross-section."""
 
     values: ClassVar[tuple[str, ...]] = ("background", "crest")
@@ -333,19 +326,13 @@ class Ridge(RateFormula):
     angle_deg: float = 90.0  # direction in which the ridge runs [deg]
     offset_m: float = 0.0  # distance of the ridge from the field's middle, to the right of its direction [m]
 
-    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+    def share(self, extent: Extent, rng: np.random.Generator | None) -> Truth:
         """See the base class."""
         across, middle = direction(self.angle_deg - 90), extent.centre
-
-        def values(xy: Array) -> Array:
-            distance = (xy - middle) @ across - self.offset_m
-            share = np.exp(-0.5 * (distance / self.width_m) ** 2)
-            return np.asarray(self.background + (self.crest - self.background) * share)
-
-        return values
+        return lambda xy: np.exp(-0.5 * (((xy - middle) @ across - self.offset_m) / self.width_m) ** 2)
 
 
-class Gradient(RateFormula):
+class Gradient(Shape):
     """A uniform slope from one side of the field to the other."""
 
     values: ClassVar[tuple[str, ...]] = ("low", "high")
@@ -355,19 +342,14 @@ class Gradient(RateFormula):
     high: Positive  # value at the end of the slope and beyond it
     angle_deg: float = 0.0  # direction from 'low' to 'high' [deg]
 
-    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+    def share(self, extent: Extent, rng: np.random.Generator | None) -> Truth:
         """See the base class."""
         along, middle = direction(self.angle_deg), extent.centre
         half_width = float(np.abs(along) @ (extent.high - extent.low)) / 2
-
-        def values(xy: Array) -> Array:
-            share = np.clip(0.5 + (xy - middle) @ along / (2 * half_width), 0.0, 1.0)
-            return np.asarray(self.low + (self.high - self.low) * share)
-
-        return values
+        return lambda xy: np.clip(0.5 + (xy - middle) @ along / (2 * half_width), 0.0, 1.0)
 
 
-class Half(RateFormula):
+class Half(Shape):
     """Two uniform halves with a straight, smooth border."""
 
     values: ClassVar[tuple[str, ...]] = ("low", "high")
@@ -375,46 +357,33 @@ class Half(RateFormula):
     family: Literal["half"] = "half"
     low: Positive  # value on the near side of the border
     high: Positive  # value on the far side of the border
-    transition_m: Positive = 6.0  # width of the transition, which contains three quarters of the change [m]
+    transition_m: Positive = 6.0  # width of the transition [m]
     angle_deg: float = 0.0  # direction from 'low' to 'high', across the border [deg]
-    offset_m: float = 0.0
-    """Distance of the border from the middle of the field, in the direction of ``angle_deg`` [m]."""
+    offset_m: float = 0.0  # distance of the border from the middle of the field, along ``angle_deg`` [m]
 
-    def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
+    def share(self, extent: Extent, rng: np.random.Generator | None) -> Truth:
         """See the base class."""
         along, middle = direction(self.angle_deg), extent.centre
-
-        def values(xy: Array) -> Array:
-            share = smooth_step((xy - middle) @ along - self.offset_m, self.transition_m)
-            return np.asarray(self.low + (self.high - self.low) * share)
-
-        return values
+        return lambda xy: smooth_step((xy - middle) @ along - self.offset_m, self.transition_m)
 
 
 FAMILIES: dict[str, type[RateFormula]] = {
-    family.model_fields["family"].default: family
-    for family in (
-        GaussianField,
-        ExponentialField,
-        Matern32Field,
-        Patches,
-        Ridge,
-        Gradient,
-        Half,
-        Halves,
-        RoughPatch,
-        Strips,
-        Texture,
-    )
+    **dict.fromkeys(("gaussian_field", "exponential", "matern32"), RandomField),
+    "patches": Patches,
+    "ridge": Ridge,
+    "gradient": Gradient,
+    "half": Half,
+    "halves": Halves,
+    "rough_patch": RoughPatch,
+    "strips": Strips,
+    "texture": Texture,
 }
 
 
 def formula(family: str, **parameters: Any) -> RateFormula:
-    """A formula by the name of its family.
+    """A formula from the name of its family and its parameters.
 
-    :param family: one of ``FAMILIES``
-    :param parameters: parameters of the family
-    :raises pydantic.ValidationError: (a ValueError) for an unknown family, or a bad or unknown parameter
+    :raises ValueError: for an unknown family, or a bad or unknown parameter
     """
     return parse_formula({"family": family, **parameters})
 
@@ -422,36 +391,22 @@ def formula(family: str, **parameters: Any) -> RateFormula:
 def parse_formula(content: Any) -> RateFormula:
     """A formula from the keys and values of a file.
 
-    :raises pydantic.ValidationError: (a ValueError) with the location of every mistake
+    :raises ValueError: with every mistake
     """
     if isinstance(content, RateFormula):
         return content
-    if not isinstance(content, Mapping):
-        raise _refusal((), f"a formula is a block of keys with a 'family', one of: {', '.join(FAMILIES)}")
-    name = content.get("family")
+    name = content.get("family") if isinstance(content, Mapping) else None
     if name is None:
-        raise _refusal((), f"the formula has no 'family'; it may be one of: {', '.join(FAMILIES)}")
+        raise ValueError(f"a formula is a block of keys with a 'family', one of: {', '.join(FAMILIES)}")
     family = FAMILIES.get(str(name))
     if family is None:
-        raise _refusal(
-            ("family",),
-            f"unknown family {name!r}; known are {', '.join(FAMILIES)}{did_you_mean(str(name), FAMILIES)}",
-        )
-    known = family.model_fields
-    for key in content:
-        if key not in known:
-            raise _refusal(
-                (str(key),),
-                f"the family {name!r} has no parameter {key!r}; it has {', '.join(known)}"
-                f"{did_you_mean(str(key), known)}",
-            )
+        known = f"known are {', '.join(FAMILIES)}{did_you_mean(str(name), FAMILIES)}"
+        raise ValueError(f"unknown family {name!r}; {known}")
+    keys = family.model_fields
+    if unknown := [key for key in content if key not in keys]:
+        which = f"{unknown[0]!r}; it has {', '.join(keys)}{did_you_mean(str(unknown[0]), keys)}"
+        raise ValueError(f"the family {name!r} has no parameter {which}")
     return family.model_validate(dict(content))
 
 
 Formula = Annotated[RateFormula, BeforeValidator(parse_formula)]
-
-
-def _refusal(location: tuple[str, ...], message: str) -> ValidationError:
-    # The message is passed as a value: PydanticCustomError treats braces in a template as placeholders.
-    error = PydanticCustomError("formula", "{message}", {"message": message})
-    return ValidationError.from_exception_data("formula", [InitErrorDetails(type=error, loc=location, input=None)])

@@ -75,8 +75,6 @@ class SurrogateField:
 def write_field_file(field: SurrogateField, path: Path) -> None:
     """Write the field file of a surrogate field, without its truth.
 
-    :param field: the field
-    :param path: file to write
     :raises InputError: if it cannot be written
     """
     _write(path, _yaml(_outline(field)))
@@ -85,8 +83,6 @@ def write_field_file(field: SurrogateField, path: Path) -> None:
 def write_site_file(field: SurrogateField, path: Path, footprint_m: float = 0.0) -> None:
     """Write a site file with the soil and the calibration of a surrogate field, if it has any.
 
-    :param field: the field
-    :param path: file to write
     :param footprint_m: radius of the sensor's footprint [m]; 0 for a sensor that sees its own place only
     :raises InputError: if it cannot be written
     """
@@ -94,13 +90,15 @@ def write_site_file(field: SurrogateField, path: Path, footprint_m: float = 0.0)
     if footprint_m > 0:
         about["footprint_radius_m"] = footprint_m
     about["corrections"] = {"humidity": {"method": "linear"}}  # as the simulated weather acts on the counts
-    _write(path, _yaml({**about, **_calibration(field, note="the calibration that the simulation uses")}))
+    known = _calibration(field)
+    if known:
+        known["calibration"]["note"] = "the calibration that the simulation uses"
+    _write(path, _yaml(about | known))
 
 
 def write_truth_file(field: SurrogateField, grid: FieldGrid, path: Path) -> None:
     """Write the truth as a field file, readable as a surrogate field, and its grid as CSV in the same folder.
 
-    :param field: the field
     :param grid: grid; the truth is written at all cell centres, also outside the field
     :param path: field file to write; the grid gets the suffix ``.csv``
     :raises InputError: if the files cannot be written
@@ -115,34 +113,28 @@ def write_truth_file(field: SurrogateField, grid: FieldGrid, path: Path) -> None
 
 
 def _outline(field: SurrogateField) -> dict[str, Any]:
-    frame = field.frame
+    frame, about = field.frame, field.field
     content: dict[str, Any] = {
-        "name": _title(field),
+        "name": f"{field.title} (simulated)",
         "datum": {"latitude_deg": frame.latitude_deg, "longitude_deg": frame.longitude_deg},
         "polygon": field.polygon.tolist(),
     }
-    if field.field.no_go:
-        content["no_go"] = [ring.tolist() for ring in field.field.no_go]
-    if field.field.cell_m is not None:
-        content["cell_m"] = field.field.cell_m
-    if field.field.covariates:
-        content["covariates"] = [one.section for one in field.field.covariates]
-    return content
+    more = {
+        "no_go": [ring.tolist() for ring in about.no_go],
+        "cell_m": about.cell_m,
+        "covariates": [one.section for one in about.covariates],
+    }
+    return content | {key: value for key, value in more.items() if value}
 
 
-def _calibration(field: SurrogateField, note: str | None = None) -> dict[str, Any]:
+def _calibration(field: SurrogateField) -> dict[str, dict[str, Any]]:
     if field.curve is None:
         return {}
     known = {name: value for name, value in field.curve.parameters.items() if value}
-    soil = {name: known[name] for name in Soil.model_fields if name in known}
-    calibration = {name: known[name] for name in Calibration.model_fields if name in known}
-    if note:
-        calibration["note"] = note
-    return {"soil": soil, "calibration": calibration}
-
-
-def _title(field: SurrogateField) -> str:
-    return f"{field.title} (simulated)"
+    return {
+        part: {name: known[name] for name in model.model_fields if name in known}
+        for part, model in (("soil", Soil), ("calibration", Calibration))
+    }
 
 
 def _yaml(content: dict[str, Any]) -> str:
