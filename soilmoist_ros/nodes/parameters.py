@@ -30,6 +30,7 @@ _MAX_WHOLE = 2**62
 REMOVED: Final = {
     "agree_fixes": "10 fixes must agree to replace those that they contradict",
     "backoff_s": "the wait after the first failure is 2 s",
+    "beyond_m": "nodes and edges of the map up to 0.1 m outside the field belong to it",
     "blacklist_s": "a stop that failed or was skipped is ruled out for 900 s",
     "battery_silent_s": "a battery that was heard is missed after 60 s",
     "cancel_limit_s": "a robot that is not known to stand is asked again to stop after 10 s",
@@ -41,22 +42,30 @@ REMOVED: Final = {
     "feedback_topic": "the feedback of the action is shown",
     "first_fixes": "3 fixes must agree on the first place",
     "foxglove_port": "foxglove_bridge serves the viewer Foxglove (docs/topics.md)",
+    "frame_limit_m": "the places by TF and by fixes may be 2 m apart",
     "goal_time_factor": "a trip may take 3 times the expected time, and 60 s more",
     "goal_time_margin_s": "a trip may take 3 times the expected time, and 60 s more",
+    "keep_apart_m": "robots keep 2 m apart, or 1 m more than twice robot_radius_m",
     "keepout_resolution_m": "a cell of the mask is 0.2 m, or half of robot_radius_m if that is less",
     "learn_travel": "travel times are learned from the legs driven",
     "longest_dwell_s": "the longest time at a stop is 3600 s; fmi:SECONDS sets the time itself",
     "map_wait_s": "the planner waits for the mapper for 20 s",
+    "max_stamp_age_s": "records stamped up to a day in the past are used",
+    "max_stamp_ahead_s": "records stamped up to an hour in the future are used",
     "max_jump_m": "a fix may be 3 m from where the robot can have driven",
     "moving_m": "a robot that moves by 0.5 m without a goal is stopped again",
     "navigation_wait_s": "the planner waits for the navigation for 30 s",
+    "other_silent_s": "a robot that was not heard for 30 s is lost",
     "plan_limit_s": "choosing a stop may take 120 s",
     "pose_observers": "nodes that record or show poses are known",
     "retries": "a goal that failed is sent once more",
+    "silence_limit_s": "a stop without a record for records_old_s is silent",
     "settle_s": "a robot has arrived at a goal_pose when it stands for 5 s",
     "standstill_s": "a robot stands when it has not moved for 4 s",
 }
 """Parameters of earlier releases that a file may still set: what holds instead."""
+OF_OTHERS: Final = ("max_stamp_age_s", "max_stamp_ahead_s", "silence_limit_s")
+"""Those that mapper or driver still have: only the planner, which has a strategy, says that it has not."""
 _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
 NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver")
 """Modules with the tables of the nodes, of which a file for all nodes may have parameters."""
@@ -169,7 +178,11 @@ def current_names(
         given["failsafes"] = [*responses, *(given.get("failsafes") or [])]
         warnings.append(f"failsafe.CAUSE is read in this release only: set failsafes: [{', '.join(responses)}]")
     names = {old: row.name for row in table.values() for old in row.old_names}
-    removed = sorted(name for name in given if name in REMOVED and name not in table)
+    removed = sorted(
+        name
+        for name in given
+        if name in REMOVED and name not in table and (name not in OF_OTHERS or "strategy" in table)
+    )
     warnings += [f"parameter {name} is not used any more: {REMOVED[name]}" for name in removed]
     mistakes = []
     values = {name: value for name, value in given.items() if name not in names and name not in removed}

@@ -438,7 +438,6 @@ def frame_settings(values: Parameters) -> FrameSettings:
         navigation_frame=values.text("navigation_frame") or frame,
         base_frame=values.text("base_frame"),
         datum=values.text("navigation_datum"),
-        limit_m=values.number("frame_limit_m"),
         arms=LeverArms.of(values.as_dict()),
     )
 

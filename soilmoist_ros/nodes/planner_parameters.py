@@ -35,10 +35,8 @@ from soilmoist_ros.nodes.parameter_tables import (
     ANTENNA,
     COVARIATES,
     EARLIER,
-    STAMP_LIMITS,
     of_setting,
     row,
-    stamp_limits,
 )
 from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.pipeline import Target, read_earlier_runs
@@ -57,7 +55,6 @@ WATCH_PARAMETERS: Final = (
         f"highest speed of the robot; 0 for {_PLACE.max_speed_mps:g} m/s, or twice speed_mps if that is more",
         "m/s", 0),
     row("max_fix_sd_m", _PLACE.max_sd_m, "fixes with a larger standard deviation are not used", "m", 0),
-    *STAMP_LIMITS,
 )  # fmt: skip
 
 PARAMETERS: Final = (
@@ -74,11 +71,6 @@ PARAMETERS: Final = (
     of_setting("until_gain", live=True),
     row("others", [], "namespaces of other robots whose planners explore the same field: where one is going or "
         "counting, this one does not go; the own namespace is ignored"),
-    row("keep_apart_m", 0.0, "distance between the centres of this robot and of each of others: for stops, ways "
-        "past standing robots, and while it drives; 0 for 2 m, or 1 m more than twice robot_radius_m if that is "
-        "more", "m", 0.0),
-    row("other_silent_s", 30.0, "a robot of others whose mission was not heard for this time is lost: its place "
-        "stays taken until it is heard or somebody calls planner/release_lost", "s", 3.0),
     row("properties", [], "namespaces in which further properties of the field are mapped, as NAMESPACE or "
         "NAMESPACE:WEIGHT; the robot's own property has the weight 1; a property without a map is left out"),
     EARLIER,
@@ -89,8 +81,6 @@ PARAMETERS: Final = (
     row("map_topic", "/topological_map_2", "topic of the navigation's map"),
     row("robot_radius_m", ROBOT_RADIUS_M, "distance that the robot's centre keeps from no-go areas and, with "
         "graph: free, from the border; the default is half the width of Thorvald, 0 keeps none", "m", 0.0),
-    row("beyond_m", 0.1, "nodes and edges of the map this far outside the field belong to it; the default "
-        "allows for errors of the survey", "m", 0.0),
     row("outside", "home", "use of the map's nodes and edges outside the field, which are never measured at and "
         "never cross a no-go area: never, only the shortest way between the field and home or robot (home), or "
         "as any other (way)", choices=tuple(Outside)),
@@ -109,8 +99,6 @@ PARAMETERS: Final = (
         "LAT,LON[,YAW] in degrees (YAW: its x axis, counter-clockwise from east), map (named in the "
         "navigation's map), or robot (its datum service, else TF and fixes of a drive)"),
     row("base_frame", "base_link", "frame of the robot's base in TF"),
-    row("frame_limit_m", 2.0, "largest distance between the robot's place by TF and by its fix; the robot must "
-        "not drive beyond it", "m", 0.1),
     *ANTENNA,
     of_setting("speed_mps", description="speed of the robot, to estimate times", low=0.01),
     of_setting("stop_overhead_s"),
@@ -122,7 +110,6 @@ PARAMETERS: Final = (
     row("return_margin_s", 60.0, "reserve kept for the way home", "s", 0.0),
     row("min_dwell_s", 10.0, "shortest time at a stop, whatever the dwell rule says, by default one record; "
         "stops that leave less are skipped", "s", 0.0),
-    row("silence_limit_s", 60.0, "time without a record of the stop that counts as silence", "s", 1.0),
     row("on_silence", "wait", "what to do in silence", choices=tuple(OnSilence)),
     row("autostart", False, "start the mission as soon as position, map and navigation are there"),
     row("journal_dir", "", "folder of the mission's journal, to survive a crash; no journal if empty"),
@@ -136,6 +123,8 @@ PARAMETERS: Final = (
 
 CANCEL_LIMIT_S: Final = 10.0
 """Time after which a robot that is not known to stand is asked again to stop [s]: a lost request costs no more."""
+SILENCE_S: Final = 60.0
+"""Time without a record at a stop that counts as silence, where records_old_s is 0 [s]: six usual records."""
 RECORD_S: Final = 10.0
 """Usual duration of a record [s]; one that is counted wholly at a stop may begin this long after the arrival."""
 
@@ -165,7 +154,6 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
         knowledge=_knowledge(parameters, field, calibration),
         access=AccessRules(
             robot_radius_m=number("robot_radius_m"),
-            beyond_m=number("beyond_m"),
             outside=Outside(text("outside")),
             entry_m=max(number("max_entry_m"), number("max_outside_m")),
             by_name=text("navigator") == "goto_node",
@@ -202,9 +190,7 @@ def make_team(parameters: Parameters) -> Team:
     corrections, so 1 m is three standard deviations of their distance, rounded up. 2 m is for robots whose radius
     is not given.
     """
-    number = parameters.number
-    apart_m = number("keep_apart_m") or max(2.0, 2 * number("robot_radius_m") + 1.0)
-    return Team(apart_m, number("other_silent_s"))
+    return Team(max(2.0, 2 * parameters.number("robot_radius_m") + 1.0))
 
 
 def _required(calibration: MoistureCurve | None) -> MoistureCurve:
@@ -233,7 +219,7 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop
         arrival_radius_m=number("arrival_radius_m"),
         return_margin_s=number("return_margin_s"),
         cancel_limit_s=CANCEL_LIMIT_S,
-        silence_limit_s=number("silence_limit_s"),
+        silence_limit_s=number("records_old_s") or SILENCE_S,
         on_silence=OnSilence(parameters.text("on_silence")),
         until_sd=number("until_sd"),
         until_gain=number("until_gain"),
@@ -279,7 +265,6 @@ def make_watch(parameters: Parameters) -> Watch:
     try:
         limits = WatchLimits(
             place=place,
-            stamps=stamp_limits(parameters),
             **values,
         )
     except ValueError as error:

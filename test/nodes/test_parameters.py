@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter as RosParameter
 from soilmoist_ros.exploration import Cause, Response
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes.parameter_tables import table_of
-from soilmoist_ros.nodes.parameters import NODES, REMOVED, Parameter, Parameters, check_values
+from soilmoist_ros.nodes.parameters import NODES, OF_OTHERS, REMOVED, Parameter, Parameters, check_values
 from soilmoist_ros.nodes.planner_parameters import WATCH_PARAMETERS, failsafe_responses
 
 TABLE = (
@@ -160,7 +160,10 @@ def test_removed_parameters_are_named_and_ignored(ros, capfd):
     parameters = Parameters(make(ros, backoff_s=9.0, speed_mps=2.0), TABLE)
     assert parameters.number("speed_mps") == 2.0
     assert "parameter backoff_s is not used any more: the wait after the first failure" in capfd.readouterr().err
-    assert not {row.name for node in NODES for row in table_of(node)} & set(REMOVED)
+    assert {row.name for node in NODES for row in table_of(node)} & set(REMOVED) == set(OF_OTHERS)
+    assert not {row.name for row in table_of("planner")} & set(REMOVED)
+    Parameters(make(ros, max_stamp_age_s=0.0), (*TABLE, *table_of("planner")))
+    assert "parameter max_stamp_age_s is not used any more" in capfd.readouterr().err
 
 
 def test_failsafes_are_read_as_before_and_as_a_list(ros, capfd):

@@ -314,7 +314,7 @@ class Values:
 
     def __init__(self):
         self.values = {"frame": "field", "navigation_frame": "map", "base_frame": "base_link",
-                       "navigation_datum": "robot", "frame_limit_m": 2.0}  # fmt: skip
+                       "navigation_datum": "robot"}  # fmt: skip
 
     def text(self, name):
         return self.values[name]

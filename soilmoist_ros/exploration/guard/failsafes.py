@@ -277,9 +277,9 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "set the home closer or the mission shorter",
         ),
         Cause.FRAME_MISMATCH: Failsafe(
-            "the pose of the navigation and the fix disagree",
+            "the pose of the navigation and the fix are more than 2 m apart",
             Response.HOLD,
-            ("frame_limit_m",),
+            (),
             "check the datum of the field file and of the navigation",
         ),
         Cause.MAP_CHANGED: Failsafe(
@@ -301,9 +301,9 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
             "check that the driver and the planner have the same field file and frame",
         ),
         Cause.COUNTS_STAMP: Failsafe(
-            "records have an impossible stamp; they are not used",
+            "records are stamped over an hour ahead or a day old; they are not used",
             Response.WARN,
-            ("max_stamp_ahead_s", "max_stamp_age_s"),
+            (),
             "check the clocks of the computer and of the neutron logger",
         ),
         Cause.COUNTS_BAD: Failsafe(
@@ -315,7 +315,7 @@ FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
         Cause.OTHER_ROBOT: Failsafe(
             "another robot is nearer than the limit while the robot drives, or is to drive first where both met",
             Response.HOLD,
-            ("keep_apart_m",),
+            (),
             "the robot drives on by itself when the other one is away or stands; if both wait, move one of them",
         ),
     }
