@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.control.mission_control import PLACE_TIME as PLACE_TIME
     from soilmoist_ros.exploration.control.mission_control import RECORD_STAMP as RECORD_STAMP
     from soilmoist_ros.exploration.control.mission_control import MissionControl as MissionControl
+    from soilmoist_ros.exploration.control.mission_control import MissionSetup as MissionSetup
     from soilmoist_ros.exploration.control.mission_feed import MissionClock as MissionClock
     from soilmoist_ros.exploration.control.mission_feed import boot_id as boot_id
     from soilmoist_ros.exploration.control.operator_request import OperatorRequest as OperatorRequest
@@ -168,7 +169,7 @@ __getattr__, __dir__, __all__ = open_door(
     {
         "control.explorer": "Explorer ExplorerSettings STREAMS_PER_ROBOT nominal_rate_cps planning_grid strategy_stream",
         "control.field_access": "AccessRules FieldAccess cell_stops",
-        "control.mission_control": "DATUM MissionControl PLACE_TIME RECORD_STAMP",
+        "control.mission_control": "DATUM MissionControl MissionSetup PLACE_TIME RECORD_STAMP",
         "control.mission_feed": "MissionClock boot_id",
         "control.operator_request": "OperatorRequest Reply ReplyCode",
         "control.team": "PendingMeasurement Team pending_measurement",

@@ -25,6 +25,7 @@ from soilmoist_ros.exploration import (
     MissionControl,
     MissionJournal,
     MissionRules,
+    MissionSetup,
     OperatorRequest,
     Reply,
     Verb,
@@ -46,8 +47,6 @@ __all__ = ["PARAMETERS", "Planner", "main"]
 MISSION_TICK_S: Final = 1.0
 TICK_S: Final = 0.2
 SHOW_S: Final = 1.0
-MAP_WAIT_S: Final = 20.0
-"""Longest wait for the mapper before the next stop is chosen [s]; a map of a large field takes some seconds."""
 LOOK_S: Final = 0.5
 """Time between two checks whether a release of the emergency stop counts [s]."""
 WHO: Final = "ros2 param"
@@ -81,20 +80,22 @@ class Planner(Node):
         properties = property_weights(self._values.texts("properties"))
         self._outputs = PlannerOutputs(self, self._hand_on, properties, self._values.text("frame"))
         self._frames = PlannerFrames(self, self._values, self._field)
+        setup = MissionSetup(
+            field=self._field,
+            settings=settings,
+            rules=rules,
+            home=self._values.text("home"),
+            properties=properties,
+            open_survey=partial(chosen_survey, self._values),
+        )
         self._control = MissionControl(
-            self._field,
-            settings,
-            rules,
-            self._values.text("home"),
-            MAP_WAIT_S,
+            setup,
             lambda report: FramedNavigator(make_navigator(self, self._values, report), self._frames.robot),
             self._outputs,
             MissionJournal(self._stored.journal),
-            properties,
             clock=self._mission_clock(),
             watch=make_watch(self._values),
             mission=self._stored.mission,
-            open_survey=partial(chosen_survey, self._values),
             team=make_team(self._values),
         )
         self._autostart = self._values.flag("autostart") and self._stored.starts

@@ -32,6 +32,7 @@ from soilmoist_ros.exploration import (
     MissionControl,
     MissionJournal,
     MissionRules,
+    MissionSetup,
     MissionStatus,
     Navigator,
     Outside,
@@ -97,11 +98,12 @@ class PlannerProcess:
         )
         frozen_s = POSES_FROZEN_S if case.navigator == "goal_pose" else WatchLimits().fix_frozen_s
         self.control = MissionControl(
-            case.ground.field,
-            settings,
-            rules,
-            self.home.name if self.home else "",
-            20.0,
+            MissionSetup(
+                field=case.ground.field,
+                settings=settings,
+                rules=rules,
+                home=self.home.name if self.home else "",
+            ),
             self._navigator,
             self,
             MissionJournal(journal),

@@ -12,8 +12,7 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
-from types import MappingProxyType
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -94,95 +93,78 @@ class Outputs(Protocol):
 
     def now_s(self) -> float:
         """Time on the clock that stamps the records [s]; 0 while it does not run yet."""
-        ...
 
     def show(self, status: MissionStatus, ahead: tuple[Stop, ...], more: Mapping[str, str]) -> None:
         """Show the mission and the stops ahead, the next one first."""
-        ...
 
     def visit(self, visit: Visit) -> None:
         """A stop is complete."""
-        ...
 
     def save(self, reason: str) -> None:
         """Let the mapper save the map."""
-        ...
 
     def finish(self, finish: Finish) -> None:
         """The mission has ended."""
-        ...
 
     def wake(self) -> None:
         """Call :meth:`MissionControl.hand_on` soon, from another thread than this one."""
-        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionSetup:
+    """Field and mission that a control is made for."""
+
+    field: Field
+    settings: ExplorerSettings  # how stops are chosen
+    rules: MissionRules  # what governs the mission, without its home
+    home: str = ""  # name of the stop to return to; empty to stay at the last stop
+    map_wait_s: float = 20.0  # longest wait for the map before a stop is chosen [s]
+    properties: Mapping[str, float] | None = None  # namespaces of further properties, and their weights
+    open_survey: OpenSurvey | None = None  # opens what an operator chooses; ``None`` for no choice
 
 
 class MissionControl:
     """A mission and all around it.
 
-    :param field: the field
-    :param settings: how stops are chosen
-    :param rules: what governs the mission, without its home
-    :param home: name of the stop to return to; empty to stay at the last stop
-    :param map_wait_s: longest wait for the map before a stop is chosen [s]
+    :param setup: the field and the mission
     :param make_navigator: makes the navigator, which is given the function that takes its reports
     :param outputs: where actions go
     :param journal: where the mission is written down
-    :param properties: namespaces in which further properties are mapped, and their weights; that of the robot's
-        own is 1
     :param clock: mission time; ROS time if ``None``
     :param mission: interrupted mission, for :meth:`take_up`; a new one if ``None``
     :param executor: where stops are chosen; its own thread if ``None``
-    :param watch: what is watched, by which limits; the default if ``None``
-    :param open_survey: opens what an operator chooses: field, earlier runs, covariates; ``None`` for no choice
-    :param team: the other robots on the field; none that keep apart if ``None``
-
-    Attributes
-    ----------
-    team : Team
-        the other robots on the field
-    watch : Watch
-        causes that others find are reported to it
+    :param watch: what is watched, by which limits; causes that others find are reported to it
+    :param team: the other robots on the field
     """
 
     def __init__(
         self,
-        field: Field,
-        settings: ExplorerSettings,
-        rules: MissionRules,
-        home: str,
-        map_wait_s: float,
+        setup: MissionSetup,
         make_navigator: Callable[[Callable[[Ended], None]], Navigator],
         outputs: Outputs,
         journal: MissionJournal | None = None,
-        properties: Mapping[str, float] = MappingProxyType({}),
-        executor: Executor | None = None,
         clock: MissionClock | None = None,
         watch: Watch | None = None,
-        mission: Mission | None = None,
-        open_survey: OpenSurvey | None = None,
         team: Team | None = None,
+        mission: Mission | None = None,
+        executor: Executor | None = None,
     ) -> None:
-        self.watch = watch or Watch()
-        self.team = team or Team()
-        self._watching = Watching(self.watch)
-        self._settings = settings
-        self._open_survey = open_survey
-        self._home = home
+        self.watch, self.team = watch or Watch(), team or Team()
+        self._watching, self._passing = Watching(self.watch), Passing(self.team)
+        settings = self._settings = setup.settings
+        self._open_survey, self._home = setup.open_survey, setup.home
         self._outputs = outputs
         self._clock = clock or MissionClock(outputs.now_s)
-        self._current = CurrentAccess(field, settings.motion, settings.access, self._home_name, self._use)
+        self._current = CurrentAccess(setup.field, settings.motion, settings.access, self._home_name, self._use)
         self._journal = journal or MissionJournal(None)
         self._interrupted = ""
         self._last_command = "", math.nan
-        self._has_place = False
-        self._resume_when_ready = False
-        self._start(mission or Mission(rules))
-        named = (PropertyMap(name, weight) for name, weight in properties.items())
-        self._queue = PlanningQueue(map_wait_s, (OWN, *named))
+        self._has_place = self._resume_when_ready = False
+        self._start(mission or Mission(setup.rules))
+        named = (PropertyMap(name, weight) for name, weight in (setup.properties or {}).items())
+        self._queue = PlanningQueue(setup.map_wait_s, (OWN, *named))
         self._planning = PlanningThread(outputs.wake, executor)
         self._choice: Choice | None = None
-        self._passing = Passing(self.team)
         self._learned = LearnedMotion(settings.motion, settings.learn_travel)
         self._record_stamp_s = self._shown_stamp_s = self._shown_place_s = -math.inf
         self.navigator = make_navigator(self.ended)
@@ -190,23 +172,13 @@ class MissionControl:
     def _start(self, mission: Mission) -> None:
         self._journal.keep(mission)
         self._mission = mission
-        journal = self._journal
         self.heard, self._came = Heard(), 0
         """What has come of the receiver."""
-        self._feed = MissionFeed(
-            mission,
-            self._carry_out,
-            lambda event: journal.note(mission, event),
-            self.watch.fix,
-            journal.secure,
-            self.watch.motion,
-            self.watch.places.sd_m,
-        )
+        self._feed = MissionFeed(mission, self._carry_out, self._journal, self.watch)
 
     def take_up(self, mission: Mission, auto: bool) -> None:
         """Go on with a mission that was interrupted; the robot does not move before somebody resumes it.
 
-        :param mission: the mission as it was
         :param auto: resume by itself, once all that is needed is there, unless it was paused until people resume
         """
         doing, stop = mission.state.phase, mission.state.target
@@ -220,8 +192,8 @@ class MissionControl:
         state = mission.state
         if state.goal is not None:
             self.navigator.cancel(state.goal.goal_id)  # the robot may still be driving there
-        elif state.under_way and state.counting is not None:
-            self.watch.places.stood((state.counting.x_m, state.counting.y_m), state.counting.sd_m, now_s)
+        elif state.under_way and (visit := state.counting) is not None:
+            self.watch.places.stood((visit.x_m, visit.y_m), visit.sd_m, now_s)
         elif state.under_way and state.position is not None:
             self.watch.places.stood(state.position, state.position_sd_m, now_s)
 
@@ -377,7 +349,10 @@ class MissionControl:
             "home": home,
             "until_sd": rules.until_sd,
             "until_gain": rules.until_gain,
-            **{name: _listed(value) for name, value in (changes.of_survey if changes else {}).items()},
+            **{
+                name: value if isinstance(value, str) else list(value)
+                for name, value in (changes.of_survey if changes else {}).items()
+            },
         }
 
     def hear(self, fix: Fix) -> None:
@@ -391,8 +366,7 @@ class MissionControl:
         why = self.heard.why_none()
         if why is None:
             return f"{self.heard.placed} came, none plausible so far"
-        told = why is not None and (self.heard.epochs or self.heard.other_type)
-        return why.message.removeprefix("has ") if why is not None and told else ""
+        return why.message.removeprefix("has ") if self.heard.epochs or self.heard.other_type else ""
 
     def fix(self, place: tuple[float, float], sd_m: float = math.nan, stamp_s: float = math.nan) -> None:
         """The receiver reports a place [m]; one that is not plausible is ignored.
@@ -736,7 +710,3 @@ class MissionControl:
             blacklisted = (*job.request.blacklisted, *sorted(not_free))
             job = replace(job, request=replace(job.request, blacklisted=blacklisted))
         self._planning.submit(job, Terms(state.started_s, access, settings, rules))
-
-
-def _listed(value: str | tuple[str, ...]) -> str | list[str]:
-    return value if isinstance(value, str) else list(value)

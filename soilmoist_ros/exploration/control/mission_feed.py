@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from threading import RLock
 
-from soilmoist_ros.exploration.guard.motion import Motion
+from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.events import (
     Action,
     Answer,
@@ -26,6 +26,7 @@ from soilmoist_ros.exploration.mission.events import (
     Publish,
     RecordArrived,
 )
+from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
@@ -50,26 +51,20 @@ class MissionFeed:
 
     :param mission: the mission
     :param carry_out: carries out an action; :class:`Answer` is left out, :meth:`command` gives it
-    :param note: called with each event before it is acted on, for a journal
-    :param locate: the robot's place by a measured one, ``None`` if that is not plausible; all are if left out
-    :param secure: makes sure that what was noted is on the disk; called before actions are carried out, other than
-        publishing, and at the end
-    :param motion: estimate of the motion by the located places; ``None`` for none
-    :param sd_m: standard deviation of a place by the one that the receiver states [m]
+    :param journal: has each event before it is acted on, and is on the disk before actions are carried out, other
+        than publishing, and at the end
+    :param watch: decides on measured places, and whether the robot stands; without one all places are plausible
     """
 
     def __init__(
         self,
         mission: Mission,
         carry_out: Callable[[Action], None],
-        note: Callable[[Event], None] | None = None,
-        locate: Callable[[PlaceFix], tuple[float, float] | None] = _anywhere,
-        secure: Callable[[], None] = lambda: None,
-        motion: Motion | None = None,
-        sd_m: Callable[[float], float] = float,
+        journal: MissionJournal,
+        watch: Watch | None = None,
     ) -> None:
         self.mission = mission
-        self._motion, self._sd_m = motion, sd_m
+        self._watch, self._journal = watch, journal
         self.place: tuple[float, float] | None = None
         self.place_s = -math.inf
         self.place_age_s = math.inf
@@ -79,9 +74,6 @@ class MissionFeed:
         self._fix_s = -math.inf
         self._fix_ages, self._record_ages = PlaceAges(), PlaceAges()
         self._carry_out = carry_out
-        self._note = note
-        self._locate = locate
-        self._secure = secure
         self._gathering = False
         self._publish: Publish | None = None
         self._events: deque[Event] = deque()
@@ -110,7 +102,7 @@ class MissionFeed:
             finally:
                 self._busy = False
             if not self._gathering:
-                self._secure()
+                self._journal.secure()
 
     def command(self, command: Command) -> Answer:
         """Ask the mission for something."""
@@ -145,7 +137,7 @@ class MissionFeed:
                 publish, self._publish = self._publish, None
                 self._try(publish)
             if not more:
-                self._secure()
+                self._journal.secure()
 
     def _record(self, now_s: float, record: CountRecord) -> None:
         self.record_s = now_s
@@ -167,18 +159,19 @@ class MissionFeed:
 
     def _moved(self, fix: PlaceFix, ages: PlaceAges) -> bool:
         age_s = ages.age_s(fix.now_s, fix.stamp_s)
-        place = self._locate(replace(fix, age_s=age_s))
+        fix, watch = replace(fix, age_s=age_s), self._watch
+        place = _anywhere(fix) if watch is None else watch.fix(fix)
         if place is None:
             return False
         self.place, self.place_s, self.place_age_s = place, fix.now_s, age_s
-        known_m = self._sd_m(fix.sd_m)
+        known_m = fix.sd_m if watch is None else watch.places.sd_m(fix.sd_m)
         sd_m = known_m if math.isfinite(known_m) else 0.0
-        if self._motion is None:
+        if watch is None:
             self.give(Moved(fix.now_s, *place, sd_m=sd_m))
         elif age_s > MAX_AGE_S:  # it shows where the robot was
             self.give(Moved(fix.now_s, *place, still_s=0.0, sd_m=sd_m))
         else:
-            standing = self._motion.standing(self.mission.rules.standstill_s)
+            standing = watch.motion.standing(self.mission.rules.standstill_s)
             self.give(Moved(fix.now_s, *place, standing.for_s, standing.unseen_mps, sd_m))
         return True
 
@@ -186,11 +179,10 @@ class MissionFeed:
         if isinstance(event, ClockStepped):
             self._fix_ages.clear()
             self._record_ages.clear()
-        if self._note is not None:
-            self._note(event)
+        self._journal.note(self.mission, event)
         actions = self.mission.step(event)
         if not all(isinstance(action, Answer | Publish) for action in actions):
-            self._secure()
+            self._journal.secure()
         for action in actions:
             if isinstance(action, Answer):
                 self._answers.append(action)

@@ -41,23 +41,18 @@ class Journal(Protocol):
 
     def append(self, kind: str, payload: Mapping[str, Any], *, durable: bool = True) -> int:
         """Write an entry; with ``durable`` it is safely on the disk afterwards."""
-        ...
 
     def sync(self) -> None:
         """Make sure that all entries are on the disk."""
-        ...
 
     def snapshot(self, state_json: str) -> None:
         """Write the state after all entries so far; they are on the disk afterwards."""
-        ...
 
     def turn_over(self, state_json: str) -> None:
         """Write the state, and begin anew; entries before may be deleted."""
-        ...
 
     def doubt(self) -> None:
         """An entry is missing, until the next snapshot."""
-        ...
 
 
 class MissionJournal:

@@ -38,32 +38,26 @@ class Navigator(Protocol):
     @property
     def waiting_for(self) -> str:
         """What is missing before goals can be sent; empty if nothing is."""
-        ...
 
     @property
     def other_client(self) -> str:
         """Who drives the robot instead of this planner, in words; empty if nobody is known to."""
-        ...
 
     @property
     def on_the_way(self) -> str:
         """What the navigation reports about the way, for displays; empty if nothing."""
-        ...
 
     @property
     def caution(self) -> str:
         """What the navigation cannot do now although the mission relies on it; empty if nothing."""
-        ...
 
     @property
     def feedback_age_s(self) -> float:
         """Time since the last feedback about the goal in progress [s]; nan without a goal or any feedback."""
-        ...
 
     @property
     def stop_unheard(self) -> bool:
         """True if the navigation may not have heard of a cancellation yet: a process that ends waits a moment."""
-        ...
 
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """Take the robot to a stop.
@@ -73,7 +67,6 @@ class Navigator(Protocol):
         :param way: the route, allowed by the fence: poses go to its corners as way points, names are sent as in
             ``way.nodes``, one after the other
         """
-        ...
 
     def cancel(self, goal_id: int) -> None:
         """Stop the robot.
@@ -81,18 +74,15 @@ class Navigator(Protocol):
         :param goal_id: also that of a mission before this process, ``ANYBODYS`` or ``FORGOTTEN``, see
             :class:`.CancelGoal`
         """
-        ...
 
     def moved(self, place: tuple[float, float], now_s: float, sd_m: float) -> None:
         """The robot is at this place [m], of this standard deviation [m], at this time of the mission [s]."""
-        ...
 
     def tick(self, now_s: float) -> None:
         """Check the navigation and its time limits; to be called several times a second.
 
         :param now_s: time of the mission [s]
         """
-        ...
 
 
 # The one place where goals change the frame ---------------------------------------------------------------------

@@ -29,7 +29,6 @@ from soilmoist_ros.exploration.strategies.registry import make_strategy
 from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import Field
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
@@ -90,15 +89,6 @@ def test_a_dwell_by_counts_is_expected_shorter_where_more_neutrons_arrive():
     assert at_900_hpa.expected_dwell_s == pytest.approx(0.42 * usual.expected_dwell_s)
 
 
-def test_before_the_first_map_the_nominal_rate_is_expected():
-    mapped = Property(FieldMap(GRID, FieldMapSettings(for_planning=True)))
-    new = Explorer(
-        [mapped], cell_stops(GRID), FreeTravel(RobotMotion()), make_strategy("lattice"), make_strategy("random"),
-        MissionRules(budget_s=7200, dwell=parse_dwell("ami:0.1")), np.random.default_rng(1), nominal_rate_cps=2.5,
-    )  # fmt: skip
-    assert new.situation(REQUEST, PLACE).expected_dwell_s == pytest.approx(100 / 2.5, rel=0.02)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("weather", [False, True])
 def test_the_simulator_plans_with_the_factors_of_its_records(weather):
@@ -148,23 +138,6 @@ def test_only_nodes_in_the_field_are_measured_at_but_others_are_home_and_way():
     assert [stop.name for stop in access.stops] == ["edge", "in"]
     assert access.stop("shed") == Stop("shed", -9.0, 0.0)
     assert np.isfinite(access.travel.travel_s((-9.0, 0.0), access.stops)).all()
-
-
-def test_a_map_of_another_place():
-    with pytest.raises(InputError, match=r"no node .* x 900 \.\. 905 m, .* 880 m away -> .* the field's datum"):
-        FieldAccess(field(), RobotMotion(), graph(("a", 900.0, 5.0), ("b", 905.0, 5.0)))
-
-
-def test_free_travel_have_a_stop_for_each_cell():
-    access = FieldAccess(field(), RobotMotion(), None)
-    assert len(access.stops) == 100
-    with pytest.raises(InputError, match="did you mean 'r0c"):
-        access.stop("r0c")
-
-
-def test_a_field_too_fine():
-    with pytest.raises(InputError, match="change the cell size"):
-        FieldAccess(field(1e-4), RobotMotion(), None)
 
 
 @pytest.mark.slow

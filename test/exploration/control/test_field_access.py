@@ -13,13 +13,13 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from stand_in import StandIn
 
 from rehearsal.cases import GRAPHS, OUTLINES, random_ground
 from soilmoist_ros.exploration.control.explorer import ExplorerSettings
 from soilmoist_ros.exploration.control.field_access import AccessRules, CurrentAccess, FieldAccess
-from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_control import MissionControl, MissionSetup
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
-from soilmoist_ros.exploration.guard.fenced_graph import Outside
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
@@ -181,17 +181,6 @@ def test_the_graph_is_entered_where_nothing_is_in_the_way():
         blocked.way((15.0, 36.0), Stop("b", 42.0, 36.0))
 
 
-def test_a_home_outside_needs_an_allowed_way():
-    shed = graph({**PLACES, "shed": (-20, 6)}, "a s t u b", "s shed")
-    assert FieldAccess(FIELD, RobotMotion(), shed, home="shed").home == Stop("shed", -20, 6)
-    with pytest.raises(InputError, match="the home shed"):
-        FieldAccess(FIELD, RobotMotion(), shed, AccessRules(outside=Outside.NEVER), home="shed")
-    with pytest.raises(InputError, match="there is no stop 'barn'"):
-        FieldAccess(FIELD, RobotMotion(), MAP, home="barn")
-    with pytest.raises(InputError, match="home"):
-        FieldAccess(FIELD, RobotMotion(), MAP, home="p")
-
-
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from(OUTLINES), st.sampled_from([*GRAPHS, None]), st.booleans())
@@ -230,10 +219,8 @@ def test_all_that_is_sent_is_inside(seed, outline, kind, by_name):
     assert sent or by_name or ground.graph is None or len(access.stops) < 2
 
 
-class Recorder:
+class Recorder(StandIn):
     """Navigator and outputs of a mission that stands still."""
-
-    waiting_for = on_the_way = ""
 
     def __init__(self, graph, place, home="", rules=RADIUS, strategy="random"):
         self.sent, self.time_s, self.reasons = [], 1000.0, []
@@ -248,7 +235,8 @@ class Recorder:
             budget_s=3600.0, dwell=parse_dwell("fmi:60"), warm_up_stops=1, backoff_s=0.0, standstill_s=0.0,
             arrival_radius_m=3.0, failures_to_pause=100,
         )  # fmt: skip
-        self.control = MissionControl(FIELD, chosen, mission, home, 20.0, lambda report: self, self)
+        setup = MissionSetup(field=FIELD, settings=chosen, rules=mission, home=home)
+        self.control = MissionControl(setup, self.navigator, self)
         self.control.use_graph(graph)
         for _ in range(8):
             self.time_s += 1.0
@@ -257,9 +245,6 @@ class Recorder:
     def go(self, goal_id, stop, way):
         self.goal_id = goal_id
         self.sent.append((stop, way))
-
-    def __getattr__(self, name):
-        return lambda *values: None
 
     def now_s(self):
         return self.time_s
@@ -341,21 +326,6 @@ def test_a_robot_in_another_part_of_the_map_uses_that_part(caplog):
     assert "no way that is allowed leads between i, where the robot stands" in answer.message
 
 
-def test_an_operator_may_not_measure_in_the_pond_or_go_home_to_it():
-    around = Recorder(None, (4.0, 35.0))
-    assert around.control.command(Verb.START).accepted
-    reply = around.control.request(OperatorRequest("measure", place=(30.0, 20.0)))
-    assert not reply.accepted
-    assert "it is in no-go area 1 at (30.0, 20.0)" in reply.message
-    assert around.control.request(OperatorRequest("measure", place=(10.0, 20.0))).accepted
-    posted = Recorder(graph({**PLACES, "shed": (-20, 6), "hut": (-20, 30)}, "a s t u b", "s shed"), (10.0, 20.0))
-    assert posted.control.command(Verb.START).accepted
-    assert not posted.control.request(OperatorRequest("change", home="hut")).accepted
-    assert posted.control.request(OperatorRequest("change", home="shed")).accepted
-    posted.sent.clear()
-    assert posted.control.request(OperatorRequest("return_home")).accepted
-
-
 # The access to a field follows its graph, cells, home and the robot; an error leaves it as it is ----------------
 
 
@@ -401,10 +371,3 @@ def test_the_part_of_the_map_is_looked_for_again_only_after_a_move():
     assert [len(access.stops) for access in around.used] == [5, 2]
     around.current.moved((30.0, 5.0), 3.0)
     assert [len(access.stops) for access in around.used] == [5, 2, 5]
-
-
-def test_a_map_that_comes_while_a_mission_is_paused_is_used_where_the_robot_stands():
-    around = Around()
-    parts = graph({**PLACES, "i": (3, 36), "j": (14, 36)}, "a s t u b", "i j")
-    around.current.use_graph(parts, (4.0, 35.0))
-    assert [stop.name for stop in around.current.access.stops] == ["i", "j"]

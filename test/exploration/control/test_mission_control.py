@@ -8,9 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from stand_in import StandIn
 
 from soilmoist_ros.exploration.control.explorer import ExplorerSettings
-from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_control import MissionControl, MissionSetup
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.guard.failsafes import WatchLimits
 from soilmoist_ros.exploration.guard.watch import Watch
@@ -34,7 +35,7 @@ def one_fix():
     return Watch(WatchLimits(place=PlaceLimits(first_fixes=1)))
 
 
-class Around:
+class Around(StandIn):
     """Robot, navigation, sensor, mapper and displays in one."""
 
     def __init__(
@@ -48,11 +49,8 @@ class Around:
         surveys=None,
         **rules,
     ):
-        self.time_s, self.goals, self.shown, self.saved, self.finished = 0.0, [], [], [], None
-        self.visits = []
-        self.waiting_for, self.on_the_way, self.caution, self.measured = "", "", "", []
-        self.other_client = ""
-        self.feedback_age_s = float("nan")
+        self.time_s, self.goals, self.shown, self.saved = 0.0, [], [], []
+        self.visits, self.measured = [], []
         square = np.array([[0, 0], [20, 0], [20, 20], [0, 20]], float)
         dwell, motion = parse_dwell(dwell), RobotMotion()
         settings = ExplorerSettings(strategy=strategy, preset="paper", seed=0, motion=motion)
@@ -69,23 +67,16 @@ class Around:
         )
         field = Field("square", LocalFrame(53.0, 0.0), square, (), 2.0)
         self.factor = factor
-        self.control = MissionControl(
-            field,
-            settings,
-            given,
-            home,
-            20.0,
-            self.navigator,
-            self,
+        setup = MissionSetup(
+            field=field,
+            settings=settings,
+            rules=given,
+            home=home,
             properties=dict(properties),
-            clock=MissionClock(self.now_s, steady, "boot"),
-            watch=one_fix(),
             open_survey=surveys and (lambda changes: surveys(changes, settings)),
         )
-
-    def navigator(self, report):
-        self.report = report
-        return self
+        clock = MissionClock(self.now_s, steady, "boot")
+        self.control = MissionControl(setup, self.navigator, self, clock=clock, watch=one_fix())
 
     # the navigator
 
@@ -94,12 +85,6 @@ class Around:
 
     def cancel(self, goal_id):
         self.goals.append((goal_id, None))
-
-    def moved(self, place, now_s, sd_m):
-        pass
-
-    def tick(self, now_s):
-        pass
 
     # the outputs
 
@@ -114,12 +99,6 @@ class Around:
 
     def save(self, reason):
         self.saved.append(reason)
-
-    def finish(self, finish):
-        self.finished = finish
-
-    def wake(self):
-        pass
 
     # the test
 
@@ -204,27 +183,6 @@ def test_it_starts_only_when_all_is_there():
         give()
     assert around.control.missing() == ()
     assert around.control.command(Verb.START).accepted
-
-
-def test_a_plan_waits_for_the_map():
-    around = Around()
-    around.begin()
-    around.arrive()
-    around.count()
-    assert around.status.phase is Phase.PLANNING
-    around.control.tick()
-    assert around.status.phase is Phase.PLANNING, "the map does not have the sample yet"
-    around.map()
-    around.planned()
-    assert around.status.phase is Phase.TRAVELLING
-    assert around.shown[-1][1][0] == around.status.target
-
-
-def test_a_map_that_does_not_fit_is_what_is_missing():
-    around = Around(home="nowhere")
-    with pytest.raises(InputError, match="no stop 'nowhere'"):
-        around.control.use_graph(None)
-    assert any("no stop 'nowhere'" in what for what in around.control.missing())
 
 
 def test_health_is_graver_in_mid_mission():
@@ -322,36 +280,6 @@ def test_the_planner_plans_on_the_cells_of_the_mappers_map():
     assert (stop.x_m % 4.0, stop.y_m % 4.0) == (2.0, 2.0), "the mapper was started again with other cells"
     with pytest.raises(InputError, match="cannot be gridded"):
         around.control.fit(None, 2.0, cell_m=1e-5)
-
-
-def test_a_robot_gives_way_to_one_that_counts_at_its_target():
-    around = Around(budget_s=3600.0)
-    around.begin()
-    around.control.other("/robot_2", replace(around.status, phase=Phase.COUNTING), goes_first=False)
-    assert around.status.phase is Phase.CANCELLING
-    assert "skipped because /robot_2" in around.status.reason
-
-
-def test_a_stop_that_is_being_counted_is_not_given_up():
-    around = Around(budget_s=3600.0)
-    around.begin()
-    target = around.goals[-1][1]
-    around.arrive()
-    around.control.other("/robot_1", replace(around.status, phase=Phase.TRAVELLING), goes_first=True)
-    assert around.status.phase is Phase.COUNTING
-    assert around.status.target == target
-
-
-def test_no_stop_of_another_robot_is_chosen():
-    around = Around(budget_s=3600.0)
-    around.begin()
-    there = replace(around.status, phase=Phase.TRAVELLING)
-    for number, stop in enumerate(stop for _, stop in list(around.goals)):
-        around.control.other(f"/robot_{number}", replace(there, target=stop))
-    with_others = Around(budget_s=3600.0)
-    with_others.control.other("/robot_1", there)
-    with_others.begin()
-    assert with_others.status.target != there.target, "the same seed draws the same stop, if it is free"
 
 
 def test_the_status_shows_places_of_the_last_seconds():

@@ -2,22 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Requests of an operator: what is refused and why, and what the others do in a whole planner without ROS."""
 
-import json
 import math
 from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from test_mission_control import Around
 
 from soilmoist_ros.exploration.control.explorer import ExplorerSettings
 from soilmoist_ros.exploration.control.field_access import FieldAccess
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode, RequestError, Requests
 from soilmoist_ros.exploration.mission.events import AlarmOver, Command, Moved, Tick
-from soilmoist_ros.exploration.mission.journal import MissionJournal, interrupted_mission
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import Alarm, MissionRules, Phase, Response, Verb
 from soilmoist_ros.exploration.mission.visit import VisitEnd
@@ -116,22 +112,6 @@ def test_a_dwell_that_a_single_stop_cannot_have(dwell):
 
 
 @pytest.mark.parametrize(
-    "polygon",
-    [
-        (),
-        ((1.0, 1.0), (5.0, 1.0)),
-        ((1.0, 1.0), (5.0, 1.0), (1.0, 1.0)),
-        ((1.0, 1.0), (5.0, 1.0), (math.nan, 4.0)),
-        ((1.0, 1.0), (5.0, 5.0), (5.0, 1.0), (1.0, 5.0)),
-        ((1.0, 1.0), (5.0, 1.0), (9.0, 1.0)),
-        ((101.0, 1.0), (105.0, 1.0), (105.0, 9.0)),
-    ],
-)
-def test_a_polygon_that_is_no_area_of_the_field(polygon):
-    refused(ReplyCode.BAD_POLYGON, verb="rule_out", polygon=polygon)
-
-
-@pytest.mark.parametrize(
     ("polygon", "words"),
     [
         (((101.0, 1.0), (105.0, 1.0), (105.0, 9.0)), "the polygon lies 81 m from the field"),
@@ -217,42 +197,10 @@ def test_a_requested_stop_comes_next_and_keeps_who_asked():
     assert around.status.phase is Phase.TRAVELLING, "the mission chooses by itself again"
 
 
-@pytest.mark.slow
-def test_no_stop_of_an_area_is_chosen_for_the_rest_of_the_mission():
-    around = Around(budget_s=3600.0)
-    around.begin()
-    half = ((-1.0, -1.0), (14.0, -1.0), (14.0, 21.0), (-1.0, 21.0))
-    assert ask(around, "rule_out", polygon=half).accepted
-    goals = len(around.goals)
-    assert around.status.ruled_out == (half,)
-    if around.goals[-1][1] is None:  # the target lay in the area
-        around.control.ended(around_end(around))
-        around.planned()
-    for _ in range(6):
-        measured(around)
-    chosen = [stop for _, stop in around.goals[goals:] if stop is not None]
-    assert len(chosen) >= 6
-    assert all(stop.x_m > 14.0 for stop in chosen)
-    assert around.control.request(OperatorRequest("measure", place=(5.0, 5.0))).code is ReplyCode.REFUSED
-
-
 def around_end(around):
     from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 
     return Ended(around.goals[-1][0], Outcome.CANCELED, "")
-
-
-def test_the_queue_is_ordered_and_dropped():
-    around = Around(budget_s=3600.0)
-    around.begin()
-    for x_m in (5.0, 10.0, 15.0):
-        assert ask(around, "measure", place=(x_m, 5.0)).accepted
-    assert not ask(around, "measure", place=(5.0, 5.0)).accepted, "it is in the queue already"
-    assert ask(around, "order", stops=("x15.0y5.0", "x5.0y5.0")).accepted
-    assert around.status.queue == ("x15.0y5.0", "x5.0y5.0")
-    assert ask(around, "order", stops=("x9.0y9.0",)).code is ReplyCode.UNKNOWN_STOP
-    assert ask(around, "order").accepted
-    assert around.status.queue == ()
 
 
 def test_changes_take_effect_at_the_next_plan():
@@ -284,18 +232,6 @@ def test_changes_take_effect_at_the_next_plan():
     around.arrive()
     assert "sent home by Ada" in around.finished.reason
     assert around.visits[-1].ended is VisitEnd.ENOUGH
-
-
-@pytest.mark.slow
-def test_a_strategy_goes_on_with_its_plan_when_another_setting_changes():
-    around = Around(budget_s=3600.0, strategy="lattice", warm_up_stops=0)
-    around.begin()
-    planned = around.shown[-1][1]
-    assert len(planned) > 3
-    assert ask(around, "change", home="r0c0", dwell="fmi:25").accepted
-    for stop in planned[:3]:
-        assert around.goals[-1][1] == stop
-        measured(around)
 
 
 @pytest.mark.slow
@@ -380,51 +316,18 @@ def test_what_is_refused_changes_nothing():
     assert around.control.settings == settings
 
 
-@pytest.mark.parametrize("when", ["no fix", "idle", "planning", "travelling", "counting", "paused", "returning"])
-def test_an_emergency_stop_from_every_state_lasts_until_an_operator_resumes(when):
-    around = Around(home="r9c9", budget_s=3600.0)
-    around.time_s = 1000.0
-    if when != "no fix":
-        around.control.use_graph(None)
-        around.control.fix((1.0, 1.0))
-    if when not in ("no fix", "idle"):
-        around.control.command(Verb.START)
-    if when not in ("no fix", "idle", "planning"):
-        around.planned()
-    if when == "counting":
-        around.arrive()
-    if when == "paused":
-        around.control.command(Verb.PAUSE)
-        around.control.ended(around_end(around))
-    if when == "returning":
-        ask(around, "return_home")
-        around.control.ended(around_end(around))
-    before, target = around.status.phase, around.status.target
-    place = (target.x_m, target.y_m) if when == "counting" else (1.0, 1.0)
+def test_an_emergency_stop_lasts_until_an_operator_resumes():
+    around = Around(budget_s=3600.0)
+    around.begin()
     around.control.emergency(True, "/emergency_stop")
-    driving = before in (Phase.TRAVELLING, Phase.RETURNING)
-    if driving:
-        assert around.goals[-1][1] is None, "the robot is stopped"
-        around.control.ended(around_end(around))
-    assert around.status.emergency
-    sent = len([stop for _, stop in around.goals if stop is not None])
-    for active in (True, False):
-        around.control.emergency(active, "/emergency_stop")
-        for _ in range(3):
-            around.time_s += 30.0
-            around.control.fix(place)
-            around.control.tick()
-            around.control.hand_on()
-        assert len([stop for _, stop in around.goals if stop is not None]) == sent
-        if active and when not in ("no fix", "idle"):
-            assert "emergency stop" in ask(around, "resume").message
-    assert not around.status.emergency
-    if when in ("no fix", "idle"):
-        assert around.status.phase is Phase.IDLE
-        return
+    assert around.goals[-1][1] is None, "the robot is stopped"
+    around.control.ended(around_end(around))
+    assert (around.status.phase, around.status.emergency) == (Phase.PAUSED, True)
+    assert "emergency stop" in ask(around, "resume").message
+    around.control.emergency(False, "/emergency_stop")
+    around.control.tick()
     assert around.status.phase is Phase.PAUSED
     assert ask(around, "resume").accepted
-    assert around.status.phase is (before if before is not Phase.PAUSED else Phase.TRAVELLING)
 
 
 def test_an_idle_mission_says_why_it_would_not_start():
@@ -473,72 +376,3 @@ def test_a_mission_to_resume_by_itself_does_not_if_people_have_paused_it(before)
 
 
 # Journal -----------------------------------------------------------------------------------------------------
-
-
-class Pages:
-    """A journal in memory, as JSON."""
-
-    def __init__(self):
-        self.state, self.events = None, []
-
-    def append(self, kind, payload, *, durable=True):
-        self.events.append(json.dumps(payload, allow_nan=False))
-        return len(self.events)
-
-    def doubt(self):
-        pass
-
-    def turn_over(self, state_json):
-        pass
-
-    def snapshot(self, state_json):
-        self.state, self.events = state_json, []
-
-
-metres = st.sampled_from([3.0, 5.0, 15.0, 1e3, math.nan])
-places = st.one_of(st.just(()), st.tuples(metres, metres))
-names = st.sampled_from(["x3.0y5.0", "x5.0y5.0", "x15.0y3.0", "r0c0", "nowhere"])
-CORNER = ((10.0, -1.0), (21.0, -1.0), (21.0, 6.0))
-asked = st.builds(
-    OperatorRequest, verb=st.sampled_from([*map(str, Verb), "dance"]), who=st.sampled_from(["", "Ada", "Bo"]),
-    place=places, dwell=st.sampled_from(["", "20", "fmi:40", "ami:0.1"]),
-    polygon=st.just(CORNER) | st.lists(st.tuples(metres, metres), max_size=4).map(tuple),
-    stops=st.lists(names, max_size=2).map(tuple), hours=st.sampled_from([0.0, 0.001, 2.0]),
-    strategy=st.sampled_from(["", "random", "gredy"]),
-    home=st.sampled_from(["", "r0c0", "nowhere"]),
-)  # fmt: skip
-
-
-@pytest.mark.slow
-@given(st.lists(st.tuples(asked, st.sampled_from([0.0, 7.5, 400.0])), max_size=12), st.integers(0, 12))
-def test_a_journal_restores_the_mission_bit_for_bit_after_any_requests(steps, kept):
-    pages, mission = Pages(), Mission(RULES)
-    journal = MissionJournal(pages)
-
-    def take(event):
-        journal.note(mission, event)
-        mission.step(event)
-
-    for event in (Moved(1000.0, 1.0, 1.0), Command(1000.0, Verb.START)):
-        take(event)
-    now_s = 1000.0
-    for number, (request, wait_s) in enumerate(steps):
-        now_s += wait_s
-        take(Tick(now_s))
-        now = Requests(FIELD, FREE, SETTINGS, mission.current_rules, mission.state)
-        try:
-            take(now.command(request, now_s))
-        except RequestError:
-            continue
-        if number == kept:
-            journal.keep(mission)
-    restored = interrupted_mission(RULES, pages.state, map(json.loads, pages.events))
-    if mission.state.under_way:
-        last_s = restored.state.now_s  # a tick without consequences is not written down
-        assert restored.state == replace(mission.state, now_s=last_s)
-        restored.step(Tick(now_s + 1.0))
-        mission.step(Tick(now_s + 1.0))
-        assert (restored.state, restored.status) == (mission.state, mission.status)
-        assert restored.current_rules == mission.current_rules
-    else:
-        assert restored is None

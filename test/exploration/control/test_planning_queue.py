@@ -41,15 +41,6 @@ def explorer():
     return make_explorer(access, settings, MissionRules(budget_s=3600.0, dwell=dwell))
 
 
-def test_before_the_first_measurement_nothing_is_waited_for():
-    queue = PlanningQueue(20.0)
-    assert queue.due(0.0, PLACE) is None
-    queue.ask(request(), 0.0)
-    assert queue.due(0.0, None) is None, "without a position nothing can be planned"
-    assert queue.due(0.0, PLACE).maps[0].samples is None
-    assert queue.due(1.0, PLACE) is None, "answered once"
-
-
 @pytest.mark.parametrize(("kind", "needs_fit"), [(PlanKind.EXPLORE, True), (PlanKind.WARM_UP, False)])
 def test_waits_until_the_map_has_what_was_measured(kind, needs_fit):
     queue = PlanningQueue(20.0)
@@ -77,14 +68,6 @@ def test_waits_no_longer_than_allowed():
     assert queue.due(121.0, PLACE).late
 
 
-def test_a_newer_request_replaces_the_older():
-    queue = PlanningQueue(20.0)
-    queue.ask(request(1), 0.0)
-    queue.ask(request(2), 1.0)
-    assert queue.due(1.0, PLACE).request.plan_id == 2
-    assert queue.due(1.0, PLACE) is None
-
-
 def test_the_answer_follows_the_map(explorer):
     planned = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True)
     assert isinstance(planned, Planned)
@@ -108,12 +91,6 @@ def test_the_map_follows_the_drift_that_came_with_the_variogram(explorer):
         (own,) = explorer.properties
         assert own.field_map.samples is SAMPLES
         assert own.field_map.soil_map.change == (Change() if each is None else each.change)
-
-
-def test_no_choice_says_why(explorer):
-    planned = answer(explorer, PlanJob(request(left_s=1.0), PLACE, (FOLLOWED,)), True)
-    assert planned.choice is None
-    assert "fits into the time" in planned.reason
 
 
 def test_exploring_without_a_map_fails_where_one_is_needed(explorer):
@@ -144,13 +121,6 @@ def test_what_other_robots_are_about_is_held_until_they_tell_of_something_else(e
     queue.ask(request(), 0.0)
     job = queue.due(0.0, PLACE)
     assert set(job.others) == {PendingMeasurement(3.0, 3.0, 60.0), PendingMeasurement(5.0, 3.0, 60.0)}
-
-
-def test_the_answer_keeps_away_from_other_robots(explorer):
-    alone = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,)), True).choice.stop
-    there = PendingMeasurement(alone.x_m, alone.y_m, 600.0)
-    with_others = answer(explorer, PlanJob(request(), PLACE, (FOLLOWED,), False, (there,)), True).choice.stop
-    assert np.hypot(with_others.x_m - alone.x_m, with_others.y_m - alone.y_m) > 2.0
 
 
 def held(queue, kind=PlanKind.EXPLORE, now_s=101.0):

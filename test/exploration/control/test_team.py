@@ -3,7 +3,6 @@
 """Pending measurements of other robots count as done, and no robot goes where another one is."""
 
 import math
-from concurrent.futures import Executor, Future
 from dataclasses import replace
 from itertools import combinations, permutations
 
@@ -11,13 +10,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stand_in import AtOnce, StandIn
 
 from soilmoist_ros.exploration.control.explorer import Explorer, ExplorerSettings
 from soilmoist_ros.exploration.control.field_access import AccessRules, cell_stops
-from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_control import MissionControl, MissionSetup
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest
-from soilmoist_ros.exploration.control.team import PendingMeasurement, Team, foreseen, pending_measurement, taken
+from soilmoist_ros.exploration.control.team import PendingMeasurement, Team, foreseen, pending_measurement
 from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.mission import Mission
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, PlanKind, Verb
@@ -97,18 +97,6 @@ def test_the_drift_of_the_map_is_that_of_what_is_to_come():
     assert (after.variance < before.variance).all()
 
 
-def test_without_a_map_only_the_places_are_known():
-    ahead = foreseen(field_map(known=False), [PendingMeasurement(16.25, 6.25, 400.0)])
-    assert ahead.kriging is None
-    np.testing.assert_array_equal(ahead.samples.xy, [(16.25, 6.25)])
-
-
-def test_places_within_half_a_cell_are_the_same():
-    xy = np.array([[0.0, 0.0], [2.4, 0.0], [2.6, 0.0]])
-    assert taken(xy, [PendingMeasurement(0.0, 0.0, 0.0)], 5.0).tolist() == [True, True, False]
-    assert not taken(xy, [], 5.0).any()
-
-
 def test_an_errand_is_what_a_status_leaves_to_count():
     idle = Mission(MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:300"))).status
     assert pending_measurement(idle) is None
@@ -140,16 +128,6 @@ def test_no_strategy_goes_where_another_robot_is(strategy, kind, targets, exposu
         assert {plan.choice.stop.name, *(stop.name for stop in plan.choice.ahead)} <= free
 
 
-@pytest.mark.slow
-def test_the_static_lattice_passes_over_a_place_that_is_taken():
-    alone = explorer("lattice").plan(request(), (2.5, 2.5)).choice
-    with_others = explorer("lattice")
-    stop = with_others.plan(
-        request(), (2.5, 2.5), [PendingMeasurement(alone.stop.x_m, alone.stop.y_m, 120.0)]
-    ).choice.stop
-    assert stop != alone.stop
-
-
 @pytest.mark.parametrize("strategy", ["greedy", "ivr", "gcb"])
 def test_a_second_robot_keeps_away_from_what_the_first_will_know(strategy):
     first = explorer(strategy).plan(request(), (15.0, 10.0)).choice.stop
@@ -163,26 +141,17 @@ def test_a_second_robot_keeps_away_from_what_the_first_will_know(strategy):
     assert nearness[1] > 4.0
 
 
-def test_robots_that_begin_together_do_not_all_go_to_the_middle():
-    middle = explorer("ivr", known=False).plan(request(PlanKind.WARM_UP), (0.0, 0.0)).choice.stop
-    other = explorer("ivr", known=False).plan(
-        request(PlanKind.WARM_UP), (0.0, 0.0), [PendingMeasurement(middle.x_m, middle.y_m, 60.0)]
-    ).choice.stop  # fmt: skip
-    assert np.hypot(other.x_m - middle.x_m, other.y_m - middle.y_m) >= 10.0
-
-
 BEGIN_S = 1.78e9
 APART_M = 2.0
 Y_M = 32.5
 
 
-class Robot:
+class Robot(StandIn):
     """A robot of a team at 1 m/s with its planner; it is navigator and outputs of its planner, too."""
 
     def __init__(self, name, place, graph=None):
         self.name, self.place, self.way, self.goal_id = name, place, [], None
-        self.heard, self.waiting_for, self.on_the_way, self.caution, self.other_client = True, "", "", "", ""
-        self.feedback_age_s, self.time_s, self.visits, self.log = math.nan, BEGIN_S, [], []
+        self.heard, self.time_s, self.visits = True, BEGIN_S, []
         square = np.array([[0, 0], [60, 0], [60, 60], [0, 60]], float)
         dwell = parse_dwell("fmi:60")
         settings = ExplorerSettings(
@@ -190,15 +159,15 @@ class Robot:
             access=AccessRules(robot_radius_m=0.5),
         )  # fmt: skip
         rules = MissionRules(budget_s=7200.0, dwell=dwell, warm_up_stops=0, speed_mps=1.0)
+        field, clock = (
+            Field("square", LocalFrame(53.0, 0.0), square, (), 5.0),
+            MissionClock(self.now_s, self.now_s, "boot"),
+        )
+        setup = MissionSetup(field=field, settings=settings, rules=rules, map_wait_s=0.0)
         self.control = MissionControl(
-            Field("square", LocalFrame(53.0, 0.0), square, (), 5.0), settings, rules, "", 0.0, self.navigator,
-            self, executor=AtOnce(), clock=MissionClock(self.now_s, self.now_s, "boot"), team=Team(APART_M),
-        )  # fmt: skip
+            setup, self.navigator, self, clock=clock, team=Team(APART_M), executor=AtOnce()
+        )
         self.control.use_graph(graph)
-
-    def navigator(self, report):
-        self.report = report
-        return self
 
     def go(self, goal_id, stop, way):
         self.goal_id, self.way = goal_id, [tuple(corner) for corner in way.corners[1:].tolist()]
@@ -213,11 +182,6 @@ class Robot:
 
     def visit(self, visit):
         self.visits.append(visit)
-
-    def show(self, status, ahead, more):
-        self.shown = status
-
-    moved = tick = save = finish = wake = lambda self, *_: None
 
     def second(self):
         self.time_s += 1.0
@@ -250,14 +214,6 @@ class Robot:
     @property
     def others(self):
         return next((part for part in self.control.health() if part.name == "others"), None)
-
-
-class AtOnce(Executor):
-    """Plans in the thread that asks."""
-
-    def submit(self, work, /, *args, **kwargs):
-        work(*args, **kwargs)
-        return Future()
 
 
 def together(robots, condition, limit_s=600, nearest_m=0.9 * APART_M):
@@ -357,17 +313,6 @@ def test_a_robot_that_falls_silent_is_lost_and_its_place_stays_taken_until_someb
     assert one.control.team.release_lost() == ["/robot_2"]
     assert not one.control.team.near(died)
     assert one.control.team.release_lost() == []
-
-
-def test_what_a_released_robot_was_to_count_is_released_with_it():
-    one, two = begun(Robot("/robot_1", (2.5, 30.0)), Robot("/robot_2", (30.0, 30.0)))
-    two.asked((47.5, 32.5))
-    together([one, two], lambda: two.place[0] > 38)
-    together([one], lambda: one.others is not None, 40)
-    assert one.control._queue._others
-    assert one.control.team.release_lost() == ["/robot_2"]
-    one.second()
-    assert not one.control._queue._others
 
 
 STATUS = Mission(MissionRules(budget_s=7200.0, dwell=parse_dwell("fmi:60"))).status

@@ -3,18 +3,17 @@
 """Each cause of trouble in a mission that drives through a simulated world, without ROS."""
 
 import math
-from concurrent.futures import Executor, Future
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from stand_in import AtOnce, StandIn
 
 from soilmoist_ros.exploration.control.explorer import ExplorerSettings
-from soilmoist_ros.exploration.control.mission_control import MissionControl
+from soilmoist_ros.exploration.control.mission_control import MissionControl, MissionSetup
 from soilmoist_ros.exploration.control.mission_feed import MissionClock
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, ReplyCode
-from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause, WatchLimits
+from soilmoist_ros.exploration.guard.failsafes import FAILSAFES, Cause
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.events import ANYBODYS
 from soilmoist_ros.exploration.mission.mission import Mission
@@ -33,15 +32,7 @@ BEGIN_S = 1.78e9
 STANDING = {Phase.PAUSED, Phase.IDLE, Phase.FINISHED}
 
 
-class AtOnce(Executor):
-    """Plans in the thread that asks."""
-
-    def submit(self, work, /, *args, **kwargs):
-        work(*args, **kwargs)
-        return Future()
-
-
-class Farm:
+class Farm(StandIn):
     """A square field and a robot at 1 m/s with all its devices; it is navigator and outputs too."""
 
     def __init__(self, watch=None, no_go=(), **rules):
@@ -54,19 +45,18 @@ class Farm:
         self.fixes = self.sensor = self.mapper = True
         self.quarantine = ""
         self.charge = math.nan
-        self.waiting_for, self.on_the_way, self.caution, self.moves = "", "", "", []
-        self.other_client = ""
-        self.feedback_age_s = math.nan
-        self.shown, self.finished, self.counted = None, None, []
+        self.moves, self.counted = [], []
         square = np.array([[0, 0], [100, 0], [100, 100], [0, 100]], float)
         dwell = parse_dwell("fmi:60")
         settings = ExplorerSettings(strategy="random", preset="paper", seed=1, motion=RobotMotion(1.0))
+        given = {"budget_s": 7200.0, "dwell": dwell, "warm_up_stops": 0, "speed_mps": 1.0, **rules}
         self.control = MissionControl(
-            Field("square", LocalFrame(53.0, 0.0), square, no_go, 5.0),
-            settings,
-            MissionRules(**{"budget_s": 7200.0, "dwell": dwell, "warm_up_stops": 0, "speed_mps": 1.0, **rules}),
-            "r0c0",
-            20.0,
+            MissionSetup(
+                field=Field("square", LocalFrame(53.0, 0.0), square, no_go, 5.0),
+                settings=settings,
+                rules=MissionRules(**given),
+                home="r0c0",
+            ),
             self.navigator,
             self,
             executor=AtOnce(),
@@ -76,10 +66,6 @@ class Farm:
         self.control.use_graph(None)
 
     # the navigator
-
-    def navigator(self, report):
-        self.report = report
-        return self
 
     def go(self, goal_id, stop, way):
         self.goal = goal_id, (stop.x_m, stop.y_m)
@@ -93,28 +79,10 @@ class Farm:
     def moved(self, place, now_s, sd_m):
         self.moves.append(place)
 
-    def tick(self, now_s):
-        pass
-
     # the outputs
 
     def now_s(self):
         return BEGIN_S + self.steady_s + self.stepped_s
-
-    def show(self, status, ahead, more):
-        self.shown = status
-
-    def visit(self, visit):
-        pass
-
-    def save(self, reason):
-        pass
-
-    def finish(self, finish):
-        self.finished = finish
-
-    def wake(self):
-        pass
 
     # the world
 
@@ -240,26 +208,6 @@ def test_a_fix_far_outside_that_runs_away_stops_the_robot_and_is_not_its_place(f
     goes_on(farm)
 
 
-def test_a_receiver_that_recovers_elsewhere_is_believed_after_a_while(farm):
-    farm.fix = lambda true: (true[0] + 30.0, true[1])
-    farm.run(lambda: "jump" in farm.alarms, 10)
-    farm.run(lambda: "jump" not in farm.alarms, 60)
-
-
-@pytest.mark.parametrize("away_m", [20.0, 500.0])
-def test_fixes_that_agree_on_another_place_wait_for_an_operator(farm, away_m):
-    farm.fix = lambda true: (true[0] + away_m, true[1])
-    farm.run(lambda: "relocated" in farm.alarms, 30)
-    assert farm.alarms["relocated"] is Response.PAUSE
-    farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
-    assert farm.status.needs_operator
-    farm.fix = lambda true: true
-    farm.run(lambda: not farm.alarms, 120)
-    assert farm.status.phase is Phase.PAUSED
-    assert farm.control.command(Verb.RESUME).accepted
-    goes_on(farm)
-
-
 def test_fixes_that_repeat_in_one_short_goal_after_the_other_are_frozen(farm):
     frozen, goals = farm.place, set()
     farm.fix = lambda true: frozen
@@ -316,15 +264,6 @@ def test_a_robot_outside_the_field_waits_for_an_operator(farm):
     goes_on(farm)
 
 
-def test_a_robot_that_is_too_fast_waits_for_an_operator(farm):
-    began_s = farm.steady_s
-    drifted = lambda time_s: 0.5 * time_s**2 if time_s < 4 else 4 * time_s - 8  # noqa: E731
-    farm.fix = lambda true: (true[0] + drifted(farm.steady_s - began_s), true[1])
-    farm.run(lambda: "speed" in farm.alarms, 10)
-    assert farm.alarms["speed"] is Response.PAUSE
-    assert farm.goal is None
-
-
 @pytest.mark.parametrize("lasts_s", [20.0, math.inf])
 def test_a_place_of_a_counting_robot_that_jumps_is_doubted_until_it_is_back_or_people_resume(farm, lasts_s):
     farm.run(lambda: farm.shown.phase is Phase.COUNTING, 200)
@@ -348,15 +287,6 @@ def test_a_place_of_a_counting_robot_that_jumps_is_doubted_until_it_is_back_or_p
     assert math.isinf(lasts_s) or math.dist((last.x_m, last.y_m), stood) < 0.1
 
 
-def test_without_fixes_and_places_of_records_the_robot_holds(farm):
-    farm.fixes = farm.sensor = False
-    farm.run(lambda: farm.alarms, 20)
-    assert farm.alarms == {"fix_old": Response.HOLD}
-    assert farm.goal is None
-    farm.fixes = farm.sensor = True
-    goes_on(farm)
-
-
 def test_without_records_it_warns(farm):
     farm.sensor = False
     farm.run(lambda: farm.alarms, 80)
@@ -364,26 +294,6 @@ def test_without_records_it_warns(farm):
     assert farm.health.level is Level.WARN
     farm.sensor = True
     goes_on(farm)
-
-
-def test_a_dead_mapper_shows(farm):
-    farm.mapper = False
-    farm.run(lambda: farm.alarms, 330)
-    assert farm.alarms == {"map_old": Response.WARN}
-    assert "check the mapper" in farm.health.message
-    farm.mapper = True
-    goes_on(farm)
-
-
-def test_a_navigation_that_goes_away_is_waited_for(farm):
-    farm.waiting_for = "the navigation /nav"
-    farm.run(lambda: farm.alarms, 20)
-    assert farm.alarms == {"navigation_silent": Response.HOLD}
-    farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
-    assert not farm.status.needs_operator
-    farm.waiting_for = ""
-    goes_on(farm)
-    assert farm.status.failures == 0
 
 
 @pytest.mark.parametrize("phase", [Phase.TRAVELLING, Phase.COUNTING])
@@ -402,14 +312,6 @@ def test_while_another_client_drives_the_planner_waits_for_people(farm, phase):
     assert farm.status.phase is Phase.PAUSED, "people resume"
     assert farm.control.command(Verb.RESUME).accepted
     goes_on(farm)
-
-
-def test_goals_carry_how_near_the_robot_must_come():
-    farm, reaches_m = Farm(), []
-    farm.go = lambda goal_id, stop, way: reaches_m.append(stop.reach_m)
-    farm.pass_by(3).control.command(Verb.START)
-    farm.run(lambda: reaches_m)
-    assert reaches_m == [3.0], "the arrival radius, where no other node is near"
 
 
 def test_a_low_battery_sends_the_robot_home(farm):
@@ -451,17 +353,6 @@ def test_the_way_home_is_reckoned_with_the_time_that_the_operator_gives():
     assert farm.status.ended is None
 
 
-def test_a_silent_battery_is_a_warning(farm):
-    farm.charge = 0.8
-    farm.pass_by(1)
-    farm.charge = math.nan
-    farm.pass_by(70)
-    assert farm.alarms == {"battery_silent": Response.WARN}
-    assert "the last one was 80%" in farm.health.message
-    farm.charge = 0.78
-    goes_on(farm)
-
-
 @pytest.mark.parametrize("heard", [0, 25], ids=["the first ones", "after others"])
 def test_records_of_long_ago_do_not_move_the_robot(farm, heard):
     """A driver that was killed sends what is missing of the way so far, before its receiver has its first fix."""
@@ -482,22 +373,6 @@ def test_records_of_long_ago_do_not_move_the_robot(farm, heard):
     assert alarms <= {"fix_old"}, "the place is not another one"
     assert not farm.status.needs_operator
     assert int(farm.health.values["fixes past"]) >= len(missing)
-
-
-def test_a_mismatch_of_frames_holds_until_it_is_over(farm):
-    farm.control.watch.report(Cause.FRAME_MISMATCH, "the pose is 3.1 m east of the fix")
-    farm.pass_by(1)
-    assert "3.1 m east" in stands_because_of(farm, Cause.FRAME_MISMATCH)
-    farm.control.watch.report(Cause.FRAME_MISMATCH, "")
-    goes_on(farm)
-
-
-@pytest.mark.parametrize("step_s", [-3600.0, 6 * 3600.0])
-def test_a_step_of_the_clock_is_noted_and_nothing_else(farm, step_s):
-    farm.stepped_s += step_s
-    farm.pass_by(1)
-    assert farm.alarms == {"clock_step": Response.WARN}
-    goes_on(farm)
 
 
 @pytest.mark.parametrize("wrong_s", [4000.0, -90_000.0])
@@ -539,13 +414,6 @@ def test_another_map_of_the_navigation_is_used_once_the_robot_stands(farm):
     goes_on(farm)
 
 
-def test_counts_of_another_frame_are_shown(farm):
-    farm.control.watch.note(Cause.COUNTS_FRAME, "1 points in frame 'odom' instead of 'map'")
-    farm.pass_by(1)
-    assert farm.alarms == {"counts_frame": Response.WARN}
-    goes_on(farm)
-
-
 def test_the_first_place_needs_more_than_one_fix():
     farm = Farm()
     farm.fixes = False
@@ -576,40 +444,6 @@ def test_without_a_position_it_is_said_what_came_instead():
     assert health().message == why
     assert f"a position ({why})" in control.missing()
     assert control.watch.fix_fault == "unknown whether there is a fix, status -2"
-
-
-def test_records_that_came_and_are_not_used_have_come():
-    control = Farm().control
-
-    def health():
-        return next(one.message for one in control.health() if one.name == "records")
-
-    assert health() == "none has come"
-    control.records([CountRecord(control._outputs.now_s(), 1.0, 1.0, 0.0, 5, 10.0, 10.0, quarantine="spike")])
-    assert health() == "1 came, all quarantined or with an impossible stamp"
-
-
-@pytest.mark.parametrize("response", [Response.WARN, Response.IGNORE])
-def test_a_response_can_be_weakened(response):
-    farm = Farm(Watch(WatchLimits(), {Cause.FRAME_MISMATCH: response})).begin()
-    farm.control.watch.report(Cause.FRAME_MISMATCH, "the pose is 3.1 m east of the fix")
-    farm.pass_by(20)
-    assert farm.status.phase in (Phase.TRAVELLING, Phase.COUNTING)
-    assert set(farm.alarms) == ({"frame_mismatch"} if response is Response.WARN else set())
-
-
-def test_a_robot_in_the_way_holds_the_mission_until_it_is_away(farm):
-    """More of "other_robot" is in test_team."""
-    ahead = tuple(a + 3.0 * (b - a) / farm.way_m for a, b in zip(farm.place, farm.goal[1], strict=True))
-    farm.control.team.apart_m = 2.0
-    there = replace(farm.status, phase=Phase.TRAVELLING, target=None, place=ahead)
-    for _ in range(2):
-        farm.control.other("/robot_2", there)
-        farm.second()
-    assert farm.alarms == {"other_robot": Response.HOLD}
-    farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
-    farm.control.other("/robot_2", replace(there, place=(90.0, 90.0)))
-    goes_on(farm)
 
 
 def test_alarms_of_a_mission_that_was_interrupted_end(farm):
@@ -800,12 +634,3 @@ def test_a_robot_that_moves_after_an_emergency_stop_is_stopped_again_without_a_m
     farm = Farm().pass_by(3)
     farm.control.emergency(True, "button")
     strays(farm, 0.4).run(lambda: "moving" in farm.alarms, 8)
-
-
-def test_people_may_drive_a_robot_before_its_mission():
-    assert strays(Farm(), 0.5).pass_by(60).alarms == {}
-
-
-def test_each_cause_is_tried_here():
-    tests = Path(__file__).read_text(encoding="utf-8")
-    assert [cause for cause in Cause if f'"{cause}"' not in tests and f"Cause.{cause.name}" not in tests] == []

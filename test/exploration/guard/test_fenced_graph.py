@@ -88,13 +88,6 @@ def test_a_robot_near_a_forbidden_node_is_not_sent():
         fenced.nodes_to_send((30, 11), Stop("s", 10, 6), 5.0)
 
 
-def test_a_robot_on_an_edge_may_be_sent_from_either_end():
-    fenced = FencedGraph(pond_map(), Fence(FIELD))
-    assert {fenced.whole.names[node] for node in fenced.origins((19.0, 6.3))} == {"s", "t"}
-    assert fenced.nodes_to_send((19.0, 6.3), Stop("u", 50, 6), 5.0) == ("u",)
-    assert fenced.nodes_to_send((19.0, 6.3), Stop("b", 50, 20), 5.0)[-1] == "b"
-
-
 def test_the_straight_way_to_the_first_node_is_validated_too():
     fenced = FencedGraph(graph({"a": (18, 6), "t": (50, 9)}, "a t"), Fence(FIELD))
     assert fenced.nodes_to_send((10, 6), Stop("t", 50, 9), 5.0) == ("t",)
@@ -158,14 +151,6 @@ def test_nodes_outside_are_the_way_home_only():
     assert {stop.name for stop in whole_way.stops} == {"a", "s", "t", "u", "b"}
 
 
-def test_a_robot_outside_gets_in_by_the_nodes_outside():
-    whole = graph({**AROUND, **SHED}, "a s t u b", "s gate shed")
-    assert set(FencedGraph(whole, Fence(FIELD), Outside.HOME).graph.names) == {"a", "s", "t", "u", "b"}
-    fenced = FencedGraph(whole, Fence(FIELD), Outside.HOME, place=(-19, 6))
-    assert {"gate", "shed"} < set(fenced.graph.names)
-    assert FencedGraph(whole, Fence(FIELD), Outside.NEVER, place=(-19, 6)).serves((-19, 6))
-
-
 def test_no_way_home_leads_through_a_no_go_area():
     ditch = np.array([[-8, -5], [-4, -5], [-4, 45], [-8, 45]], float)
     field = Field("ditch", FRAME, SQUARE, (POND, ditch))
@@ -175,11 +160,6 @@ def test_no_way_home_leads_through_a_no_go_area():
     one_way = graph({**AROUND, **SHED}, "a s t u b", one_way=["s gate", "gate shed"])
     with pytest.raises(InputError, match=r"the home shed, .* in the field; only the way from it is missing"):
         FencedGraph(one_way, Fence(FIELD), Outside.WAY, "shed")
-
-
-def test_a_map_in_a_pond():
-    with pytest.raises(InputError, match="outside its no-go areas"):
-        FencedGraph(graph({"p": (30, 20), "q": (35, 20)}, "p q"), Fence(FIELD))
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,6 @@ from soilmoist_ros.exploration.guard.robot_frames import (
     Transform,
     TransformTree,
     datum_text,
-    direction,
     parse_datum,
     yaw_rotation,
 )
@@ -96,13 +95,6 @@ def test_a_wrong_frame_stays_a_fault_until_it_is_seen_to_be_right():
     assert robot.fault == ""
 
 
-def test_a_wrong_frame_of_the_start_is_not_trusted_without_tf():
-    robot = frames()
-    _, now_s = drive(robot, PlaneMove(0.0, (12.0, 0.0)))
-    drive(robot, tf=False, steps=60, start_s=now_s + 1.0)
-    assert "12.0 m east" in robot.waiting_for
-
-
 def test_the_same_frame_agrees():
     robot = frames()
     drive(robot, steps=3)
@@ -122,12 +114,6 @@ def test_a_given_datum_agrees_and_gives_headings_in_the_field(yaw_deg):
     assert pose.yaw_rad == pytest.approx(0.0, abs=1e-3)
     assert robot.health(now_s).values["datum of the navigation"].startswith("52.0020000,13.0010000")
     assert robot.health(now_s).level is Level.OK
-
-
-def test_one_name_for_two_frames_is_a_warning():
-    robot = frames("52.002,13.001")
-    assert robot.health(0.0).level is Level.WARN
-    assert "map names two frames" in robot.health(0.0).message
 
 
 def test_the_datum_of_the_navigations_map():
@@ -163,19 +149,6 @@ def test_another_datum_of_a_later_map_is_a_fault_until_it_is_back():
         robot.take_map_datum(datum)
         assert robot.fault.endswith(fault)
         assert bool(robot.fault) == bool(fault)
-
-
-def test_a_map_of_another_datum_than_the_fields_is_a_fault_until_it_is_meant():
-    robot = frames()
-    robot.take_map_datum(LocalFrame(52.0, 13.0 + 100 / 68600))
-    assert "lies 100.1 m east of the field's: set navigation_datum: map" in robot.fault
-    robot.take_map_datum(LocalFrame(52.0, 13.0))
-    assert robot.fault == ""
-    robot.take_map_datum(LocalFrame(-52.0, -167.0))
-    assert "is not of this field" in robot.fault
-    meant = frames("52.002,13.001")
-    meant.take_map_datum(LocalFrame(52.5, 13.0))
-    assert meant.fault == ""
 
 
 @pytest.mark.parametrize(
@@ -239,19 +212,6 @@ def test_tf_that_ends_or_is_not_connected_is_named():
     assert apart.health(30.0).level is Level.WARN
 
 
-def test_a_delay_counts_only_while_the_robot_moves():
-    robot = frames()
-    for second in range(40):
-        place_m = 2.0 * min(second, 20)
-        x, y = (max(place_m - 6.0, 0.0) if second <= 20 else place_m), 0.0
-        robot.take_transforms([Transform("map", "base_link", (x, y, 0.0), stamp_s=second - 3.0)], float(second))
-        robot.take_fix(fix((place_m, 0.0), stamp_s=second), float(second))
-        if second == 19:
-            assert robot.fault == ""  # TF is 3 s late
-    assert robot.fault == ""
-    assert robot.health(46.0).message == "not checked: TF is 10 s old"  # by its stamp; it came 7 s ago
-
-
 def test_a_robot_is_where_its_base_is():
     arms = LeverArms(antenna_m=(0.8, 0.3))
     robot = frames(arms=arms)
@@ -261,18 +221,6 @@ def test_a_robot_is_where_its_base_is():
     by_course = frames(arms=arms)
     pose, _ = drive(by_course, arms=arms, tf=False)
     assert pose.place_m == pytest.approx((34.0, 10.0), abs=1e-2)
-
-
-def test_what_is_no_place_is_none():
-    robot = frames()
-    assert robot.take_fix(fix((0.0, 0.0), FixStatus.NO_FIX), 0.0) is None
-    assert robot.take_fix(Fix(0.0, Position(-52.0, -167.0), FixStatus.FIX), 0.0) is None
-    assert math.isnan(robot.take_fix(fix((0.0, 0.0)), 0.0).yaw_rad)
-
-
-def test_an_impossible_datum_is_refused():
-    with pytest.raises(InputError, match="navigation_datum"):
-        frames("somewhere")
 
 
 # Poses along a tree of transforms -------------------------------------------------------------------------------
@@ -306,17 +254,6 @@ def test_poses_follow_the_links_of_both_branches(first, second, third):
     assert math.cos(pose.yaw_rad - second[2] - third[2]) == pytest.approx(1.0)
     back = grown.pose("map", "base_link", 101.0)
     assert (back.x_m, back.y_m) == pytest.approx(tuple(np.linalg.inv(wanted)[:2, 2]), abs=1e-6)
-
-
-def test_siblings_meet_in_their_common_parent():
-    grown = tree(link("root", "a", 10.0, 0.0, math.pi / 2), link("root", "b", 10.0, 5.0))
-    pose = grown.pose("b", "a", 100.0)
-    assert (pose.x_m, pose.y_m, pose.yaw_rad) == pytest.approx((5.0, 0.0, -math.pi / 2))
-
-
-def test_a_rotation_of_any_length_counts():
-    scaled = Transform("map", "base_link", (1.0, 2.0, 0.0), (0.0, 0.0, 3.0, 3.0))
-    assert tree(scaled).pose("base_link", "map", 0.0).yaw_rad == pytest.approx(math.pi / 2)
 
 
 def test_the_age_is_that_of_the_oldest_link_that_is_not_static():
@@ -355,11 +292,6 @@ def test_what_is_not_connected_is_named():
     assert grown.gap("base_link", "map") == "TF does not connect base_link with map"
     assert grown.gap("base_footprint", "map") == "TF has no frame base_footprint"
     assert grown.gap("base_link", "utm") == "TF has no frame utm"
-
-
-def test_a_circle_of_frames_ends():
-    grown = tree(link("a", "b"), link("b", "c"), link("c", "a"))
-    assert grown.pose("b", "map", 0.0) is None
 
 
 # Agreement of TF and fixes: what is recovered, what it says, and what it does not mind --------------------------
@@ -408,20 +340,6 @@ def test_any_other_datum_is_recovered_from_a_drive_with_noise(east, north, yaw, 
     assert checked(loop(), move, again, noise_m=0.1, seed=seed)[1].agreement is Agreement.AGREE
 
 
-@given(st.floats(-1000, 1000), st.floats(-1000, 1000), turns)
-def test_a_known_move_agrees(east, north, yaw):
-    move = PlaneMove(yaw, (east, north))
-    assert checked(loop(), move, move)[1].agreement is Agreement.AGREE
-
-
-def test_a_turned_map_disagrees_once_the_robot_is_away_from_its_origin():
-    _, verdict = checked([(100.0, 0.0)] * 10, PlaneMove(math.radians(10.0)))
-    assert verdict.agreement is Agreement.DISAGREE
-    check, verdict = checked(loop(), PlaneMove(math.radians(10.0)))
-    assert verdict.message.endswith("52.4660000,12.9580000,-10.0000, which explains the shift")
-    assert check.fitted().yaw_rad == pytest.approx(math.radians(10.0))
-
-
 def test_bad_fixes_among_good_ones_have_no_effect():
     places = [*STANDING[:12], (5000.0, 5000.0), (math.nan, 0.0), (-80.0, 3.0)]
     check = FrameCheck(PLANE, 2.0)
@@ -463,21 +381,6 @@ def test_little_is_known_from_few_or_old_pairs():
     assert verdict.agreement is Agreement.AGREE
     assert check.verdict(100.0).agreement is Agreement.UNKNOWN
     assert check.fitted() is None  # it has not moved
-
-
-def test_a_clock_that_steps_back_starts_anew():
-    check, _ = checked(STANDING, PlaneMove(0.0, (30.0, 0.0)))
-    for second in range(-100, -90):
-        check.add(float(second), (0.0, 0.0), (0.0, 0.0))
-    assert check.verdict(-91.0).agreement is Agreement.AGREE
-
-
-@pytest.mark.parametrize(
-    ("offset", "word"),
-    [((1, 0), "east"), ((1, 1), "north-east"), ((-3, 0), "west"), ((0, -2), "south"), ((2, -2), "south-east")],
-)
-def test_directions(offset, word):
-    assert direction(*offset) == word
 
 
 @pytest.mark.parametrize("text", ["", "52.0", "north", "52,13,0,0", "95,13", "52,13,nan", "-52.466,-167.042"])

@@ -5,17 +5,14 @@
 import json
 from dataclasses import replace
 
-from soilmoist_ros.exploration.mission.events import Command, GoalReached, Moved, Planned, RecordArrived, Tick
+from soilmoist_ros.exploration.mission.events import Command, GoalReached, Moved, Planned, RecordArrived
 from soilmoist_ros.exploration.mission.journal import (
-    VISIT,
     MissionJournal,
     interrupted_mission,
     interrupted_records,
 )
 from soilmoist_ros.exploration.mission.mission import Mission
-from soilmoist_ros.exploration.mission.state import visit_from_dict
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
-from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
@@ -123,20 +120,6 @@ def test_the_records_of_a_further_property_do_not_touch_the_mission():
     assert found.state == mission.state
 
 
-def test_a_visit_in_the_journal_is_no_event_of_the_mission():
-    pages = Pages()
-    visit = Visit("east", 30.0, 0.5, 20.0, 60.0, 180, "far", records=6, ended=VisitEnd.ENOUGH)
-    MissionJournal(pages).visit(visit)
-    assert pages.kinds == [VISIT]
-    assert repr(visit_from_dict(pages.events[0])) == repr(visit)
-
-
-def test_nothing_was_under_way():
-    rules = travelling()[0].rules
-    assert interrupted_mission(rules, None, []) is None
-    assert interrupted_mission(rules, Mission(rules).snapshot(), []) is None
-
-
 def test_the_disk_is_synced_once_for_all_that_was_noted_and_not_for_places():
     mission, _ = travelling()
     pages = Pages()
@@ -166,16 +149,6 @@ def test_a_state_is_kept_only_if_more_than_the_records_at_the_stop_has_changed()
         journal.keep(mission)
     assert pages.snapshots == 2
     assert interrupted_mission(mission.rules, pages.state, pages.events).state == mission.state
-
-
-def test_ticks_are_written_down_only_when_something_is_due():
-    mission, _ = travelling()
-    pages = Pages()
-    journal = MissionJournal(pages)
-    journal.note(mission, Tick(mission.state.now_s))
-    assert not pages.events
-    journal.note(mission, Tick(mission.next_deadline_s))
-    assert len(pages.events) == 1
 
 
 def test_a_full_disk_does_not_stop_the_mission(caplog):

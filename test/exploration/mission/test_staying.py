@@ -3,7 +3,6 @@
 """The visit stays open while the next stop is chosen, and the planner may choose to count on."""
 
 import json
-import math
 
 import pytest
 from mission_driver import EAST, HOME, NORTH, Driver
@@ -87,18 +86,6 @@ def test_what_ends_the_planning_closes_the_visit_once(act, ended):
     assert (state.counting, state.target, state.samples) == (None, None, 1)
 
 
-def test_after_a_pause_the_next_stop_is_chosen_with_the_visit_closed():
-    driver = done().command("pause").command("resume")
-    assert driver.last(RequestPlan).staying == ""
-    assert driver.plan(NORTH).count_of(VisitDone) == 1
-
-
-def test_a_mission_goes_on_from_a_snapshot_while_the_visit_is_open():
-    driver = done()
-    driver.mission = Mission.restore(driver.mission.rules, driver.mission.snapshot())
-    assert driver.record().plan(NORTH).last(VisitDone).visit.records == 7
-
-
 def test_the_rest_of_the_time_is_counted_where_the_robot_stands():
     driver = done(budget_s=130.0)
     assert driver.phase is Phase.COUNTING
@@ -146,41 +133,12 @@ def test_from_a_new_home_the_old_way_home_does_not_matter():
     assert driver.send(Tick, after=300.0).phase is Phase.COUNTING
 
 
-def test_a_stop_that_has_become_too_far_is_not_driven_to():
-    driver = done().plan(NORTH, travel_s=math.inf)
-    assert driver.phase is Phase.COUNTING
-    assert driver.count_of(GoTo) == 1
-
-
-def test_changed_settings_end_the_counting_of_the_rest():
-    driver = done().plan(None)
-    plans = driver.count_of(RequestPlan)
-    driver.send(Command, Verb.CHANGE, changes=Changes(strategy="random"))
-    assert (driver.phase, driver.count_of(RequestPlan)) == (Phase.PLANNING, plans + 1)
-    assert driver.last(RequestPlan).staying == "east"
-
-
-def test_a_queued_stop_closes_the_visit_before_the_robot_leaves():
-    driver = done().send(Command, Verb.MEASURE, stop=NORTH)
-    assert driver.last(GoTo).stop == NORTH
-    assert driver.count_of(VisitDone) == 1
-
-
 def test_no_dwell_is_shorter_than_the_shortest():
     driver = Driver(min_dwell_s=90.0).counting()
     for _ in range(8):
         assert driver.record().phase is Phase.COUNTING
     assert driver.record().phase is Phase.PLANNING
     assert driver.last(VisitDone).visit.records == 9
-
-
-def test_a_visit_without_staying_closes_at_the_end_of_its_dwell():
-    driver = Driver().counting()
-    for _ in range(6):
-        driver.record()
-    assert driver.count_of(VisitDone) == 1
-    assert driver.last(RequestPlan).staying == ""
-    assert driver.mission.state.target is None
 
 
 def test_a_robot_pushed_away_counts_nothing_at_the_stop():

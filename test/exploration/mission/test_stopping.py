@@ -86,14 +86,6 @@ def test_the_noise_of_the_fixes_decides_whether_the_robot_stands_and_what_it_hid
     assert "a motion below 0.5 m/s would not show in the noise" in driver.reason
 
 
-def test_a_standstill_may_be_longer_than_the_noise_is_judged():
-    driver = Driver(standstill_s=90.0, cancel_limit_s=1000.0).travelling().command("pause")
-    driver.send(GoalFailed, 1, "cancelled").send(Moved, 5.0, 0.0, 0.0)
-    for _ in range(6):
-        assert driver.send(Moved, 5.0, 0.0, 60.0, after=5.0).phase is Phase.CANCELLING
-    assert driver.send(Moved, 5.0, 0.0, 60.0, after=5.0).phase is Phase.PAUSED
-
-
 def test_a_robot_that_moves_without_a_goal_is_stopped_again_with_each_alarm():
     driver = Driver(standstill_s=4.0).counting().record()
     for number in range(1, 4):
@@ -188,13 +180,6 @@ def test_waits_double_with_each_failure_in_a_row():
     driver.fail_goal()
     assert driver.phase is Phase.PAUSED
     assert driver.mission.status.needs_operator
-
-
-@pytest.mark.parametrize("verb", ["pause", "abort", "skip"])
-def test_an_operator_is_heard_in_a_wait(verb):
-    driver = Driver(backoff_s=60.0).travelling().fail_goal().command(verb)
-    assert driver.answer.accepted
-    assert driver.phase in (Phase.PAUSED, Phase.IDLE, Phase.PLANNING)
 
 
 # Dangers
@@ -302,13 +287,6 @@ def test_two_dangers_hold_until_both_are_over():
     assert driver.send(AlarmOver, "fix").phase is Phase.COUNTING
 
 
-def test_no_start_into_a_danger():
-    driver = Driver().send(Moved, 0.0, 0.0).send(*danger(Response.PAUSE)).command("start")
-    assert not driver.answer.accepted
-    assert "12 m outside" in driver.answer.message
-    assert driver.send(AlarmOver, "place").command("start").answer.accepted
-
-
 # Emergency stop
 
 
@@ -334,12 +312,6 @@ def test_every_emergency_stop_must_be_released():
     driver.send(EmergencyStop, False, "left").command("resume")
     assert not driver.answer.accepted
     assert driver.send(EmergencyStop, False, "right").command("resume").answer.accepted
-
-
-def test_an_emergency_stop_of_an_idle_robot_forbids_the_start():
-    driver = Driver().send(Moved, 0.0, 0.0).send(EmergencyStop, True, "button").command("start")
-    assert not driver.answer.accepted
-    assert driver.phase is Phase.IDLE
 
 
 @pytest.mark.parametrize("missions", [0, 1])

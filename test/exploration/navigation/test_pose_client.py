@@ -39,12 +39,6 @@ def test_arrives_when_it_has_stood_there():
     assert drive(client, [(10.0, 0.0)] * 20, 16.0) == []
 
 
-def test_standing_elsewhere_is_no_arrival():
-    client = make()
-    client.go(1, TO_GOAL)
-    assert drive(client, [(6.0, 0.0)] * 60) == []
-
-
 def test_already_there_needs_no_pose():
     client = make()
     drive(client, [(9.5, 0.2)] * 8)
@@ -99,13 +93,6 @@ def test_a_robot_that_drives_on_is_stopped_again_where_it_is_then():
     assert drive(client, [(2.0 + x, 0.0) for x in range(1, 5)], 3.0) == [SendPose(6.0, 0.0, 0.0)]
 
 
-def test_one_bad_fix_does_not_send_the_robot_away():
-    client = make()
-    client.go(1, TO_GOAL)
-    drive(client, [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), FAR])
-    assert client.cancel(1) == (SendPose(2.0, 0.0, 0.0),)
-
-
 def test_without_a_plausible_place_nothing_is_published_until_there_is_one():
     client = make()
     client.go(1, TO_GOAL)
@@ -149,14 +136,6 @@ def test_cancelling_before_the_first_position_and_of_an_earlier_process():
     assert drive(client, [(4.0, 4.0)] * 2) == []
     assert drive(client, [(4.0, 4.0)], 2.0) == [SendPose(4.0, 4.0, 0.0)]
     assert [end.goal_id for end in drive(client, [(4.0, 4.0)] * 5, 3.0)] == [7]
-
-
-def test_a_new_goal_ends_the_one_before():
-    client = make()
-    client.go(1, TO_GOAL)
-    assert client.go(2, TO_GOAL) == (
-        Ended(1, Outcome.CANCELED, "replaced by another goal"), SendPose(10.0, 0.0, 0.0),
-    )  # fmt: skip
 
 
 @given(st.lists(st.tuples(st.floats(-20, 20), st.floats(-20, 20)), max_size=40), st.integers(0, 10))

@@ -21,10 +21,6 @@ def test_one_or_two_positions_are_no_place():
     assert track((1.0, 1.0), (1.0, 1.0), (1.2, 1.0)).place == (1.2, 1.0)
 
 
-def test_three_that_do_not_agree_are_none_either():
-    assert track((1.0, 1.0), (50.0, 1.0), (1.0, 1.0)).place is None
-
-
 def test_a_jump_is_left_out_however_often_it_is_repeated():
     far = [(2000.0, 0.0)] * 10
     made = track((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), *far)
