@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -18,8 +19,7 @@ from soilmoist_ros.exploration.mission.state import MissionState
 from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD, Changes, MissionRules, Verb
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, parse_dwell
 from soilmoist_ros.exploration.strategies.registry import make_strategy, warm_up
-from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.exploration.travel.travel import GraphTravel
+from soilmoist_ros.exploration.travel.stop import Stop, stops_xy
 from soilmoist_ros.foundation import InputError, did_you_mean, listing
 from soilmoist_ros.mapping import Field, require_no_go
 
@@ -95,6 +95,18 @@ class RequestError(InputError):
         self.code = code
 
 
+@contextmanager
+def _refused(code: ReplyCode) -> Iterator[None]:
+    """Errors of the input become those of a request."""
+    try:
+        yield
+    except RequestError:
+        raise
+    except InputError as error:
+        first = error.mistakes[0]
+        raise RequestError(code, first.message, first.remedy) from None
+
+
 @dataclass(frozen=True)
 class Requests:
     """Turns requests into commands."""
@@ -108,37 +120,23 @@ class Requests:
     def command(self, request: OperatorRequest, now_s: float) -> Command:
         """The command of a request.
 
-        :param now_s: time of the command [s]
         :raises RequestError: if something in the request is missing or impossible
         """
-        verbs = [str(verb) for verb in Verb]
+        verbs = [*map(str, Verb)]
         if request.verb not in verbs:
             remedy = f"use one of: {', '.join(verbs)}{did_you_mean(request.verb, verbs)}"
             raise RequestError(ReplyCode.UNKNOWN_VERB, f"there is no verb {request.verb!r}", remedy)
         command = Command(now_s, Verb(request.verb), who=request.who.strip())
-        details: dict[Verb, Callable[[OperatorRequest, Command], Command]] = {
-            Verb.MEASURE: self._measure,
-            Verb.RULE_OUT: self._rule_out,
-            Verb.ORDER: self._order,
-            Verb.CHANGE: self._change,
-        }
-        add = details.get(command.verb)
-        return command if add is None else add(request, command)
-
-    def _measure(self, request: OperatorRequest, command: Command) -> Command:
-        given = (request.place, request.geographic_place, request.stops)
-        if sum(map(bool, given)) != 1 or len(request.stops) > 1:
-            remedy = "give one of: place as [x, y], geographic_place as [latitude, longitude], one name in stops"
-            raise RequestError(ReplyCode.BAD_PLACE, "measure needs one place", remedy)
-        access = self._known_access()
-        stop = (
-            self._named(access, request.stops[0]) if request.stops else self._stop_at(access, self._place(request))
-        )
-        position = self.state.position
-        if position is not None and not math.isfinite(access.travel.travel_s(position, [stop])[0]):
-            message = f"no route leads from the robot at ({position[0]:.1f}, {position[1]:.1f}) to {stop.name}"
-            raise RequestError(ReplyCode.BAD_PLACE, message, "choose another place")
-        return replace(command, stop=stop, dwell_s=self._dwell_s(request.dwell))
+        match command.verb:
+            case Verb.MEASURE:
+                return replace(command, stop=self._stop(request), dwell_s=self._dwell_s(request.dwell))
+            case Verb.RULE_OUT:
+                return replace(command, polygon=self._polygon(request))
+            case Verb.ORDER:
+                return replace(command, stops=self._order(request.stops))
+            case Verb.CHANGE:
+                return replace(command, changes=self._changes(request))
+        return command
 
     def _known_access(self) -> FieldAccess:
         if self.access is None:
@@ -146,27 +144,46 @@ class Requests:
             raise RequestError(ReplyCode.REFUSED, message, "wait for the map of the navigation")
         return self.access
 
+    def _stop(self, request: OperatorRequest) -> Stop:
+        """The stop to measure at: by name, or a place; on a graph that is the node there."""
+        given = (request.place, request.geographic_place, request.stops)
+        if sum(map(bool, given)) != 1 or len(request.stops) > 1:
+            remedy = "give one of: place as [x, y], geographic_place as [latitude, longitude], one name in stops"
+            raise RequestError(ReplyCode.BAD_PLACE, "measure needs one place", remedy)
+        access, place = self._known_access(), self.state.position
+        if not request.stops:
+            stop = self._stop_at(access, self._place(request))
+        elif (named := next((one for one in access.stops if one.name == request.stops[0]), None)) is not None:
+            stop = named
+        else:
+            names = [one.name for one in access.stops]
+            remedy = f"use one of the {len(names)} stops inside the field{did_you_mean(request.stops[0], names)}"
+            message = f"there is no stop {request.stops[0]!r} to measure at"
+            raise RequestError(ReplyCode.UNKNOWN_STOP, message, remedy)
+        if place is not None and not math.isfinite(access.travel.travel_s(place, [stop])[0]):
+            message = f"no route leads from the robot at ({place[0]:.1f}, {place[1]:.1f}) to {stop.name}"
+            raise RequestError(ReplyCode.BAD_PLACE, message, "choose another place")
+        return stop
+
     def _place(self, request: OperatorRequest) -> Place:
         """The place that was asked for [m]."""
-        name = "place" if request.place else "geographic_place"
-        given = request.place or request.geographic_place
-        if len(given) != 2 or not all(map(math.isfinite, given)):
-            what = "[x, y] in metres" if request.place else "[latitude, longitude] in degrees"
-            raise RequestError(ReplyCode.BAD_PLACE, f"{name} is {list(given)}", f"give {what}")
+        given, name, form, highest = request.place, "place", "[x, y] in metres", (math.inf, math.inf)
+        if not given:
+            given, name, highest = request.geographic_place, "geographic_place", (90.0, 180.0)
+            form = "the latitude (-90 .. 90) first, then the longitude (-180 .. 180), in degrees"
+        if len(given) != 2 or not all(
+            math.isfinite(value) and abs(value) <= high for value, high in zip(given, highest, strict=True)
+        ):
+            raise RequestError(ReplyCode.BAD_PLACE, f"{name} is {list(given)}", f"give {form}")
         if request.place:
             return given[0], given[1]
-        if abs(given[0]) > 90 or abs(given[1]) > 180:
-            remedy = "give the latitude (-90 .. 90) first, then the longitude (-180 .. 180)"
-            raise RequestError(ReplyCode.BAD_PLACE, f"{name} is {list(given)}", remedy)
-        x_m, y_m = self.field.frame.to_local(given[0], given[1])[0]
-        return float(x_m), float(y_m)
+        x_m, y_m = self.field.frame.to_local(given[0], given[1])[0].tolist()
+        return x_m, y_m
 
     def _stop_at(self, access: FieldAccess, place: Place) -> Stop:
-        """A stop at a place: for free travel the place itself, on a graph the node there."""
-        refusal = access.fence.refusal(place)
-        if refusal:
+        if refusal := access.fence.refusal(place):
             raise RequestError(ReplyCode.BAD_PLACE, f"the place cannot be used: {refusal}", "choose one inside")
-        if not isinstance(access.travel, GraphTravel):
+        if not access.on_graph:
             return Stop(f"x{place[0]:.1f}y{place[1]:.1f}", *place)
         nearest = min(access.stops, key=lambda stop: math.dist(place, (stop.x_m, stop.y_m)))
         away_m = math.dist(place, (nearest.x_m, nearest.y_m))
@@ -175,113 +192,85 @@ class Requests:
             raise RequestError(ReplyCode.BAD_PLACE, message, f"measure there: stops: [{nearest.name}]")
         return nearest
 
-    def _named(self, access: FieldAccess, name: str) -> Stop:
-        for stop in access.stops:
-            if stop.name == name:
-                return stop
-        names = [stop.name for stop in access.stops]
-        message = f"there is no stop {name!r} to measure at"
-        remedy = f"use one of the {len(names)} stops inside the field{did_you_mean(name, names)}"
-        raise RequestError(ReplyCode.UNKNOWN_STOP, message, remedy)
-
     def _dwell_s(self, text: str) -> float | None:
-        """Fixed time of a stop [s]; ``None`` for the mission's rule."""
+        """Fixed time of a stop [s], given as seconds or ``fmi:SECONDS``; ``None`` for the mission's rule."""
         if not text.strip():
             return None
         longest_s = self.rules.dwell.longest_s
-        try:
-            seconds = float(text)
-        except ValueError:
-            rule = self._rule(text)
-            if not isinstance(rule, FixedInterval):
-                message = f"a single stop needs a fixed time, not {text!r}"
-                raise RequestError(ReplyCode.BAD_DWELL, message, "give seconds, such as 120") from None
-            seconds = rule.interval_s
-        if not 1.0 <= seconds <= longest_s:
-            message = f"a dwell of {seconds:g} s is not possible"
-            raise RequestError(ReplyCode.BAD_DWELL, message, f"give 1 .. {longest_s:g} s")
-        return seconds
+        with _refused(ReplyCode.BAD_DWELL):
+            rule = parse_dwell(text if ":" in text or text.isalpha() else f"fmi:{text}", longest_s)
+        if not (isinstance(rule, FixedInterval) and 1.0 <= rule.interval_s <= longest_s):
+            remedy = f"give 1 .. {longest_s:g} seconds, such as 120"
+            raise RequestError(ReplyCode.BAD_DWELL, f"a single stop cannot have the dwell {text!r}", remedy)
+        return rule.interval_s
 
-    def _rule(self, text: str) -> object:
-        try:
-            return parse_dwell(text, self.rules.dwell.longest_s)
-        except InputError as error:
-            first = error.mistakes[0]
-            raise RequestError(ReplyCode.BAD_DWELL, first.message, first.remedy) from None
-
-    def _rule_out(self, request: OperatorRequest, command: Command) -> Command:
+    def _polygon(self, request: OperatorRequest) -> tuple[Place, ...]:
         import shapely
 
         corners = list(dict.fromkeys(request.polygon))
         if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
             message = f"the polygon has {len(corners)} different corners, or one is not a number"
             raise RequestError(ReplyCode.BAD_POLYGON, message, "give three corners or more in metres")
-        try:
+        with _refused(ReplyCode.BAD_POLYGON):
             require_no_go(np.array(corners), "the polygon", self.field.polygon, self.field.frame)
-        except InputError as error:
-            first = error.mistakes[0]
-            raise RequestError(ReplyCode.BAD_POLYGON, first.message, first.remedy) from None
         area = shapely.Polygon(corners)
-        if self.access is not None and not any(
-            shapely.intersects_xy(area, stop.x_m, stop.y_m) for stop in self.access.stops
-        ):
+        if self.access is not None and not shapely.intersects_xy(area, stops_xy(self.access.stops)).any():
             west, south, east, north = area.bounds
             message = f"no stop lies in the polygon (x {west:.0f} .. {east:.0f} m, y {south:.0f} .. {north:.0f} m)"
             remedy = "give metres east and north of the field's datum"
             raise RequestError(ReplyCode.BAD_POLYGON, message, remedy)
-        return replace(command, polygon=tuple(corners))
+        return tuple(corners)
 
-    def _order(self, request: OperatorRequest, command: Command) -> Command:
+    def _order(self, stops: tuple[str, ...]) -> tuple[str, ...]:
         queue = [queued.stop.name for queued in self.state.queue]
-        for name in request.stops:
-            if name not in queue:
-                message = f"{name!r} is not in the queue, which has {listing(queue) or 'no stop'}"
-                remedy = f"name stops of the queue{did_you_mean(name, queue)}, or add one with measure"
-                raise RequestError(ReplyCode.UNKNOWN_STOP, message, remedy)
-        if len(set(request.stops)) < len(request.stops):
-            message = f"a stop is named twice: {listing(request.stops)}"
-            raise RequestError(ReplyCode.UNKNOWN_STOP, message, "name each stop once")
-        return replace(command, stops=request.stops)
+        unknown = [name for name in stops if name not in queue or stops.count(name) > 1]
+        if unknown:
+            message = f"{unknown[0]!r} is named twice or not in the queue, which has {listing(queue) or 'no stop'}"
+            remedy = f"name stops of the queue once{did_you_mean(unknown[0], queue)}, or add one with measure"
+            raise RequestError(ReplyCode.UNKNOWN_STOP, message, remedy)
+        return stops
 
-    def _change(self, request: OperatorRequest, command: Command) -> Command:
+    def _changes(self, request: OperatorRequest) -> Changes:
+        rule, strategy = None, request.strategy
+        if request.dwell:
+            with _refused(ReplyCode.BAD_DWELL):
+                rule = str(parse_dwell(request.dwell, self.rules.dwell.longest_s))
+        if strategy:
+            with _refused(ReplyCode.BAD_SETTING):
+                make_strategy(strategy, self.settings.preset)
+        self._check_numbers(request)
         changes = Changes(
-            budget_s=self._budget_s(request.hours) if request.hours else None,
-            dwell=str(self._rule(request.dwell)) if request.dwell else None,
-            strategy=request.strategy or None,
+            budget_s=request.hours * 3600 if request.hours else None,
+            dwell=rule,
+            strategy=strategy or None,
             target=self._target(request.target) if request.target else None,
             home=self._home(request.home) if request.home else None,
-            warm_up_stops=self._warm_up_stops(request.strategy) if request.strategy else None,
-            until_sd=self._limit("until_sd", request.until_sd),
-            until_gain=self._limit("until_gain", request.until_gain),
+            warm_up_stops=warm_up(strategy, self.settings.preset)[0] if strategy else None,
+            until_sd=request.until_sd,
+            until_gain=request.until_gain,
             field=request.field or None,
             earlier=request.earlier,
             covariates=request.covariates,
         )
         if changes == Changes():
-            remedy = (
-                "give hours, dwell, strategy, target, home, until_sd, until_gain, field, earlier or covariates"
-            )
+            remedy = "give one of the settings, such as hours, dwell, strategy, target, home, until_sd or field"
             raise RequestError(ReplyCode.BAD_SETTING, "there is nothing to change", remedy)
-        return replace(command, changes=changes)
+        return changes
 
-    def _budget_s(self, hours: float) -> float:
-        if not (math.isfinite(hours) and hours > 0):
-            raise RequestError(ReplyCode.BAD_SETTING, f"hours is {hours:g}", "give a number of hours above 0")
-        used_s = self.state.time_used_s if self.state.under_way else 0.0
-        if hours * 3600 <= used_s:
-            message = f"hours is {hours:g}, and {used_s / 3600:.2f} h are used already"
-            remedy = "give the time from the start of the mission, or use return_home or abort"
-            raise RequestError(ReplyCode.BAD_SETTING, message, remedy)
-        return hours * 3600
-
-    def _limit(self, name: str, value: float | None) -> float | None:
-        if value is not None and not (math.isfinite(value) and value >= 0):
-            remedy = "give a number above 0, or 0 for no such end"
-            raise RequestError(ReplyCode.BAD_SETTING, f"{name} is {value:g}", remedy)
-        if name == "until_sd" and value is not None and value > MAX_UNTIL_SD:
-            remedy = f"it is not in percent: write {value / 100:g}"
-            raise RequestError(ReplyCode.BAD_SETTING, f"{name} is {value:g}", remedy)
-        return value
+    def _check_numbers(self, request: OperatorRequest) -> None:
+        used_h = self.state.time_used_s / 3600 if self.state.under_way else 0.0
+        used = f"{used_h:.2f} h are used already: give the time from the start, or use return_home or abort"
+        for name, value, above, remedy in (
+            ("hours", request.hours, 0.0, "give a number of hours above 0"),
+            ("hours", request.hours or math.inf, math.nextafter(used_h, math.inf), used),
+            ("until_sd", request.until_sd, 0.0, "give a number above 0, or 0 for no such end"),
+            ("until_gain", request.until_gain, 0.0, "give a number above 0, or 0 for no such end"),
+        ):
+            if value is not None and not above <= value:
+                raise RequestError(ReplyCode.BAD_SETTING, f"{name} is {value:g}", remedy)
+        if request.until_sd is not None and request.until_sd > MAX_UNTIL_SD:
+            remedy = f"it is not in percent: write {request.until_sd / 100:g}"
+            raise RequestError(ReplyCode.BAD_SETTING, f"until_sd is {request.until_sd:g}", remedy)
 
     def _target(self, target: str) -> str:
         if target not in TARGETS:
@@ -293,18 +282,5 @@ class Requests:
         return target
 
     def _home(self, home: str) -> Stop:
-        try:
+        with _refused(ReplyCode.UNKNOWN_STOP):
             return self._known_access().with_home(home, self.state.position).stop(home)
-        except RequestError:
-            raise
-        except InputError as error:
-            first = error.mistakes[0]
-            raise RequestError(ReplyCode.UNKNOWN_STOP, first.message, first.remedy) from None
-
-    def _warm_up_stops(self, strategy: str) -> int:
-        try:
-            make_strategy(strategy, self.settings.preset)
-        except InputError as error:
-            first = error.mistakes[0]
-            raise RequestError(ReplyCode.BAD_SETTING, first.message, first.remedy) from None
-        return warm_up(strategy, self.settings.preset)[0]

@@ -93,7 +93,7 @@ from soilmoist_ros.exploration.mission.types import (
 from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.exploration.planning.dwell import DwellRule, parse_dwell
 from soilmoist_ros.exploration.planning.forecast import SOON_S, Forecast
-from soilmoist_ros.exploration.travel.stop import Stop, inside_any, is_polygon
+from soilmoist_ros.exploration.travel.stop import Stop, inside_any
 from soilmoist_ros.foundation import InputError
 
 MOVED_S: Final = 3.0
@@ -139,7 +139,7 @@ class Mission:
     def __init__(self, rules: MissionRules, state: MissionState | None = None) -> None:
         self.rules = rules
         self.state = state if state is not None else MissionState()
-        self._last = Step(rules, self.state)
+        self._last = _Step(rules, self.state)
 
     def step(self, event: Event) -> tuple[Action, ...]:
         """Take in an event; see :func:`step`."""
@@ -186,12 +186,12 @@ def step(rules: MissionRules, state: MissionState, event: Event) -> tuple[Missio
     return taken.state, tuple(taken.actions)
 
 
-def _taken(rules: MissionRules, state: MissionState, event: Event) -> Step:
+def _taken(rules: MissionRules, state: MissionState, event: Event) -> _Step:
     """A step that has been done."""
     if not math.isfinite(event.now_s):
         raise ValueError(f"the time of an event must be finite, got {event!r}")
     now_s = event.now_s if state.now_s is None else max(state.now_s, event.now_s)
-    taken = Step(rules, state if now_s == state.now_s else replace(state, now_s=now_s))
+    taken = _Step(rules, state if now_s == state.now_s else replace(state, now_s=now_s))
     taken.handle(event)
     taken.meet_deadlines()
     if shown(taken.state) != shown(state):
@@ -199,56 +199,41 @@ def _taken(rules: MissionRules, state: MissionState, event: Event) -> Step:
     return taken
 
 
-class Step:
-    """One step of a mission: the state so far, the requested actions, and all that a mission can do.
-
-    :param rules: rules of the mission
-    :param state: the state at the time of the step
-
-    Attributes
-    ----------
-    now_s : float
-        time of this step [s], NaN before the first
-    """
+class _Step:
+    """One step of a mission: the state so far, the requested actions, and all that a mission can do."""
 
     def __init__(self, rules: MissionRules, state: MissionState) -> None:
         self.rules = rules if state.changes is None else changed_rules(rules, state.changes)
         self.given_rules = rules
         self.state = state
-        self.now_s = math.nan if state.now_s is None else state.now_s
+        self.now_s = math.nan if state.now_s is None else state.now_s  # NaN before the first
         self.actions: list[Action] = []
 
     def do(self, action: Action) -> None:
-        """Ask for an action."""
         self.actions.append(action)
 
     @property
     def place(self) -> Place:
-        """Where the robot is [m]."""
         assert self.state.position is not None, "a mission does not start without a position"
         return self.state.position
 
     @property
     def goal(self) -> Goal:
-        """The open goal."""
         assert self.state.goal is not None
         return self.state.goal
 
     @property
     def target(self) -> Target:
-        """The stop that was chosen."""
         assert self.state.target is not None
         return self.state.target
 
     @property
     def counting(self) -> OpenVisit:
-        """The visit that is open."""
         assert self.state.counting is not None
         return self.state.counting
 
     @property
     def started_s(self) -> float:
-        """Start of the mission [s]."""
         assert self.state.started_s is not None
         return self.state.started_s
 
@@ -265,7 +250,6 @@ class Step:
     # Events --------------------------------------------------------------------------------------------------
 
     def handle(self, event: Event) -> None:
-        """Take in an event, then do what follows from it in this phase."""
         kind = type(event)
         if (take := ALWAYS.get(kind)) is not None:
             take(self, event)
@@ -409,7 +393,6 @@ class Step:
                 self.travel(travel_s, f"going to {choice.stop.name}{after_colon(choice.reason)}")
 
     def goal_over(self, _event: GoalReached | GoalFailed) -> None:
-        """The goal that is being cancelled has ended."""
         self.state = replace(self.state, goal=replace(self.goal, over=True))
         self.stopped()
 
@@ -437,7 +420,6 @@ class Step:
     # Dangers -------------------------------------------------------------------------------------------------
 
     def alarm(self, alarm: Alarm) -> None:
-        """The guard has found a danger."""
         others = tuple(other for other in self.state.alarms if other.cause != alarm.cause)
         known = next((other for other in self.state.alarms if other.cause == alarm.cause), None)
         if alarm.response is Response.IGNORE:
@@ -451,7 +433,6 @@ class Step:
             self.respond(alarm.response, alarm.reason)
 
     def respond(self, response: Response, reason: str) -> None:
-        """Do what a danger demands."""
         resume = self.to_resume
         paused = self.state.phase is Phase.PAUSED or self.state.todo is Todo.PAUSE
         match response:
@@ -465,7 +446,6 @@ class Step:
                 self.abandon(MissionEnd.FAILSAFE, reason)
 
     def alarm_over(self, event: AlarmOver) -> None:
-        """A danger is over."""
         alarms = tuple(alarm for alarm in self.state.alarms if alarm.cause != event.cause)
         self.state = replace(self.state, alarms=alarms)
         self.release()
@@ -488,7 +468,6 @@ class Step:
     # Commands ------------------------------------------------------------------------------------------------
 
     def start(self, _command: Command) -> Done:
-        """Start a new mission."""
         state = self.state
         if state.phase not in (Phase.IDLE, Phase.FINISHED):
             return False, f"a mission is under way ({state.phase}): resume or abort it"
@@ -503,7 +482,6 @@ class Step:
         return True, self.state.reason
 
     def pause(self, command: Command) -> Done:
-        """Stop, until an operator resumes."""
         state = self.state
         if state.phase is Phase.PAUSED or state.todo is Todo.PAUSE:
             own = command.who == RESTART and (state.held or state.interrupted)
@@ -518,7 +496,6 @@ class Step:
         return True, self.state.reason
 
     def resume(self, command: Command) -> Done:
-        """Go on after a pause."""
         resume = self.state.resume
         if resume is None:
             return False, f"nothing is paused: {self.state.reason}"
@@ -542,7 +519,6 @@ class Step:
         return True, self.state.reason
 
     def skip(self, command: Command) -> Done:
-        """Leave the stop, and rule it out for a while."""
         target = self.state.target
         if target is None:
             return False, f"there is no stop to skip: {self.state.reason}"
@@ -561,18 +537,14 @@ class Step:
             self.then(Todo.PLAN, reason)
 
     def measure(self, command: Command) -> Done:
-        """Put a place into the queue of stops."""
         stop, queue, dwell_s = command.stop, self.state.queue, command.dwell_s
-        if stop is None or not (math.isfinite(stop.x_m) and math.isfinite(stop.y_m)):
-            return False, "there is no place to measure at: give x and y in metres"
+        assert stop is not None
         if not self.state.under_way or self.to_resume in (None, Todo.RETURN):
             return False, f"no mission is measuring: {self.state.reason}"
         if stop.name in {queued.stop.name for queued in queue}:
             return False, f"{stop.name} is in the queue already"
         if inside_any(self.state.ruled_out, xy(stop))[0]:
             return False, f"{stop.name} lies in an area that is ruled out"
-        if dwell_s is not None and not (math.isfinite(dwell_s) and dwell_s > 0):
-            return False, f"a dwell of {dwell_s:g} s is not possible: give seconds above 0"
         queued = QueuedStop(stop, command.by, "" if dwell_s is None else f"fmi:{dwell_s:g}")
         self.state = replace(self.state, queue=(*queue, queued))
         self.plan_again(f"{stop.name} requested by {command.by}")
@@ -582,10 +554,6 @@ class Step:
     def rule_out_area(self, command: Command) -> Done:
         """Choose no stop in an area; driving through it stays allowed."""
         corners = command.polygon
-        if len(corners) < 3 or not all(math.isfinite(value) for corner in corners for value in corner):
-            return False, f"an area needs at least three corners in metres, got {len(corners)}"
-        if not is_polygon(corners):
-            return False, "the border of the area crosses itself or encloses nothing: give the corners in order"
         kept = tuple(queued for queued in self.state.queue if not inside_any([corners], xy(queued.stop))[0])
         self.state = replace(self.state, ruled_out=(*self.state.ruled_out, corners), queue=kept)
         target = self.state.target
@@ -596,7 +564,6 @@ class Step:
         return True, f"no stop is chosen in the area; {self.state.reason}"
 
     def order(self, command: Command) -> Done:
-        """Put the queued stops in order, and drop those left out."""
         queued = {one.stop.name: one for one in self.state.queue}
         unknown = [name for name in command.stops if name not in queued]
         if unknown or len(set(command.stops)) < len(command.stops):
@@ -606,7 +573,6 @@ class Step:
         return True, f"queued: {', '.join(command.stops) or 'nothing'}"
 
     def change(self, command: Command) -> Done:
-        """Change settings from now on."""
         new = command.changes
         if new is None or new == Changes():
             return False, "there is nothing to change"
@@ -630,7 +596,6 @@ class Step:
         return True, f"changed: {', '.join(f'{name} {_plain(value)}' for name, value in values.items())}"
 
     def return_home(self, command: Command) -> Done:
-        """Stop measuring, go home and end."""
         resume = self.to_resume
         if self.rules.home is None:
             return False, "there is no home: set one, or abort"
@@ -833,16 +798,13 @@ class Step:
             self.plan(reason)
 
     def needed_s(self, stop: Stop, travel_s: float, home_s: float) -> float:
-        """Time for a stop and the way home from it [s]."""
         return travel_s + self.rules.needed_dwell_s + self.rules.way_home_s(xy(stop), home_s)
 
     def fits(self, stop: Stop, travel_s: float, home_s: float = 0.0) -> bool:
-        """True if the time left suffices for a stop and the way home from it."""
         return self.needed_s(stop, travel_s, home_s) <= self.left_s and self.now_s < self.leave_by_s()
 
     @property
     def left_s(self) -> float:
-        """Rest of the budget [s]."""
         return self.rules.budget_s - self.state.time_used_s
 
     def travel(self, travel_s: float, reason: str) -> None:
@@ -856,7 +818,6 @@ class Step:
             self.end(MissionEnd.TIME_UP, reason)
 
     def send(self, phase: Phase, stop: Stop, travel_s: float, reason: str) -> None:
-        """Send the robot somewhere."""
         assert self.state.goal is None, "a goal is sent only after the one before has ended"
         limit_s = self.rules.goal_time_factor * travel_s + self.rules.goal_time_margin_s
         goal = Goal(self.state.goals + 1, stop, self.now_s + limit_s)
@@ -920,12 +881,10 @@ class Step:
     # Counting -------------------------------------------------------------------------------------------------
 
     def arrive(self, place: Place | None = None) -> None:
-        """The robot is at its stop: count there."""
         now_s, sd_m = self.now_s, self.state.position_sd_m
         self.count(OpenVisit(*(place or self.place), arrived_s=now_s, since_s=now_s, heard_s=now_s, sd_m=sd_m))
 
     def count(self, counting: OpenVisit) -> None:
-        """Count from now on."""
         self.state = replace(self.state, counting=counting)
         self.enter(Phase.COUNTING, self.counting_reason())
         expected_s = dwell_rule(self.rules, self.state).expected_s(raw_rate(self.state))
@@ -1024,7 +983,6 @@ class Step:
         return counting.records
 
     def visit(self, target: Target, counting: OpenVisit, code: VisitEnd, reason: str) -> Visit:
-        """The visit of a stop."""
         return Visit(
             name=target.stop.name,
             x_m=counting.x_m,
@@ -1082,7 +1040,7 @@ class Step:
 
     # Deadlines -----------------------------------------------------------------------------------------------
 
-    def next_deadline(self) -> tuple[float, Callable[[Step], None] | None]:
+    def next_deadline(self) -> tuple[float, Callable[[_Step], None] | None]:
         """Time at which the mission acts without an event [s], the first of equals, and what it does then."""
         times = ((time_s(self), act) for time_s, act in DEADLINES.get(self.state.phase, ()))
         return min(times, key=itemgetter(0), default=(math.inf, None))
@@ -1113,25 +1071,6 @@ class Step:
         """Time when the sensor counts as silent [s]; never again once that is reported."""
         return math.inf if self.counting.silent else self.counting.heard_s + self.rules.silence_limit_s
 
-    def plan_deadline_s(self) -> float:
-        """Time when the plan is late [s]."""
-        assert self.state.plan is not None
-        return self.state.plan.deadline_s
-
-    def goal_deadline_s(self) -> float:
-        """Time when the goal is late [s]."""
-        return self.goal.deadline_s
-
-    def cancel_deadline_s(self) -> float:
-        """Time when to cancel the goal again [s]."""
-        assert self.goal.cancelled_s is not None
-        return self.goal.cancelled_s + self.rules.cancel_limit_s
-
-    def wait_deadline_s(self) -> float:
-        """Time when the wait after a failure is over [s]."""
-        assert self.state.wait_until_s is not None
-        return self.state.wait_until_s
-
     def end_of_wait_s(self) -> float:
         """Time when the time is up in a wait [s]; never on the way home."""
         return math.inf if self.state.todo is Todo.RETURN else self.leave_by_s()
@@ -1148,7 +1087,6 @@ class Step:
         return self.leave_by_s()
 
     def time_up(self) -> None:
-        """Only the time for the way home is left."""
         away = self.rules.way_home_s(self.place) > 0
         reason = "the time left is needed for the way home" if away else "the mission time is used up"
         self.end(MissionEnd.TIME_UP, reason)
@@ -1162,19 +1100,6 @@ class Step:
         self.leave_stop(VisitEnd.TIME_UP, reason)
         self.state = replace(self.state, ending=reason, ended=MissionEnd.TIME_UP, returns=0)
         self.hold(Todo.RETURN, f"{reason}: resume to go home, or abort")
-
-    def plan_late(self) -> None:
-        """The planner did not answer in time."""
-        self.fail(Todo.PLAN, f"no plan within {self.rules.plan_limit_s:.0f} s")
-
-    def goal_late(self) -> None:
-        """The robot did not arrive in time."""
-        self.failed_on_way("it took too long")
-
-    def waited(self) -> None:
-        """The wait after a failure is over."""
-        assert self.state.todo is not None
-        self.carry_out(self.state.todo, self.state.cause)
 
     def cancel_late(self) -> None:
         """The navigation did not report the end of a cancelled goal, or the robot is not known to stand."""
@@ -1196,11 +1121,9 @@ class Step:
         self.enter(Phase.CANCELLING, f"{self.state.cause}; {doubt}: asked {goal.requests} times to stop{remedy}")
 
     def dwell_late(self) -> None:
-        """The dwell rule did not end counting in time."""
         self.complete(VisitEnd.MAX_DWELL, f"the longest dwell of {self.rules.dwell.longest_s:.0f} s is over")
 
     def silence(self) -> None:
-        """No record counted for this stop for some time."""
         limit_s = self.rules.silence_limit_s
         reason = f"no record from this stop for {limit_s:.0f} s: check the logger and the position"
         match self.rules.on_silence:
@@ -1215,59 +1138,79 @@ class Step:
 
 # The tables --------------------------------------------------------------------------------------------------
 
-ALWAYS: Final[dict[type[Event], Callable[[Step, Any], None]]] = {
-    RecordArrived: Step.record_arrived,
+ALWAYS: Final[dict[type[Event], Callable[[_Step, Any], None]]] = {
+    RecordArrived: _Step.record_arrived,
     Moved: lambda step, e: step.locate((e.x_m, e.y_m), e.sd_m, e.still_s, e.unseen_mps),
     GoalReached: lambda step, e: step.locate((e.x_m, e.y_m), step.state.position_sd_m),
     Command: lambda step, e: step.do(Answer(e.verb, *COMMANDS[e.verb](step, e))),
-    Alarm: Step.alarm,
-    AlarmOver: Step.alarm_over,
-    EmergencyStop: Step.emergency,
+    Alarm: _Step.alarm,
+    AlarmOver: _Step.alarm_over,
+    EmergencyStop: _Step.emergency,
     ClockStarted: lambda step, e: _set(step, boot=e.boot, steady_offset_s=e.offset_s),
     ClockStepped: lambda step, e: _set(step, stamp_offset_s=step.state.stamp_offset_s + e.step_s),
 }
 """What events do in every phase; a :class:`Tick` only meets deadlines."""
 
-IN_PHASE: Final[dict[tuple[type[Event], Phase], Callable[[Step, Any], None]]] = {
-    (Planned, Phase.PLANNING): Step.planned,
+IN_PHASE: Final[dict[tuple[type[Event], Phase], Callable[[_Step, Any], None]]] = {
+    (Planned, Phase.PLANNING): _Step.planned,
     (PlanFailed, Phase.PLANNING): lambda step, e: step.fail(Todo.PLAN, f"planning failed: {e.reason}"),
-    (GoalReached, Phase.TRAVELLING): Step.goal_reached,
-    (GoalReached, Phase.RETURNING): Step.goal_reached,
-    (GoalReached, Phase.CANCELLING): Step.goal_over,
-    (GoalFailed, Phase.TRAVELLING): Step.goal_failed,
-    (GoalFailed, Phase.RETURNING): Step.goal_failed,
-    (GoalFailed, Phase.CANCELLING): Step.goal_over,
+    (GoalReached, Phase.TRAVELLING): _Step.goal_reached,
+    (GoalReached, Phase.RETURNING): _Step.goal_reached,
+    (GoalReached, Phase.CANCELLING): _Step.goal_over,
+    (GoalFailed, Phase.TRAVELLING): _Step.goal_failed,
+    (GoalFailed, Phase.RETURNING): _Step.goal_failed,
+    (GoalFailed, Phase.CANCELLING): _Step.goal_over,
 }
 """What answers to plan requests and goals do in addition, in the phase that waits for them."""
 
-COMMANDS: Final[dict[Verb, Callable[[Step, Command], Done]]] = {
-    Verb.START: Step.start,
-    Verb.PAUSE: Step.pause,
-    Verb.RESUME: Step.resume,
-    Verb.ABORT: Step.abort,
-    Verb.SKIP: Step.skip,
-    Verb.MEASURE: Step.measure,
-    Verb.RULE_OUT: Step.rule_out_area,
-    Verb.ORDER: Step.order,
-    Verb.CHANGE: Step.change,
-    Verb.RETURN: Step.return_home,
+COMMANDS: Final[dict[Verb, Callable[[_Step, Command], Done]]] = {
+    Verb.START: _Step.start,
+    Verb.PAUSE: _Step.pause,
+    Verb.RESUME: _Step.resume,
+    Verb.ABORT: _Step.abort,
+    Verb.SKIP: _Step.skip,
+    Verb.MEASURE: _Step.measure,
+    Verb.RULE_OUT: _Step.rule_out_area,
+    Verb.ORDER: _Step.order,
+    Verb.CHANGE: _Step.change,
+    Verb.RETURN: _Step.return_home,
 }
 """What operators may ask for."""
 
-DEADLINES: Final[dict[Phase, tuple[tuple[Callable[[Step], float], Callable[[Step], None]], ...]]] = {
-    Phase.PLANNING: ((Step.leave_by_s, Step.time_up), (Step.plan_deadline_s, Step.plan_late)),
-    Phase.TRAVELLING: ((Step.leave_by_s, Step.time_up), (Step.goal_deadline_s, Step.goal_late)),
-    Phase.COUNTING: (
-        (Step.leave_by_s, Step.time_up),
-        (Step.longest_dwell_s, Step.dwell_late),
-        (Step.silence_s, Step.silence),
+_Deadline = tuple[Callable[[_Step], float], Callable[[_Step], None]]
+"""A time when a mission acts without an event [s], and what it does then."""
+_GOAL_LATE: Final[_Deadline] = (
+    lambda step: step.goal.deadline_s,
+    lambda step: step.failed_on_way("it took too long"),
+)
+DEADLINES: Final[dict[Phase, tuple[_Deadline, ...]]] = {
+    Phase.PLANNING: (
+        (_Step.leave_by_s, _Step.time_up),
+        (
+            lambda step: step.state.plan.deadline_s if step.state.plan else math.inf,
+            lambda step: step.fail(Todo.PLAN, f"no plan within {step.rules.plan_limit_s:.0f} s"),
+        ),
     ),
-    Phase.WAITING: ((Step.end_of_wait_s, Step.time_up), (Step.wait_deadline_s, Step.waited)),
-    Phase.CANCELLING: ((Step.cancel_deadline_s, Step.cancel_late),),
-    Phase.PAUSED: ((Step.end_of_pause_s, Step.time_up_in_pause),),
-    Phase.RETURNING: ((Step.goal_deadline_s, Step.goal_late),),
+    Phase.TRAVELLING: ((_Step.leave_by_s, _Step.time_up), _GOAL_LATE),
+    Phase.COUNTING: (
+        (_Step.leave_by_s, _Step.time_up),
+        (_Step.longest_dwell_s, _Step.dwell_late),
+        (_Step.silence_s, _Step.silence),
+    ),
+    Phase.WAITING: (
+        (_Step.end_of_wait_s, _Step.time_up),
+        (
+            lambda step: math.inf if step.state.wait_until_s is None else step.state.wait_until_s,
+            lambda step: step.carry_out(step.state.todo or Todo.PLAN, step.state.cause),
+        ),
+    ),
+    Phase.CANCELLING: (
+        (lambda step: (step.goal.cancelled_s or 0.0) + step.rules.cancel_limit_s, _Step.cancel_late),
+    ),
+    Phase.PAUSED: ((_Step.end_of_pause_s, _Step.time_up_in_pause),),
+    Phase.RETURNING: (_GOAL_LATE,),
 }
-"""Times when a mission acts without an event, and what it does then."""
+"""The deadlines of each phase."""
 
 _KEPT: Final = (
     "now_s", "position", "position_s", "position_sd_m", "still_at", "still_since_s", "unseen_mps",
@@ -1277,7 +1220,7 @@ _KEPT: Final = (
 """What a new mission takes over from the state before."""
 
 
-def _set(step: Step, **changes: Any) -> None:
+def _set(step: _Step, **changes: Any) -> None:
     step.state = replace(step.state, **changes)
 
 

@@ -58,14 +58,6 @@ def inside_any(polygons: Sequence[ArrayLike], xy: ArrayLike) -> NDArray[np.bool_
     return np.asarray(shapely.intersects_xy(area, places[:, 0], places[:, 1]), bool)
 
 
-def is_polygon(corners: ArrayLike) -> bool:
-    """True if corners, shape (c, 2) [m], enclose an area without crossing their own border."""
-    import shapely
-
-    polygon = shapely.Polygon(np.asarray(corners, float))
-    return bool(polygon.is_valid and polygon.area > 0)
-
-
 # The route of a goal, as it goes to a navigator -----------------------------------------------------------------
 
 
