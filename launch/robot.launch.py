@@ -254,10 +254,10 @@ def earlier(planner: Mapping[str, object]) -> dict[str, str]:
 
 
 def stored_records(planner: Mapping[str, object], out: str, namespace: str) -> dict[str, object]:
-    """Where driver and mappers store records, and where mappers find others: the same for respawned nodes."""
+    """Where driver and mappers store records: the same for respawned nodes."""
     journal_dir, recordings = str(planner.get("journal_dir", "")), Path(out or RECORDINGS).expanduser().absolute()
     journal_path = Path(journal_dir).expanduser() if journal_dir else None
     session = open_session(
-        recordings / "records" / namespace.strip("/"), journal_path, planner.get("resume") == "fresh", recordings
+        recordings / "records" / namespace.strip("/"), journal_path, planner.get("resume") == "fresh"
     )
-    return {"record_dir": str(session), "merge_from": [*filter(None, [journal_dir]), str(recordings)]}
+    return {"record_dir": str(session)}

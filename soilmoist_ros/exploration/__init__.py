@@ -76,7 +76,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.journal import interrupted_mission as interrupted_mission
     from soilmoist_ros.exploration.mission.journal import interrupted_records as interrupted_records
     from soilmoist_ros.exploration.mission.journal import is_under_way as is_under_way
-    from soilmoist_ros.exploration.mission.journal import noted_records as noted_records
     from soilmoist_ros.exploration.mission.mission import Mission as Mission
     from soilmoist_ros.exploration.mission.state import state_from_json as state_from_json
     from soilmoist_ros.exploration.mission.types import MAX_UNTIL_SD as MAX_UNTIL_SD
@@ -180,7 +179,7 @@ __getattr__, __dir__, __all__ = open_door(
         "guard.signals": "EmergencyTopic",
         "guard.watch": "POSES_FROZEN_S Watch",
         "mission.events": "ANYBODYS Action CancelGoal Command Event FORGOTTEN Finish GoTo GoalFailed GoalReached Moved Planned Publish RecordArrived RequestPlan StartCounting Tick VisitDone",
-        "mission.journal": "EVENT MissionJournal interrupted_mission interrupted_records is_under_way noted_records",
+        "mission.journal": "EVENT MissionJournal interrupted_mission interrupted_records is_under_way",
         "mission.mission": "Mission",
         "mission.state": "state_from_json",
         "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT OnSilence PUBLISHED_MIN_LAST_DWELL_S Phase Polygons READY Response TRIGGERS Verb",

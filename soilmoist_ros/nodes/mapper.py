@@ -93,7 +93,7 @@ class Mapper(Node):
         options["property_name"] = Path(parameters.text("start_property")).name
         self._stamps = stamp_limits(parameters)
         self._stored_stamps = replace(self._stamps, max_age_s=0.0)
-        for name in ("frame", "save_dir", "start_from", "start_property", "others", "record_dir", "merge_from"):
+        for name in ("frame", "save_dir", "start_from", "start_property", "others", "record_dir"):
             del options[name]
         for row in STAMP_LIMITS:
             del options[row.name]
@@ -122,16 +122,12 @@ class Mapper(Node):
         self._sources = MapSources(
             self._records,
             Path(folder).expanduser() if folder else None,
-            [Path(path).expanduser() for path in parameters.texts("merge_from")],
-            topics,
-            named,
             self._frame,
             self._fault,
         )
         if earlier := parameters.text("start_from"):
             self._records.take(START, read_earlier(Path(earlier).expanduser(), named))
         self._exchange = MapperExchange(self, others, self._records, self._guard, self._survey.field, self._frame)
-        self._began_s = time.monotonic()
         self._arrived = Batches(self._add, "records", _POLL_S)
         for robot, topic in zip(("", *others), topics, strict=True):
             for name in (topic, quarantined_topic(topic)):
@@ -207,7 +203,6 @@ class Mapper(Node):
 
     def _add(self, messages: Sequence[tuple[str | None, PointCloud2 | String]]) -> None:
         """Add the records of messages, and what is new on the disk; called once a second without messages."""
-        missed = self._sources.missed(time.monotonic() - self._began_s)
         again = self._sent_again()
         records: list[CountRecord] = []
         doubts: list[tuple[Doubt, str | None]] = []
@@ -230,7 +225,6 @@ class Mapper(Node):
             with self._guard:
                 self._sources.received(records[start : start + _SLICE])
         with self._guard:
-            self._sources.merge(missed)
             self._exchange.added += self._sources.sent_again(again)
             for doubt, robot in doubts:
                 self._records.doubt(doubt, robot)

@@ -168,8 +168,6 @@ MAPPER: Final = (
     COVARIATES,
     row("record_dir", "", "folder where driver and mapper store the records of this map, so that a restart "
         "continues it; empty to store none"),
-    row("merge_from", [], "folders of the planner's journal and of recordings; the map adds records that are "
-        "only there (needs record_dir)"),
     row("others", [], "namespaces of other robots on the field whose counts are mapped as well; the own "
         "namespace is ignored"),
     row("save_dir", "soilmoist_map", "folder that the service save writes to"),

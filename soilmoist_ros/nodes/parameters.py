@@ -53,6 +53,7 @@ REMOVED: Final = {
     "max_stamp_age_s": "records stamped up to a day in the past are used",
     "max_stamp_ahead_s": "records stamped up to an hour in the future are used",
     "max_jump_m": "a fix may be 3 m from where the robot can have driven",
+    "merge_from": "a map has the records of its driver's log, and those that the mapper has received",
     "moving_m": "a robot that moves by 0.5 m without a goal is stopped again",
     "navigation_wait_s": "the planner waits for the navigation for 30 s",
     "other_silent_s": "a robot that was not heard for 30 s is lost",

@@ -35,8 +35,6 @@ SESSION: Final = "session.json"
 """File that marks the folder of a session: one map, from the first launch to the end of its mission."""
 OWN: Final = "mapper"
 """Name of the mapper's log in the folder of a session."""
-_CATCH_UP_S: Final = (0.0, 5.0, 20.0)
-"""Ages of the process at which journals and bags are read [s]; later records arrive as messages."""
 
 _log = logging.getLogger(__name__)
 
@@ -180,7 +178,7 @@ def _log_record(payload: dict[str, Any]) -> CountRecord:
     )
 
 
-def open_session(root: Path, journal: Path | None, fresh: bool, bags: Path | None = None) -> Path:
+def open_session(root: Path, journal: Path | None, fresh: bool) -> Path:
     """Folder of the session: the last one while its mission is interrupted, otherwise a new one.
 
     :param journal: folder of the planner's journal; ``None`` without one
@@ -194,13 +192,10 @@ def open_session(root: Path, journal: Path | None, fresh: bool, bags: Path | Non
     if earlier and not fresh and is_under_way(found.snapshot, (entry.payload for entry in found.entries)):
         return earlier[-1][1]
     folder = root / f"{datetime.now():%Y%m%d_%H%M%S_%f}"
+    number = 1 + max((number for number, _ in earlier), default=0)
     try:
         folder.mkdir(parents=True)
-        seq = max((entry.seq for entry in found.entries), default=0)
-        number = 1 + max((number for number, _ in earlier), default=0)
-        earlier_bags = {str(bags): _sizes(bags)} if bags is not None else {}
-        noted = {"journal_seq": seq, "number": number, "earlier_bags": earlier_bags}
-        write_whole(folder / SESSION, json.dumps(noted).encode())
+        write_whole(folder / SESSION, json.dumps({"number": number}).encode())
     except OSError as error:
         remedy = "choose a folder on a disk that is writable and has space"
         raise InputError(f"no records can be written here: {error.strerror}", remedy, folder) from None
@@ -208,42 +203,36 @@ def open_session(root: Path, journal: Path | None, fresh: bool, bags: Path | Non
 
 
 class MapSources:
-    """Reads the records of a map from every source on this computer, and writes those that no other source has.
+    """Reads the records of a map from the logs of a session, and writes those that no driver's log has.
 
     The driver's log has every record that was published, so the map is complete whichever process was down.
-    Records of other drivers are in the mapper's own log, in the planner's journal or in a bag.
+    Records of other drivers are in the mapper's own log.
 
     :param records: takes the records
     :param folder: folder of the session; ``None`` to store nothing and read nothing
-    :param merge: folders of journals, bags, or folders of bags, where records may be that the mapper
-        missed; :meth:`missed` reads them
-    :param topics: full names of the topics with the map's records
-    :param name: the planner's name of the property; empty for the robot's own
     :param frame: frame of the records; others are left out
     :param fault: why a record is left out, empty for none; called with whether it was stored before the start
     :raises InputError: if the folder cannot be written, or another process maps the session
+
+    Attributes
+    ----------
+    problem : str
+        why records are not on the disk, or not read; empty without a problem
     """
 
     def __init__(
         self,
         records: MapRecords,
         folder: Path | None,
-        merge: Sequence[Path] = (),
-        topics: Sequence[str] = (),
-        name: str = "",
         frame: str = "map",
         fault: Callable[[CountRecord, bool], str] = lambda record, stored: "",
     ) -> None:
         self.problem = ""
         self._records = records
         self._folder = folder
-        self._merge = merge
-        self._topics = topics
-        self._name = name
         self._frame = frame
         self._fault = fault
         self._tails: dict[Path, RecordTail] = {}
-        self._catch_ups = list(_CATCH_UP_S if folder is not None else ())
         self._own: RecordLog | None = None
         if folder is None:
             return
@@ -290,42 +279,6 @@ class MapSources:
                 continue
             self._records.take(str(folder), self._usable(found, stored=new))
 
-    def missed(self, age_s: float) -> list[tuple[str, list[CountRecord]]]:
-        """Records of journals and bags, with the name of each source; none if the driver's log has them all.
-
-        It takes seconds for long bags, and adds nothing to the map: the map may be saved meanwhile.
-
-        :param age_s: time since the start [s]; journals and bags are read a few times after it
-        """
-        if self._folder is None or not self._catch_ups or age_s < self._catch_ups[0]:
-            return []
-        from soilmoist_ros.exploration import noted_records
-        from soilmoist_ros.recording.stored_records import stored_counts
-
-        self._catch_ups.pop(0)
-        topics = self._topics[1:] if (self._folder / DRIVER).is_dir() else self._topics
-        found = []
-        for path in self._merge:
-            try:
-                if (path / ENTRIES).is_file():
-                    if topics == self._topics:
-                        entries = load_journal(path, whole=True).entries
-                        seq = _journal_seq(self._folder)
-                        later = (entry.payload for entry in entries if entry.seq > seq)
-                        found.append((str(path), noted_records(later, self._name)))
-                elif topics:
-                    found += [
-                        (str(bag), stored_counts(bag, topics, self._frame)) for bag in _bags(path, self._folder)
-                    ]
-            except (InputError, OSError) as error:
-                _log.warning("%s is not merged into the map: %s", path, error)
-        return found
-
-    def merge(self, missed: Iterable[tuple[str, list[CountRecord]]]) -> None:
-        """Add the records that :meth:`missed` found."""
-        for source, found in missed:
-            self._records.read_anew(source, self._usable(found, stored=True))
-
     def reset(self) -> None:
         """Remove all records, for later processes too."""
         until_s = self._records.reset()
@@ -355,49 +308,3 @@ def _number(path: Path) -> int:
         return int(read_json(path.read_bytes())["number"])
     except (OSError, ValueError, LookupError, TypeError):
         return 0
-
-
-def _session_file(folder: Path) -> Path | None:
-    """File of the session that a mapper's folder belongs to; ``None`` without one."""
-    # A property has SESSION/properties/NAME; the name may have slashes.
-    places = (folder, *(parent.parent for parent in folder.parents if parent.name == "properties"))
-    return next((place / SESSION for place in places if (place / SESSION).is_file()), None)
-
-
-def _journal_seq(folder: Path) -> int:
-    """Last entry of the journal that is older than the session."""
-    path = _session_file(folder)
-    return int(read_json(path.read_bytes())["journal_seq"]) if path is not None else 0
-
-
-def _bags(path: Path, folder: Path) -> list[Path]:
-    """Bags in a folder that were written since the session began."""
-    from soilmoist_ros.recording.bag.verify import mcap_files
-
-    bags = [path] if any(path.glob("*.mcap")) else sorted({file.parent for file in path.glob("*/*.mcap")})
-    started = _session_file(folder)
-    if started is None:
-        return bags
-    place = path.parent if bags == [path] else path
-    earlier = _earlier_bags(started).get(str(place))
-    if earlier is not None:  # sizes, as the clock may have been wrong
-        now = _sizes(place)
-        return [bag for bag in bags if now.get(bag.name) != earlier.get(bag.name)]
-    since_s = started.stat().st_mtime
-    return [bag for bag in bags if max(file.stat().st_mtime for file in mcap_files(bag)) >= since_s]
-
-
-def _earlier_bags(path: Path) -> dict[str, dict[str, int]]:
-    """Sizes of the bags that are older than a session, by folder; none if its file is of an older version."""
-    try:
-        return {place: dict(sizes) for place, sizes in read_json(path.read_bytes())["earlier_bags"].items()}
-    except (ValueError, LookupError, TypeError, AttributeError):
-        return {}
-
-
-def _sizes(folder: Path) -> dict[str, int]:
-    """Size of each bag in a folder [bytes]. One that is still recorded, or is made anew, gets another size."""
-    sizes: dict[str, int] = {}
-    for file in folder.glob("*/*.mcap"):
-        sizes[file.parent.name] = sizes.get(file.parent.name, 0) + file.lstat().st_size
-    return sizes

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import importlib
-import json
 import os
 import sys
 from pathlib import Path
@@ -23,7 +22,6 @@ from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.nodes.launching import parameters_from
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.recording.map_sources import SESSION
 from soilmoist_ros.sensing.moisture.site import load_site
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -105,8 +103,6 @@ def test_the_robot_starts_the_recorder_first_and_leaves_all_parameters_alone(mon
             values |= {"journal_dir": "", "respawn_limit_s": 0.0}
         if name in ("mapper", "sensor_driver"):
             values["record_dir"] = ""
-        if name == "mapper":
-            values["merge_from"] = []
         assert (values.pop("node"), values.pop("use_sim_time")) == (f"/{name}", False)
         assert values == defaults(name)
         assert action.on_exit(stand_in.ProcessExited(returncode=0), stand_in.LaunchContext()) == []
@@ -390,9 +386,7 @@ def test_driver_and_mapper_store_records_in_one_folder_and_each_launch_is_anothe
         assert mapper["record_dir"] == driver["record_dir"]
         assert salt["record_dir"] == f"{mapper['record_dir']}/properties/salt"
         assert salt["start_property"] == "salt"
-        assert mapper["merge_from"] == salt["merge_from"] == [str(tmp_path / "journal" / "r1"), str(tmp_path)]
         assert Path(mapper["record_dir"]).parent == tmp_path / "records" / "r1"
-        assert str(tmp_path) in json.loads(Path(mapper["record_dir"], SESSION).read_text())["earlier_bags"]
         folders.append(mapper["record_dir"])
     assert folders[0] != folders[1]
 

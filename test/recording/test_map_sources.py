@@ -10,7 +10,6 @@ from __future__ import annotations
 import errno
 import math
 import os
-import shutil
 import tempfile
 from dataclasses import replace
 from datetime import datetime
@@ -48,8 +47,6 @@ from soilmoist_ros.sensing.records import CountRecord
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 50)], cell_m=10.0)
 RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60"))
-OLD_S, LATE_S = 0.0, 60.0
-"""Ages of a mapper before and after its last look at journals and bags."""
 
 
 def published(n, seed=1):
@@ -79,123 +76,59 @@ def require_equal(field_map, records):
 
 
 class System:
-    """Driver, mapper, planner and recorder that share a disk, and die at any time.
+    """Driver and mapper that share a disk; the mapper dies at any time.
 
     :param folder: the disk
     :param driver: whether the driver stores records; otherwise it is of another make
     """
 
     def __init__(self, folder, driver):
-        self.folder, self.records, self.bags = folder, [], 0
         self.session = folder / "session"
         self.driver = RecordLog(self.session / DRIVER, "map") if driver else None
-        self.sources = self.planner = self.bag = None
-        for name in ("mapper", "planner", "recorder"):
-            self.start(name)
+        self.sources, self.records = None, []
+        self.start()
 
-    @property
-    def running(self):
-        return [one for one in (self.sources, self.planner, self.bag) if one is not None]
-
-    def start(self, name):
-        if name == "mapper" and self.sources is None:
+    def start(self):
+        if self.sources is None:
             self.field_map = FieldMap(GRID)
-            merge = [self.folder / "journal", self.folder / "bags"]
-            self.sources = MapSources(MapRecords(self.field_map), self.session, merge, ["/counts"])
-            self.sources.merge(self.sources.missed(OLD_S))
-        elif name == "planner" and self.planner is None:
-            pages = Journal.open(self.folder / "journal")
-            self.planner = pages, MissionJournal(pages), Mission(RULES)
-        elif name == "recorder" and self.bag is None:
-            self.bag = []
+            self.sources = MapSources(MapRecords(self.field_map), self.session)
 
-    def kill(self, name):
-        if name == "mapper" and self.sources is not None:
+    def kill(self):
+        if self.sources is not None:
             self.sources.close()
             self.sources = None
-        elif name == "planner" and self.planner is not None:
-            self.planner[0].close()
-            self.planner = None
-        elif name == "recorder" and self.bag is not None:
-            self.close_bag()
-            self.bag = None
 
-    def close_bag(self):
-        if self.bag:
-            self.bags += 1
-            (self.folder / "bags").mkdir(exist_ok=True)
-            write_bag(self.folder / "bags" / f"run_{self.bags}", self.bag)
-
-    def publish(self, record, heard_by_mapper=True):
+    def publish(self, record, heard=True):
         """Publish a record; a mapper that has just started may not hear it."""
-        self.records.append(record)
         if self.driver is not None:
             self.driver.write([record])
-        if self.planner is not None:
-            _, journal, mission = self.planner
-            event = RecordArrived(record.stamp_s, record)
-            journal.note(mission, event)
-            mission.step(event)
-        if self.bag is not None:
-            self.bag.append(record)
-        if self.sources is not None and heard_by_mapper:
+        if self.sources is not None and heard:
             self.sources.received([record])
+        if self.driver is not None or (self.sources is not None and heard):
+            self.records.append(record)
 
     def end(self):
-        """Restart the mapper when everything is over, and let it read what it missed."""
-        self.kill("recorder")
-        self.start("mapper")
-        self.sources.poll()
-        for age_s in (OLD_S, LATE_S, LATE_S):
-            self.sources.merge(self.sources.missed(age_s))
+        """The map of a mapper that is started when everything is over."""
+        self.kill()
+        self.start()
         return self.field_map
 
 
-PROCESSES = st.sampled_from(["mapper", "planner", "recorder"])
-STEPS = st.lists(
-    st.one_of(
-        st.tuples(st.just("publish"), st.booleans()),
-        st.tuples(st.just("kill"), PROCESSES),
-        st.tuples(st.just("start"), PROCESSES),
-    ),
-    min_size=5,
-    max_size=40,
-)
+STEPS = st.lists(st.sampled_from(["publish", "publish unheard", "kill", "start"]), min_size=5, max_size=40)
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(STEPS, st.booleans())
-def test_the_map_after_any_kills_is_the_map_of_everything_published(steps, driver):
+def test_the_map_after_any_kills_is_the_map_of_everything_published_or_heard(steps, driver):
     with tempfile.TemporaryDirectory() as folder:
         system = System(Path(folder), driver)
-        records = iter(published(len(steps)))
-        for verb, what in steps:
-            if verb == "publish":
-                record = next(records)
-                if driver:
-                    system.publish(record, heard_by_mapper=what)
-                elif system.running:  # what nobody receives, nobody can know
-                    system.publish(record, heard_by_mapper=what or system.running == [system.sources])
+        for step, record in zip(steps, published(len(steps)), strict=True):
+            if step.startswith("publish"):
+                system.publish(record, heard=step == "publish")
             else:
-                getattr(system, verb)(what)
-        field_map = system.end()
-        require_equal(field_map, system.records)
-
-
-def test_without_logs_the_counts_of_a_planner_that_was_down_are_missing(tmp_path):
-    """What the journal of a planner alone can restore: the fault that the logs mend."""
-    system = System(tmp_path, driver=False)
-    system.kill("recorder")
-    many = published(20)
-    for number, record in enumerate(many):
-        if number == 10:
-            system.kill("planner")
-        system.publish(record)
-    system.kill("mapper")
-    (tmp_path / "session" / OWN / ENTRIES).unlink()
-    system.start("mapper")
-    assert system.field_map.state.records == 10
+                getattr(system, step)()
+        require_equal(system.end(), system.records)
 
 
 def test_a_record_of_several_sources_counts_once_and_twins_of_one_source_twice():
@@ -240,10 +173,10 @@ def test_a_reset_outlives_a_restart(tmp_path):
     system.sources.reset()
     assert system.field_map.state.records == 0
     for record in many[5:7]:
-        system.publish(record, heard_by_mapper=False)
+        system.publish(record, heard=False)
     system.sources.poll()
     assert system.field_map.state.records == 2
-    system.kill("mapper")
+    system.kill()
     system.publish(many[7])
     system.publish(many[8])
     require_equal(system.end(), many[5:])
@@ -322,12 +255,7 @@ def test_a_session_goes_on_while_its_mission_is_interrupted(tmp_path):
         assert open_session(root, folder, fresh=False) == newest
         assert open_session(root, folder, fresh=True) != newest
         happens(Command(1.79e9, Verb.ABORT))
-    last = open_session(root, folder, fresh=False)
-    assert last not in (first, newest)
-    sources = MapSources(MapRecords(field_map := FieldMap(GRID)), last, [folder], ["/counts"])
-    sources.merge(sources.missed(OLD_S))
-    assert field_map.state.records == 0, "the journal of the mission before is not part of this map"
-    sources.close()
+    assert open_session(root, folder, fresh=False) not in (first, newest)
 
 
 def test_a_clock_that_was_set_back_does_not_resume_an_earlier_session(tmp_path, monkeypatch):
@@ -347,45 +275,6 @@ def test_a_clock_that_was_set_back_does_not_resume_an_earlier_session(tmp_path, 
             journal.keep(mission)
     assert [session.name[:6] for session in opened] == ["202607", "202603"]
     assert open_session(root, folder, fresh=False) == opened[-1]
-
-
-@pytest.mark.parametrize("below", [".", "properties/salt", "properties/r1/salt"])
-@pytest.mark.parametrize("noted", [True, False])
-def test_a_new_map_has_no_records_of_earlier_missions(tmp_path, below, noted):
-    """With and without the bags in the file of the session: older versions have not noted them."""
-    out, many = tmp_path / "out", published(20)
-    write_bag(out / "earlier", many[:5])
-    with Journal.open(out / "journal") as pages:
-        journal, mission = MissionJournal(pages), Mission(RULES)
-        for record in many[5:10]:
-            journal.note(mission, RecordArrived(record.stamp_s, record))
-    for file in (out / "earlier").iterdir():
-        os.utime(file, (1.78e9, 1.78e9))
-    session = open_session(out / "records", out / "journal", fresh=True, bags=out if noted else None)
-    write_bag(out / "later", many[10:])
-    merge = [out / "journal", out, out / "earlier"]
-    sources = MapSources(MapRecords(field_map := FieldMap(GRID)), session / below, merge, ["/counts"])
-    sources.merge(sources.missed(OLD_S))
-    require_equal(field_map, many[10:])
-    sources.close()
-
-
-@pytest.mark.parametrize("clock_s", [1.7e9, 1.9e9])
-def test_bags_belong_to_a_session_whatever_the_clock_said(tmp_path, clock_s):
-    out, many = tmp_path / "out", published(20)
-    for name, records in (("earlier", many[:5]), ("again", many[5:7])):
-        write_bag(out / name, records)
-    session = open_session(out / "records", None, fresh=False, bags=out)
-    shutil.rmtree(out / "again")  # as a recorder with a fixed name may do
-    for name, records in (("again", many[7:10]), ("later", many[10:])):
-        write_bag(out / name, records)
-    os.utime(session / SESSION, (clock_s, clock_s))
-    for file in out.glob("*/*.mcap"):
-        os.utime(file, (1.78e9, 1.78e9))
-    sources = MapSources(MapRecords(field_map := FieldMap(GRID)), session, [out], ["/counts"])
-    sources.merge(sources.missed(OLD_S))
-    require_equal(field_map, many[7:])
-    sources.close()
 
 
 def test_counts_are_read_from_a_bag_that_was_cut(tmp_path):
@@ -538,7 +427,7 @@ def test_a_log_that_is_closed_writes_what_waits(tmp_path, disk, caplog):
 
 def test_a_mapper_writes_what_a_full_disk_refused_before_it_is_killed(tmp_path, disk):
     session, records = open_session(tmp_path / "records", None, True), published(4)
-    sources = MapSources(MapRecords(FieldMap(GRID)), session, topics=["/counts"])
+    sources = MapSources(MapRecords(FieldMap(GRID)), session)
     disk.append("full")
     sources.received(records)
     assert "not on the disk" in sources.problem

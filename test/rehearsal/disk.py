@@ -107,15 +107,15 @@ class Disk:
         self._driver.close()
 
     def open_map(self, field_map: FieldMap) -> Sources:
-        return Sources(field_map, self._session, self._folder / "journal")
+        return Sources(field_map, self._session)
 
 
 class Sources:
     """The sources of a mapper's map."""
 
-    def __init__(self, field_map: FieldMap, session: Path, journal: Path) -> None:
+    def __init__(self, field_map: FieldMap, session: Path) -> None:
         self._records = MapRecords(field_map)
-        self._sources = MapSources(self._records, session, [journal], ["/counts"], frame=FRAME)
+        self._sources = MapSources(self._records, session, FRAME)
 
     def doubt(self, doubt: Doubt) -> None:
         self._records.doubt(doubt)
@@ -125,7 +125,6 @@ class Sources:
 
     def second(self, age_s: float) -> None:
         self._sources.poll()
-        self._sources.merge(self._sources.missed(age_s))
 
     def close(self) -> None:
         self._sources.close()

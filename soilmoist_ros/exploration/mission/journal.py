@@ -209,16 +209,6 @@ def interrupted_records(
     return [e.record for e in read if isinstance(e, RecordArrived) and e.now_s >= started_s]
 
 
-def noted_records(events: Iterable[Mapping[str, Any]], name: str = "") -> list[CountRecord]:
-    """All records in a journal, whether or not a mission was under way.
-
-    :param events: entries of the journal; those that are no events are skipped
-    :param name: as in :func:`interrupted_records`
-    :raises InputError: if something was not written by a mission
-    """
-    return [e.record for e in _starts_and_records(events, name) if isinstance(e, RecordArrived)]
-
-
 def is_under_way(snapshot: str | None, events: Iterable[Mapping[str, Any]]) -> bool:
     """True if a mission was under way when its process ended.
 
