@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The background of the map: an orthophoto, or tiles of a web map, as one picture in the plane of the field.
+"""The background of the map: an orthophoto as a picture in the plane of the field.
 
 Run as a module, it reads ``{"source", "datum", "boundary"}`` as JSON, and prints picture and extent, or
 ``{"error": ...}``.
@@ -13,7 +13,6 @@ import base64
 import hashlib
 import json
 import logging
-import math
 import resource
 import sys
 import warnings
@@ -44,15 +43,10 @@ MAX_SIDE: Final = 1600
 MAX_BYTES: Final = 400_000
 """Size of the picture: 3 s on a link of 1 Mbit/s."""
 MAX_MEMORY: Final = 4 << 30
-MAX_TILES: Final = 64
 QUALITIES: Final = (80, 65, 50, 35, 20)
 REMEDY: Final = "give a GeoTIFF, PNG or JPEG"
 GROUND: Final = (217, 223, 210)
 """Colour where the source has no picture."""
-TILE: Final = 256
-SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".webp")
-_HALF_WORLD_M: Final = 20037508.342789244
-"""Half the width of the world in the projection of web maps, EPSG:3857 [m]."""
 LIMIT_S: Final = 300.0
 """Longest time that a background may take [s]."""
 _log = logging.getLogger(__name__)
@@ -73,16 +67,17 @@ class Background:
 def make_background(source: Path, frame: LocalFrame, boundary: Array) -> Background:
     """The picture of a field and its surroundings.
 
-    :param source: GeoTIFF, or folder of tiles ``z/x/y.png`` (or jpg, webp) of a web map; y from the north (XYZ)
-        or the south (TMS)
-    :param frame: plane of the field
+    :param source: GeoTIFF
     :param boundary: corners of the field, shape (n, 2) [m]
     :raises InputError: if the source cannot be used, or does not show the field
     """
     (west, south), (east, north) = boundary.min(axis=0), boundary.max(axis=0)
     margin_m = MARGIN * max(east - west, north - south)
     extent = (west - margin_m, east + margin_m, south - margin_m, north + margin_m)
-    with _opened_tiles(source, frame, extent) if source.is_dir() else opened_raster(source, REMEDY) as raster:
+    if source.is_dir():
+        remedy = "give a GeoTIFF: QGIS makes one of the tiles of a web map (Raster > Convert map to raster)"
+        raise InputError("is a folder", remedy, source)
+    with opened_raster(source, REMEDY) as raster:
         rgb, seen = _warped(raster, source, frame, extent)
     if not seen.any():
         raise InputError("does not show the field", "check its place, and that of the field's datum", source)
@@ -92,87 +87,12 @@ def make_background(source: Path, frame: LocalFrame, boundary: Array) -> Backgro
 
 @contextmanager
 def _without_place() -> Iterator[None]:
-    """No warnings about pictures that have no place, as tiles."""
+    """No warnings about pictures that have no place."""
     from rasterio.errors import NotGeoreferencedWarning
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         yield
-
-
-@contextmanager
-def _opened_tiles(folder: Path, frame: LocalFrame, extent: tuple[float, ...]) -> Iterator[DatasetReader]:
-    """The tiles around a field as one raster, of the finest zoom with at most :data:`MAX_TILES`."""
-    import rasterio
-
-    rgba, zoom, column, row = _mosaic(folder, frame, extent)
-    size_m = 2 * _HALF_WORLD_M / (TILE << zoom)
-    west, north = column * TILE * size_m - _HALF_WORLD_M, _HALF_WORLD_M - row * TILE * size_m
-    profile = {
-        "driver": "GTiff", "width": rgba.shape[1], "height": rgba.shape[0], "count": 4, "dtype": "uint8",
-        "crs": "EPSG:3857", "transform": rasterio.Affine(size_m, 0, west, 0, -size_m, north), "photometric": "RGB",
-        "alpha": "yes",
-    }  # fmt: skip
-    with rasterio.MemoryFile() as memory:
-        with memory.open(**profile) as made:
-            made.write(np.moveaxis(rgba, 2, 0))
-        with memory.open() as raster:
-            yield raster
-
-
-def _mosaic(folder: Path, frame: LocalFrame, extent: tuple[float, ...]) -> tuple[Pixels, int, int, int]:
-    """Pixels with opacity, shape (rows, columns, 4); zoom, and numbers of the tile in the north-west."""
-    west, east, south, north = extent
-    places = frame.to_geographic([(x_m, y_m) for x_m in (west, east) for y_m in (south, north)])
-    zooms = sorted(int(path.name) for path in folder.iterdir() if path.name.isdecimal() and int(path.name) <= 30)
-    for zoom in reversed(zooms):
-        columns, rows = _tile_numbers(places, zoom)
-        if len(columns) * len(rows) > MAX_TILES:
-            continue
-        rgba = np.zeros((len(rows) * TILE, len(columns) * TILE, 4), np.uint8)
-        found = 0
-        for from_south in (False, True):  # two ways to count rows are in use
-            for i, row in enumerate(rows):
-                for j, column in enumerate(columns):
-                    path = _tile(folder / str(zoom) / str(column), (1 << zoom) - 1 - row if from_south else row)
-                    if path is not None:
-                        rgba[i * TILE : (i + 1) * TILE, j * TILE : (j + 1) * TILE] = _read_tile(path)
-                        found += 1
-            if found:
-                return rgba, zoom, columns[0], rows[0]
-    text = f"zoom levels {zooms[0]} to {zooms[-1]}" if zooms else "no folder named by a zoom level"
-    raise InputError(f"has no tiles of the field ({text})", "give a folder with files z/x/y.png", folder)
-
-
-def _tile_numbers(places: Array, zoom: int) -> tuple[range, range]:
-    """Columns and rows of the tiles that show places, counted from the west and the north.
-
-    :param places: latitude and longitude, shape (n, 2) [deg]
-    """
-    latitude, longitude = np.radians(places).T
-    east = (longitude / math.pi + 1) / 2
-    south = (1 - np.arcsinh(np.tan(latitude)) / math.pi) / 2
-    first, last = ([int(edge(share) * (1 << zoom)) for share in (east, south)] for edge in (np.min, np.max))
-    return range(first[0], last[0] + 1), range(first[1], last[1] + 1)
-
-
-def _tile(folder: Path, row: int) -> Path | None:
-    found = (folder / f"{row}{suffix}" for suffix in SUFFIXES)
-    return next((path for path in found if path.is_file()), None)
-
-
-def _read_tile(path: Path) -> Pixels:
-    """Pixels of a tile with opacity, shape (256, 256, 4)."""
-    from rasterio.enums import ColorInterp
-
-    with opened_raster(path, REMEDY) as tile:
-        bands = tile.read(out_shape=(tile.count, TILE, TILE))
-        if tile.colorinterp[0] == ColorInterp.palette:
-            return np.asarray(_colour_table(tile.colormap(1))[bands[0]], np.uint8)
-    if len(bands) in (1, 3):
-        bands = np.concatenate([bands, np.full_like(bands[:1], 255)])
-    grey = len(bands) == 2
-    return np.asarray(np.moveaxis(bands[[0, 0, 0, 1] if grey else [0, 1, 2, 3]], 0, 2), np.uint8)
 
 
 def _colour_table(colours: Mapping[int, tuple[int, ...]]) -> Pixels:
@@ -243,7 +163,7 @@ class BackgroundRoute:
     """Handler of requests for the background.
 
     :param web: the module ``aiohttp.web``
-    :param source: GeoTIFF or folder of tiles; empty for none
+    :param source: GeoTIFF; empty for none
     :param board: has the section ``field``; receives ``background``: extent and version, or an error
     :param jobs: does what takes long
     """

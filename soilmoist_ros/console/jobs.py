@@ -37,11 +37,7 @@ class Jobs:
         self._process: asyncio.subprocess.Process | None = None
 
     def start(self, name: str, arguments: Sequence[str]) -> str:
-        """Start a job soon; why it is not, empty if it is.
-
-        :param name: what the page calls it
-        :param arguments: of Python, such as ``-m MODULE``
-        """
+        """Start a job soon; why it is not, empty if it is."""
         if self._shown.get(name, {}).get("state") == "running":
             return f"{name} is being done already"
         if len(self._tasks) >= MAX_WAITING:

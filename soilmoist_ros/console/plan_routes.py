@@ -45,11 +45,7 @@ class PlanRoutes:
         self._web, self._files, self._jobs, self._walks = web, files, jobs, walks
 
     def add(self, app: Any, operators: Callable[[Any], Any]) -> None:
-        """Add the routes.
-
-        :param app: the application
-        :param operators: makes a handler that answers operators only
-        """
+        """Add the routes."""
         app.router.add_get("/files", self._on_files)
         for name, handler in (("plan", self._on_plan), ("field", self._on_field), ("walk", self._on_walk)):
             app.router.add_post(f"/{name}", operators(handler))
@@ -121,10 +117,6 @@ class SurveyFiles:
     def save(self, name: str, text: str, who: str) -> str:
         """Save a field; nothing is overwritten.
 
-        :param name: name of the field
-        :param text: content of its file
-        :param who: who drew it
-        :returns: name of the file
         :raises InputError: if it cannot be written, or there are too many
         """
         stem = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "field"

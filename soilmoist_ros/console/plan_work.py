@@ -273,11 +273,7 @@ class Walk:
         self._worst_m = 0.0
 
     def begin(self, who: str, kind: str) -> None:
-        """Record from now on.
-
-        :param who: who walks
-        :param kind: ``boundary`` or ``area``
-        """
+        """Record from now on."""
         with self._guard:
             self._about, self._places, self._worst_m = {"who": who, "kind": kind}, (), 0.0
             self._show()

@@ -41,12 +41,7 @@ def list_runs(folder: Path) -> list[dict[str, Any]]:
 
 
 def file_of(folder: Path, run: str, name: str) -> Path | None:
-    """A file of a run that may be taken home; ``None`` for all else.
-
-    :param folder: folder of the runs
-    :param run: name of the run
-    :param name: path of the file in the run, with ``/``
-    """
+    """A file of a run that may be taken home; ``None`` for all else."""
     home = run_of(folder, run)
     if home is None:
         return None
@@ -120,11 +115,7 @@ class RunRoutes:
         self._web, self._folder, self._jobs = web, folder, jobs
 
     def add(self, app: Any, operators: Callable[[Any], Any]) -> None:
-        """Add the routes.
-
-        :param app: the application
-        :param operators: makes a handler that answers operators only
-        """
+        """Add the routes."""
         app.router.add_get("/runs", self._on_list)
         app.router.add_get("/runs/{run}/{name:.+}", self._on_file)
         app.router.add_post("/make", operators(self._on_make))

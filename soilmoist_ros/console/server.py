@@ -25,7 +25,7 @@ from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.plan_routes import PlanRoutes, SurveyFiles
 from soilmoist_ros.console.plan_work import Walk
 from soilmoist_ros.console.runs import RunRoutes
-from soilmoist_ros.console.visitors import COOKIE, Access, Controls, Entrance, Visitor, request_from_json, who_of
+from soilmoist_ros.console.visitors import COOKIE, Access, Controls, Visitor, request_from_json, who_of
 from soilmoist_ros.exploration import OperatorRequest, Reply
 from soilmoist_ros.foundation import InputError, optional_module
 from soilmoist_ros.reporting import jsonable
@@ -89,7 +89,7 @@ class ConsoleServer:
     :param picture: the latest map
     :param files: files on this computer: runs, and what may be chosen for the next mission
     :param walks: walks by the names of the robots
-    :param background: GeoTIFF or folder of tiles to show below the map; empty for none
+    :param background: GeoTIFF to show below the map; empty for none
     """
 
     def __init__(
@@ -113,16 +113,10 @@ class ConsoleServer:
         self._background = background
         self._jobs: Jobs | None = None
         self._runner: web.AppRunner | None = None
-        self._entrance: Entrance | None = None
-        self._listener: asyncio.Server | None = None
 
     def start(self, host: str, port: int, *, else_free: bool = False) -> int:
         """Start to serve.
 
-        :param host: address to listen on
-        :param port: port, 0 for a free one
-        :param else_free: whether to take a free port if the one that is wanted is taken
-        :returns: the port
         :raises InputError: if the address cannot be used
         """
         self._thread.start()
@@ -167,30 +161,21 @@ class ConsoleServer:
             app.router.add_post(f"/{name}", self._operators(handler, holder=True))
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEP_S)
         await self._runner.setup()
-        assert self._runner.server is not None
-        self._entrance = Entrance(self._runner.server, is_limited=not self._access.is_proxied)
         try:
-            self._listener = await self._loop.create_server(self._entrance, host, port)
+            await web.TCPSite(self._runner, host, port).start()
         except OSError:
             if not else_free:
                 raise
-            self._listener = await self._loop.create_server(self._entrance, host, 0)
-        return int(self._listener.sockets[0].getsockname()[1])
+            await web.TCPSite(self._runner, host, 0).start()
+        return int(self._runner.addresses[0][1])
 
     async def _shut(self) -> None:
         if self._jobs is not None:
             await self._jobs.close()
         for viewer in tuple(self._viewers):
             await viewer.close(code=1001, message=b"the console ends")
-        if self._listener is not None:
-            self._listener.close()
         if self._runner is not None:
             await self._runner.cleanup()
-        if self._entrance is not None:
-            # Left are connections whose peers read or send nothing, and those that arrived during the clean-up.
-            await asyncio.sleep(0)
-            self._entrance.close()
-            await asyncio.sleep(0)
 
     # Guard ---------------------------------------------------------------------------------------------------
 

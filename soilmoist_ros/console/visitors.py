@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Visitors: who may see the page and steer it, who has the controls, their connections, requests, invitations."""
+"""Visitors: who may see the page and steer it, who has the controls, requests, invitations."""
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import hmac
 import io
@@ -25,10 +24,6 @@ COOKIE: Final = "soilmoist_console"
 _PROXY: Final = ("Forwarded", "X-Forwarded-For", "X-Forwarded-Host", "X-Real-Ip", "Via")
 ABSENT_S = 30.0
 """Time without a connection after which the controls are free [s]; the robots go on."""
-MAX_CONNECTIONS: Final = 256
-"""Connections of one address at the same time: a browser has seven for each page, and a tunnel is one address."""
-FIRST_BYTES_S: Final = 10.0
-"""Longest wait for the first bytes of a connection [s]."""
 PORT = 8050
 """Port of a page on this machine, if it is free."""
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
@@ -199,12 +194,7 @@ class Controls:
         return self._is_held() and client == self._holder
 
     def take(self, client: str, who: str, over: bool = False) -> bool:
-        """Give the controls to a page if they are free, or if it takes them over; whether it has them.
-
-        :param client: number of the page, which only the page knows
-        :param who: name of its operator
-        :param over: whether it takes them from another page
-        """
+        """Give the controls to a page if they are free, or if it takes them over; whether it has them."""
         if not client or (self._is_held() and client != self._holder and not over):
             return False
         self._holder, self._who, self._seen_s = client, who, self._now_s()
@@ -227,79 +217,12 @@ class Controls:
         return bool(self._holder) and here
 
 
-# Lets connections in, a limited number of each address, and each with its first bytes ---------------------------
-
-
-class Entrance:
-    """Makes the protocol of each new connection of a server. Only the thread of the server uses it.
-
-    :param inside: makes the protocol of a connection that is let in
-    :param is_limited: whether the connections of an address are limited
-    """
-
-    def __init__(self, inside: Callable[[], Any], is_limited: bool) -> None:
-        self.inside, self._is_limited = inside, is_limited
-        self._open: list[asyncio.Transport] = []
-
-    def __call__(self) -> asyncio.Protocol:
-        """The protocol of a new connection."""
-        return _Gate(self)
-
-    def admits(self, transport: asyncio.Transport) -> bool:
-        """Note a new connection, and whether its address may have one more."""
-        self._open = [one for one in self._open if one.get_extra_info("socket").fileno() >= 0]
-        self._open.append(transport)
-        same = sum(_peer(one) == _peer(transport) for one in self._open)
-        return same <= MAX_CONNECTIONS or not self._is_limited
-
-    def close(self) -> None:
-        """End all connections."""
-        for transport in self._open:
-            transport.abort()
-
-
-class _Gate(asyncio.Protocol):
-    """The protocol of a connection until its first bytes."""
-
-    def __init__(self, entrance: Entrance) -> None:
-        self._entrance = entrance
-        self._transport: asyncio.Transport
-        self._end: asyncio.TimerHandle | None = None
-
-    def connection_made(self, transport: Any) -> None:
-        self._transport = transport
-        if self._entrance.admits(transport):
-            self._end = asyncio.get_running_loop().call_later(FIRST_BYTES_S, transport.abort)
-        else:
-            transport.abort()
-
-    def data_received(self, data: bytes) -> None:
-        self._cancel()
-        inside = self._entrance.inside()
-        self._transport.set_protocol(inside)
-        inside.connection_made(self._transport)
-        inside.data_received(data)
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        self._cancel()
-
-    def _cancel(self) -> None:
-        if self._end is not None:
-            self._end.cancel()
-
-
-def _peer(transport: asyncio.Transport) -> str:
-    return str((transport.get_extra_info("peername") or ("",))[0])
-
-
 # What a page asks for: JSON from the network, as requests of operators ------------------------------------------
 
 
 def request_from_json(content: Any, robots: Mapping[str, Any] | list[str]) -> tuple[str, OperatorRequest]:
     """Robot and request of a page. The planner checks what they mean.
 
-    :param content: what JSON gave
-    :param robots: names of the robots
     :raises InputError: if a value has the wrong type or is too long, or the robot is not known
     """
     if not isinstance(content, Mapping):

@@ -110,7 +110,7 @@ def run_campaign(
             key=lambda mission: campaign.runs.index(mission.settings.seed),
         )
         failures: dict[str, Failure] = {}
-        pace = Pace(len(wanted), todo, progress)
+        pace = Pace(len(wanted), len(todo), progress)
 
         def stored_text() -> str:
             return f"{len(rows)} of {len(wanted)} missions are stored in {store.folder}; {_RESUME}"
@@ -127,7 +127,7 @@ def run_campaign(
                             content = Failure(mission, f"its result {error}")
                     if isinstance(content, Failure):
                         failures[mission.key] = content
-                    pace.finished(mission, finished.time_s, isinstance(content, Failure))
+                    pace.finished(finished.time_s, isinstance(content, Failure))
             except KeyboardInterrupt:
                 computed.close()
                 raise CampaignInterrupted(f"stopped: {stored_text()}") from None

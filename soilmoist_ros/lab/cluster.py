@@ -27,8 +27,6 @@ IN_FLIGHT = 3
 """Missions in flight for each thread of the cluster: one runs, the others bridge the way to the scheduler."""
 LOOK_S = 2.0  # time between two looks at the number of workers [s]
 NAME: Final = "soilmoist_ros-campaign"
-SAMPLING: Final = ("profile", "profile-cycle")
-"""What Dask calls 100 times a second to see where its tasks are, which takes some of the worker's time."""
 _log = logging.getLogger("distributed.worker")  # which Dask shows in the terminal of the worker
 REMEDY = "install the same version of soilmoist_ros there, start its worker again, and run the same command again"
 
@@ -40,8 +38,6 @@ def on_cluster(
 
     Dask repeats missions of a worker that dies. Workers may come and go; with none left, the campaign waits.
 
-    :param scheduler: address of the scheduler, such as ``tcp://head:8786``
-    :param waits: called with what the campaign waits for
     :raises InputError: if Dask is not installed, the scheduler or a worker does not answer in time, or a worker
         has another version of this package
     :raises WorkersLostError: if the scheduler does not answer any more
@@ -138,8 +134,6 @@ def _same_version(client: Any, simulate: Simulate) -> Iterator[None]:
 class Gate(WorkerPlugin):
     """Close a worker with another version of this package; load the simulator in all others.
 
-    During the campaign, Dask does not profile the worker, whose missions would take longer.
-
     :param version: version of the campaign
     :param simulate: simulates one mission; reading this plugin loads its module
     """
@@ -150,18 +144,7 @@ class Gate(WorkerPlugin):
 
     def setup(self, worker: Any) -> None:
         """Check the version of a worker that joins."""
-        if code_version() == self._version:
-            self._sample(worker, False)
-            return
-        reason = f"this worker has soilmoist_ros {code_version()}, the campaign {self._version}"
-        _log.error("%s; install the same version", reason)
-        worker.loop.add_callback(worker.close, reason=reason)
-
-    def teardown(self, worker: Any) -> None:
-        """Let Dask profile the worker again."""
-        self._sample(worker, True)
-
-    def _sample(self, worker: Any, wanted: bool) -> None:
-        for name in SAMPLING:
-            if (callback := worker.periodic_callbacks.get(name)) is not None:
-                worker.loop.add_callback(callback.start if wanted else callback.stop)
+        if code_version() != self._version:
+            reason = f"this worker has soilmoist_ros {code_version()}, the campaign {self._version}"
+            _log.error("%s; install the same version", reason)
+            worker.loop.add_callback(worker.close, reason=reason)

@@ -95,10 +95,7 @@ def difference_interval(mine: Array, theirs: Array, level: float = LEVEL) -> tup
 
 
 def paired_differences(missions: pd.DataFrame) -> Iterator[PairedDifference]:
-    """All combinations of one case in pairs, each quantity that both have.
-
-    :param missions: missions that differ in strategy, dwell and seed only, one per row
-    """
+    """All combinations of one case in pairs, each quantity that both have."""
     groups = [(key, rows.set_index("seed")) for key, rows in missions.groupby(["strategy", "dwell"], sort=False)]
     for quantity in QUANTITIES:
         for (first, mine), (second, theirs) in combinations(groups, 2):
@@ -114,11 +111,7 @@ def paired_differences(missions: pd.DataFrame) -> Iterator[PairedDifference]:
 
 
 def paired_table(missions: pd.DataFrame, cases: Iterable[str]) -> pd.DataFrame:
-    """One row per pair of combinations and quantity: settings of the case, then :class:`PairedDifference`.
-
-    :param missions: one row per mission with settings and final metrics
-    :param cases: names of the settings that separate the cases
-    """
+    """One row per pair of combinations and quantity: settings of the case, then :class:`PairedDifference`."""
     import pandas as pd
 
     columns = list(cases)
@@ -231,11 +224,7 @@ def _against(name: Combination, values: Sequence[Array], best: Sequence[Combinat
 
 
 def hindsight_table(missions: pd.DataFrame, cases: Iterable[str]) -> pd.DataFrame:
-    """One row per combination of each case that has all lattices: settings of the case, then :class:`Against`.
-
-    :param missions: one row per mission with settings, final metrics, and ``mse_quarter``
-    :param cases: names of the settings that separate the cases
-    """
+    """One row per combination of each case that has all lattices: settings of the case, then :class:`Against`."""
     import pandas as pd
 
     columns = list(cases)

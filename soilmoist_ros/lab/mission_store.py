@@ -253,7 +253,6 @@ class MissionStore:
     def write(self, mission: Mission, content: bytes) -> StoredMission:
         """Store a mission atomically: an interruption never leaves an incomplete file.
 
-        :param content: bytes from :func:`pack`
         :raises DamagedMissionError: if the content belongs to another mission or version of the code
         :raises InputError: if it cannot be written
         """

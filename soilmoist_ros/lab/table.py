@@ -102,8 +102,6 @@ def results_table(finished: Finished) -> pd.DataFrame:
 
     The time grid of a mission reaches from 0 to its planned end. A row has the last entered state; after an early
     end, it has the final state. ``counting_share`` is the share of the elapsed time spent counting at stops.
-
-    :param finished: finished missions
     """
     pandas = require_pandas()
     rows = [row for _, row in finished]
@@ -151,8 +149,6 @@ def write_tables(out: Path, finished: Finished) -> list[Path]:
     """Write ``results`` and ``missions`` as Parquet and CSV.
 
     Also ``differences`` if combinations share seeds, and ``hindsight`` if an experiment has its lattices.
-
-    :returns: the paths
 
     :raises InputError: if they cannot be written
     """

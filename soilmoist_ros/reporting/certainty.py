@@ -30,12 +30,7 @@ ILLUSTRATIVE = "illustrative"
 
 
 def calibration_state(calibrated: bool, absolute: bool, simulated: bool) -> str:
-    """Origin of the calibration: ``own``, ``illustrative`` (a guess), ``simulated`` or ``none`` (a rate map).
-
-    :param calibrated: whether the map has moisture
-    :param absolute: whether its level is meant as it stands
-    :param simulated: whether no real field was measured
-    """
+    """Origin of the calibration: ``own``, ``illustrative`` (a guess), ``simulated`` or ``none`` (a rate map)."""
     if not calibrated:
         return "none"
     return ILLUSTRATIVE if not absolute else "simulated" if simulated else "own"

@@ -118,15 +118,7 @@ def write_cell_raster(
     bands: Mapping[str, CellBand],
     tags: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write rasters of a field's cells: each cell of the file has the value of the cell at its centre.
-
-    :param path: file to write
-    :param soil_map: a map of the field, for its cells
-    :param frame: local frame of the map
-    :param crs: reference system of the file
-    :param bands: the bands by name, in order
-    :param tags: tags of the file
-    """
+    """Write rasters of a field's cells: each cell of the file has the value of the cell at its centre."""
     target = target_cells(soil_map, frame, crs)
     cell = _cell_index(soil_map.grid, target.local()).reshape(target.y.size, target.x.size)
     placed = {

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.mapping import Bands, make_bands
 from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.certainty import calibration_of
+from soilmoist_ros.reporting.text_files import write_table
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
 
 STEP_COUNTS = 10_000
@@ -93,14 +93,9 @@ def write_moisture(path: Path, run: MapRun) -> Path:
     """Write the series of a run as CSV, one row per step; return ``path``."""
     series, state = moisture_series(run.track, run.soil_map.curve), calibration_of(run)
     names = ("rate", "rate_sd", "vwc", "vwc_sd", "vwc_p05", "vwc_p95")
-    with path.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        first = ["begin_utc", "step_s", "records", "raw_counts", "effective_exposure_s"]
-        writer.writerow([*first, *names, "calibrated"])
-        for row, begin_s in enumerate(series.begin_s):
-            values = [series.exposure_s[row], *(getattr(series.bands, name)[row] for name in names)]
-            begin = f"{datetime.fromtimestamp(begin_s, UTC):%Y-%m-%dT%H:%M:%SZ}"
-            texts = ["" if np.isnan(value) else f"{value:.6g}" for value in values]
-            about = [begin, f"{series.step_s:g}", series.records[row], int(series.counts[row])]
-            writer.writerow([*about, *texts, state])
-    return path
+    begin = [f"{datetime.fromtimestamp(begin_s, UTC):%Y-%m-%dT%H:%M:%SZ}" for begin_s in series.begin_s]
+    bands = (np.asarray(getattr(series.bands, name), float).tolist() for name in names)
+    records, counts, exposure_s = series.records.tolist(), series.counts.astype(int).tolist(), series.exposure_s
+    columns = ([series.step_s] * len(begin), records, counts, exposure_s.tolist(), *bands, [state] * len(begin))
+    first = ("begin_utc", "step_s", "records", "raw_counts", "effective_exposure_s")
+    return write_table(path, [*first, *names, "calibrated"], zip(begin, *columns, strict=True))

@@ -27,11 +27,7 @@ CLOCK = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "standard"}
 
 
 def write_netcdf_file(path: Path, variables: Mapping[str, Variable], about: Mapping[str, str]) -> Path:
-    """Write variables in order; dimensions have the size of the first variable with them.
-
-    :param variables: variables by name
-    :param about: attributes of the file besides its conventions
-    """
+    """Write variables in order; dimensions have the size of the first variable with them."""
     from scipy.io import netcdf_file
 
     with netcdf_file(path, "w", version=2) as file:
@@ -54,7 +50,6 @@ def axes(x: Array, y: Array, crs: CRS, lat_lon: Array | None) -> dict[str, Varia
 
     :param x: centres of the columns, shape (nx,)
     :param y: centres of the rows, shape (ny,)
-    :param crs: reference system
     :param lat_lon: latitude and longitude of each cell, shape (ny * nx, 2); ``None`` where x and y are these
     """
     units = crs.axis_info[0].unit_name.replace("metre", "m")

@@ -34,17 +34,14 @@ Row = TypeVar("Row")
 class OpenedRun:
     """A run folder of ``map``, ``simulate``, ``replay`` or ``demo``. Files are read on first use.
 
-    :param folder: the folder
+    ``name`` is that of a property, empty for the first. What is missing or damaged raises an :class:`InputError`.
     """
 
     folder: Path
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """Content of ``summary.json``.
-
-        :raises InputError: if it is damaged
-        """
+        """Content of ``summary.json``."""
         return read_summary(self.folder)
 
     @property
@@ -56,9 +53,7 @@ class OpenedRun:
     def samples(self, name: str = "") -> Columns:
         """The merged samples of a property: longitude and latitude [deg], counts, exposure, rate and moisture.
 
-        :param name: name of the property
         :returns: one array of shape (n,) for each column; undefined values are NaN
-        :raises InputError: if there is no such property, or its file is damaged
         """
         found = [feature for feature in self.features(name) if feature["properties"].get("kind") == "sample"]
         try:
@@ -77,17 +72,11 @@ class OpenedRun:
         return columns
 
     def features(self, name: str = "") -> list[dict[str, Any]]:
-        """All features of ``samples.geojson`` of a property: field, no-go areas, tracks, samples.
-
-        :raises InputError: if there is no such property, or its file is damaged
-        """
+        """All features of ``samples.geojson`` of a property: field, no-go areas, tracks, samples."""
         return read_features(self._file("samples", name, "geojson"))
 
     def records(self, name: str = "") -> Columns:
-        """Columns of ``records.csv`` of a property, the fields of :class:`CountRecord`; empty in older folders.
-
-        :raises InputError: if the file is damaged
-        """
+        """Columns of ``records.csv`` of a property, the fields of :class:`CountRecord`; empty in older folders."""
         path = self.folder / f"records{f'_{name}' if name else ''}.csv"
         if not path.is_file():
             return {}
@@ -96,35 +85,22 @@ class OpenedRun:
 
     @cached_property
     def series(self) -> Columns:
-        """Columns of ``series.csv``, each of shape (n,); empty without a mission.
-
-        :raises InputError: if the file is damaged
-        """
+        """Columns of ``series.csv``, each of shape (n,); empty without a mission."""
         path = self.folder / "series.csv"
         rows = _rows(path, lambda row: {name: float(text or "nan") for name, text in row.items()})
         return {name: np.array([row[name] for row in rows]) for name in (rows[0] if rows else ())}
 
     @cached_property
     def visits(self) -> list[Visit]:
-        """The visits in order; empty without a mission. Older files get the defaults of :class:`Visit`.
-
-        :raises InputError: if the file is damaged
-        """
+        """The visits in order; empty without a mission. Older files get the defaults of :class:`Visit`."""
         return _rows(self.folder / "visits.csv", _visit)
 
     def bands(self, name: str = "") -> Columns:
-        """The map of a property by the names of its bands, each of shape (rows, columns), north up, NaN outside.
-
-        :param name: name of the property
-        :raises InputError: if there is no such map
-        """
+        """The map of a property by the names of its bands, of shape (rows, columns), north up, NaN outside."""
         return self.raster(name)[0]
 
     def to_xarray(self, name: str = "") -> xarray.Dataset:
-        """The map of a property with the coordinates of its cells in the CRS of the file; needs xarray.
-
-        :raises InputError: if there is no such map, or xarray is not installed
-        """
+        """The map of a property with the coordinates of its cells in the CRS of the file; needs xarray."""
         module = optional_module("xarray")
         bands, transform, crs, _ = self.raster(name)
         height, width = next(iter(bands.values())).shape
@@ -137,18 +113,12 @@ class OpenedRun:
         return dataset
 
     def to_dataframe(self, name: str = "") -> pandas.DataFrame:
-        """The samples of a property, one row each; needs pandas.
-
-        :raises InputError: if there is no such property, or pandas is not installed
-        """
+        """The samples of a property, one row each; needs pandas."""
         frame: pandas.DataFrame = optional_module("pandas").DataFrame(self.samples(name))
         return frame
 
     def to_geodataframe(self, name: str = "") -> geopandas.GeoDataFrame:
-        """The samples of a property as points in WGS-84; needs geopandas.
-
-        :raises InputError: if there is no such property, or geopandas is not installed
-        """
+        """The samples of a property as points in WGS-84; needs geopandas."""
         module, columns = optional_module("geopandas"), self.samples(name)
         points = module.points_from_xy(columns.pop("longitude_deg"), columns.pop("latitude_deg"))
         frame: geopandas.GeoDataFrame = module.GeoDataFrame(columns, geometry=points, crs="EPSG:4326")

@@ -101,10 +101,7 @@ def require_free(folder: Path, overwrite: bool = False) -> None:
 
 
 def writable(names: Sequence[str]) -> tuple[str, ...]:
-    """The results that the installed extras can write; a warning names the others, and what to install.
-
-    :param names: names of results
-    """
+    """The results that the installed extras can write; a warning names the others, and what to install."""
     absent = [name for name in names if not is_installed(*_NEEDS.get(Path(name).suffix, ()))]
     if absent:
         _LOG.warning("%s not written: %s", ", ".join(absent), install("reports"))
@@ -119,7 +116,6 @@ def replaced_together(folder: Path, names: Sequence[str]) -> Iterator[Path]:
     that this run has not.
 
     :param folder: output folder; made if missing
-    :param names: names of all results
     :raises InputError: if the folder cannot be written
     """
     try:

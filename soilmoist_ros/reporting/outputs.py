@@ -22,7 +22,6 @@ from soilmoist_ros.pipeline import (
     FailedRun,
     LossRow,
     MapRun,
-    RunChange,
     run_change,
     simulated_runs,
 )
@@ -113,10 +112,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
 
 
 def property_names(name: str) -> tuple[str, str, str]:
-    """Names of the files with the map, the samples and the records of a property.
-
-    :param name: name of the property, empty for the first
-    """
+    """Names of the files with the map, the samples and the records of a property."""
     end = f"_{name}" if name else ""
     return f"map{end}.tif", f"samples{end}.geojson", f"records{end}.csv"
 
@@ -138,23 +134,30 @@ def _change_name(run: MapRun, one: MapRun) -> str:
 
 def change_bands(change: FieldChange) -> dict[str, CellBand]:
     """Bands of the file with a change; those of the moisture need a calibration."""
-    moisture = {
+    sd = "its standard deviation"
+    signs = f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FieldChange.FALSE_SHARE:g}"
+    bands = {
         "vwc_change": CellBand(change.vwc, "m3/m3", "change of the volumetric water content"),
-        "vwc_change_sd": CellBand(change.vwc_sd, "m3/m3", "its standard deviation"),
-    }
-    return {
-        **(moisture if change.mean_vwc is not None else {}),
+        "vwc_change_sd": CellBand(change.vwc_sd, "m3/m3", sd),
         "rate_change": CellBand(change.rate, "counts/s", "change of the corrected neutron count rate"),
-        "rate_change_sd": CellBand(change.rate_sd, "counts/s", "its standard deviation"),
-        "significant": CellBand(
-            change.significant,
-            "1",
-            f"1 drier, -1 wetter, 0 not significant at a false discovery rate of {FieldChange.FALSE_SHARE:g}",
-        ),
+        "rate_change_sd": CellBand(change.rate_sd, "counts/s", sd),
+        "significant": CellBand(change.significant, "1", signs),
     }
+    return {name: band for name, band in bands.items() if change.mean_vwc is not None or name[:3] != "vwc"}
 
 
 def _tags(run: MapRun) -> dict[str, str]:
+    """Origin of a map; begin and end of the survey unless the clock has no date."""
+    begin, end = run.survey_start_utc, run.survey_end_utc
+    survey = (
+        {}
+        if begin is None or end is None
+        else {
+            "TIFFTAG_DATETIME": f"{begin:%Y:%m:%d %H:%M:%S}",
+            "SOILMOIST_SURVEY_START_UTC": f"{begin:%Y-%m-%dT%H:%M:%SZ}",
+            "SOILMOIST_SURVEY_END_UTC": f"{end:%Y-%m-%dT%H:%M:%SZ}",
+        }
+    )
     return {
         "SOILMOIST_SIMULATED": "yes" if run.simulated else "no",
         CALIBRATION_TAG: calibration_of(run),
@@ -163,20 +166,8 @@ def _tags(run: MapRun) -> dict[str, str]:
         "SOILMOIST_SUPPORT": run.support_text,
         "SOILMOIST_RESOLUTION_M": f"{resolution_m(run.soil_map, run.footprint_radius_m or 0.0):.1f}",
         **({"SOILMOIST_PROPERTY": run.name} if run.name else {}),
-        **_survey_tags(run),
+        **survey,
         **({"TIFFTAG_IMAGEDESCRIPTION": GUESSED} if calibration_of(run) == ILLUSTRATIVE else {}),
-    }
-
-
-def _survey_tags(run: MapRun) -> dict[str, str]:
-    """Begin and end of the survey; none for a clock without a date."""
-    begin, end = run.survey_start_utc, run.survey_end_utc
-    if begin is None or end is None:
-        return {}
-    return {
-        "TIFFTAG_DATETIME": f"{begin:%Y:%m:%d %H:%M:%S}",
-        "SOILMOIST_SURVEY_START_UTC": f"{begin:%Y-%m-%dT%H:%M:%SZ}",
-        "SOILMOIST_SURVEY_END_UTC": f"{end:%Y-%m-%dT%H:%M:%SZ}",
     }
 
 
@@ -333,7 +324,8 @@ def mission_run(
         covariates=first.covariates,
         earlier=[*simulated_runs(first, result.soil_map), *earlier.get(name, ())],
     )
-    run = replace(run, change=_change(result, run))
+    end_s = result.series[-1].time_s if result.series else 0.0
+    run = replace(run, change=run_change(run.soil_map, end_s, run.earlier))
     others = [
         replace(
             run, soil_map=other.soil_map, track=other.records, truth_rate=other.known_truth, losses=(),
@@ -344,14 +336,8 @@ def mission_run(
         for other in result.properties[1:]
         if other.soil_map is not None
     ]  # fmt: skip
-    others = [replace(one, change=_change(result, one)) for one in others]
+    others = [replace(one, change=run_change(one.soil_map, end_s, one.earlier)) for one in others]
     return replace(run, others=others)
-
-
-def _change(result: MissionResult, run: MapRun) -> RunChange | None:
-    """What has changed since the latest earlier survey."""
-    end_s = result.series[-1].time_s if result.series else 0.0
-    return run_change(run.soil_map, end_s, run.earlier)
 
 
 def _left_out(result: MissionResult) -> Iterator[LossRow]:

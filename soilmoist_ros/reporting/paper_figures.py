@@ -289,11 +289,7 @@ def extension(values: ArrayLike, low: float, high: float) -> str:
 def _colour_bar(
     figure: Figure, image: AxesImage, axes: Axes | list[Axes], values: Array, title: str, **layout: Any
 ) -> None:
-    """The scale of colours of images; its ends are pointed where values lie beyond.
-
-    :param axes: the axes that it stands next to
-    :param values: all that the images show
-    """
+    """The scale of colours of images; its ends are pointed where values lie beyond."""
     bar = figure.colorbar(image, ax=axes, extend=extension(values, *image.get_clim()), **layout)
     bar.set_label(title, fontsize=SIZE)
     bar.ax.tick_params(labelsize=SIZE - 1)

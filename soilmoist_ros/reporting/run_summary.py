@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from soilmoist_ros.exploration import LearnedMotion, polyline_length_m
+from soilmoist_ros.exploration import polyline_length_m
 from soilmoist_ros.foundation import __version__, shown_path
 from soilmoist_ros.mapping import Drift, Estimate, FieldChange
 from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, NoteCode, track_xy
@@ -46,9 +46,11 @@ from soilmoist_ros.simulation import PropertySettings, achieved, mission_efficie
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from soilmoist_ros.mapping import LocalFit, SoilMap, VariogramFit
+    from soilmoist_ros.mapping import SoilMap
     from soilmoist_ros.simulation import MappedProperty, MissionResult, MissionSettings
 
+TRAVEL = ("speed_mps", "stop_overhead_s", "turn_s_per_rad", "overhead_counted")
+"""Motion of a robot as the planner has learned it."""
 SCHEMA = 1
 """Version of the keys; rises when one is renamed or removed."""
 
@@ -60,7 +62,7 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
     :param crs: coordinate reference system of the GeoTIFF; default the UTM zone of the datum
     :param outputs: names of the files written
     """
-    soil_map, found = run.soil_map, notes(run)
+    soil_map, found, loo = run.soil_map, notes(run), leave_one_out(run.soil_map)
     content = {
         **_about(run, run.version),
         "time_zone": run.time_zone or None,
@@ -76,13 +78,14 @@ def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str
         "within_survey": _within_survey(soil_map),
         "map": _map(run),
         "covariates": [_covariate(one) for one in covariate_importance(run)],
-        "cross_validation": _cross_validation(run),
+        "cross_validation": loo
+        and {"rmse_cps": loo.rmse, "standardised_sd": loo.standardised_sd, "coverage95": loo.coverage95},
         "truth": None if run.truth_rate is None else _score(truth_score(soil_map, run.truth_rate)),
         "mission": None if run.mission is None else mission_summary(run.mission),
         "properties": [_property_run(one) for one in run.properties],
         "earlier": [_earlier(one, relations(run)) for one in run.earlier],
         "change": _change(run),
-        "corrections": [_correction(row) for row in run.corrections],
+        "corrections": [{**asdict(row), "parameters": dict(row.parameters)} for row in run.corrections],
         "calibration": _calibration(run),
         "irrigation": _irrigation(run),
         "warnings": [note.message for note in found],
@@ -173,13 +176,20 @@ def _fit(run: MapRun) -> dict[str, Any] | None:
     fit = run.soil_map.fit
     if fit is None:
         return None
+    names, amplitude = ("structured_sill", "range", "nugget"), fit.variogram.amplitude
     return {
         "method": fit.method,
         "converged": fit.converged,
         "objective": fit.objective,
-        "log_sd": fit.log_sd and dict(zip(("structured_sill", "range", "nugget"), fit.log_sd, strict=True)),
-        "prior_share": dict(zip(("structured_sill", "range", "nugget"), fit.prior_share, strict=True)),
-        "local": None if fit.local is None else _local(fit, fit.local),
+        "log_sd": fit.log_sd and dict(zip(names, fit.log_sd, strict=True)),
+        "prior_share": dict(zip(names, fit.prior_share, strict=True)),
+        "local": fit.local
+        and {
+            "used": amplitude is not None,
+            "log_bayes_factor": fit.local.evidence,
+            "amplitude": amplitude and amplitude.spread,
+            "text": f"The standard deviation of the rate: {fit.local_text}.",
+        },
     }
 
 
@@ -200,29 +210,21 @@ def _drift(drift: Drift, mean_rate: float) -> dict[str, Any]:
     return {**change, **{f"{name}_cps": mean_rate * share for name, share in change.items()}, **asdict(drift)}
 
 
-def _local(fit: VariogramFit, local: LocalFit) -> dict[str, Any]:
-    """True if the rate varies more here than there."""
-    amplitude = fit.variogram.amplitude
-    return {
-        "used": amplitude is not None,
-        "log_bayes_factor": local.evidence,
-        "amplitude": None if amplitude is None else amplitude.spread,
-        "text": f"The standard deviation of the rate: {fit.local_text}.",
-    }
-
-
 def _map(run: MapRun) -> dict[str, Any]:
-    soil_map = run.soil_map
+    """Statistics of the bands and the mean of the field; ``sensed``: from within which 86 % of the counts come."""
+    soil_map, spread = run.soil_map, ("mean", "min", "max")
+    bands = {"rate_cps": "rate", "rate_sd_cps": "rate_sd", "vwc": "vwc", "vwc_sd": "vwc_sd"}
     return {
-        "rate_cps": asdict(band_statistics(soil_map.rate)),
-        "rate_sd_cps": asdict(band_statistics(soil_map.rate_sd)),
-        "vwc": asdict(band_statistics(soil_map.vwc)),
-        "vwc_sd": asdict(band_statistics(soil_map.vwc_sd)),
+        **{key: asdict(band_statistics(getattr(soil_map, name))) for key, name in bands.items()},
         "mean_rate_sd_cps": mean_sd(soil_map, moisture=False),
         "mean_vwc_sd": mean_sd(soil_map, moisture=True),
         "calibration_vwc_sd": calibration_sd(soil_map),
         **_moisture(soil_map),
-        "sensed": _sensed(run),
+        "sensed": run.sensed
+        and {
+            "depth_d86_cm": dict(zip(spread, run.sensed.depth_cm, strict=True)),
+            "radius_r86_m": dict(zip(spread, run.sensed.radius_m, strict=True)),
+        },
         "support": run.support_text,
         "resolution_m": resolution_m(soil_map, run.footprint_radius_m or 0.0),
         "explained_share": explained_share(soil_map),
@@ -253,17 +255,6 @@ def _moisture(soil_map: SoilMap) -> dict[str, Any]:
     }
 
 
-def _sensed(run: MapRun) -> dict[str, dict[str, float]] | None:
-    """Depth and radius from within which 86 % of the counts come, over the cells of the map."""
-    if run.sensed is None:
-        return None
-    names = ("mean", "min", "max")
-    return {
-        "depth_d86_cm": dict(zip(names, run.sensed.depth_cm, strict=True)),
-        "radius_r86_m": dict(zip(names, run.sensed.radius_m, strict=True)),
-    }
-
-
 def _covariate(one: Importance) -> dict[str, Any]:
     """Effect of a covariate per standard deviation, with its 95 % interval, and what it explains."""
     return {
@@ -275,18 +266,8 @@ def _covariate(one: Importance) -> dict[str, Any]:
     }
 
 
-def _cross_validation(run: MapRun) -> dict[str, float] | None:
-    loo = leave_one_out(run.soil_map)
-    if loo is None:
-        return None
-    return {"rmse_cps": loo.rmse, "standardised_sd": loo.standardised_sd, "coverage95": loo.coverage95}
-
-
 def _earlier(one: EarlierRun, related: Mapping[str, float]) -> dict[str, Any]:
-    """An earlier survey that informs the map.
-
-    :param related: correlations of patterns, see :func:`relations`
-    """
+    """An earlier survey that informs the map."""
     return {
         "name": one.survey.name,
         "path": shown_path(one.path),
@@ -335,31 +316,28 @@ def _score(score: TruthScore) -> dict[str, float]:
 
 def mission_summary(mission: MissionResult) -> dict[str, Any]:
     """Settings and result of a simulated mission."""
-    further = [_property(mapped) for mapped in mission.properties[1:]]
+    further, plan = [_property(mapped) for mapped in mission.properties[1:]], mission_efficiency(mission)
     return {
         "settings": settings_summary(mission.settings),
         "field": mission.field_title,
         "ended": mission.ended,
         "stops": len(mission.visits),
         "robot_distances_m": [polyline_length_m(track) for track in mission.tracks],
-        "travel": [_travel(learned) for learned in mission.motion],
-        "efficiency": _efficiency(mission),
+        "travel": [
+            {name: getattr(learned.motion, name) for name in TRAVEL} | {"legs": len(learned.legs)}
+            for learned in mission.motion
+        ],
+        "efficiency": plan
+        and {
+            "reached": plan.reached,
+            "least_variance": plan.least,
+            "left_variance": plan.left,
+            "of_truth": plan.of_truth,
+        },
         "forecast": _forecast(mission),
         "final": {name: column[-1].item() for name, column in mission.columns.items()} if mission.series else None,
         "properties": further,
         "also": further[0] if len(further) == 1 else None,
-    }
-
-
-def _travel(learned: LearnedMotion) -> dict[str, float | int]:
-    """Motion of a robot, as the planner has learned, and from how many legs."""
-    motion = learned.motion
-    return {
-        "speed_mps": motion.speed_mps,
-        "stop_overhead_s": motion.stop_overhead_s,
-        "turn_s_per_rad": motion.turn_s_per_rad,
-        "overhead_counted": motion.overhead_counted,
-        "legs": len(learned.legs),
     }
 
 
@@ -394,15 +372,6 @@ def _rate_map(soil_map: SoilMap, truth: NDArray[np.float64] | None) -> dict[str,
     }
 
 
-def _efficiency(mission: MissionResult) -> dict[str, float | bool] | None:
-    """Efficiency of the mission, see :class:`Efficiency`; variances of the smooth rate [(counts/s)^2]."""
-    plan = mission_efficiency(mission)
-    if plan is None:
-        return None
-    variances = {"least_variance": plan.least, "left_variance": plan.left}
-    return {"reached": plan.reached, **variances, "of_truth": plan.of_truth}
-
-
 def _forecast(mission: MissionResult) -> dict[str, Any] | None:
     """Standard deviation of the map that was forecast for the end, and that was reached.
 
@@ -430,12 +399,12 @@ def _forecast(mission: MissionResult) -> dict[str, Any] | None:
 def _irrigation(run: MapRun) -> dict[str, Any]:
     """Zones of the field as in the report; they are relative without ``zone_limits_vwc``."""
     found, limits = irrigation(run), run.irrigation
+    names = ("name", "area_m2", "share", "water_mm", "missing_mm", "missing_mm_p05", "missing_mm_p95")
     zones = [
-        {
-            "name": zone.name, "area_m2": zone.area_m2, "share": zone.share, "certain": zone.certainty.certain,
-            "certain_share": zone.certainty.sure, "expected_share": zone.certainty.expected,
-            "water_mm": zone.water_mm, "missing_mm": zone.missing_mm, "missing_mm_p05": zone.missing_mm_p05,
-            "missing_mm_p95": zone.missing_mm_p95,
+        {name: getattr(zone, name) for name in names}
+        | {
+            "certain": zone.certainty.certain, "certain_share": zone.certainty.sure,
+            "expected_share": zone.certainty.expected,
         }
         for zone in found.zones
     ]  # fmt: skip
@@ -447,10 +416,6 @@ def _irrigation(run: MapRun) -> dict[str, Any]:
         "zones": zones,
         "advice": found.advice,
     }
-
-
-def _correction(row: Any) -> dict[str, Any]:
-    return {**asdict(row), "parameters": dict(row.parameters)}
 
 
 def _calibration(run: MapRun) -> dict[str, Any] | None:

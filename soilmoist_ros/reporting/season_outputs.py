@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import __version__, csv_text
+from soilmoist_ros.foundation import __version__
 from soilmoist_ros.mapping import Estimate, FieldChange
 from soilmoist_ros.pipeline import EarlierRun, local_time
 from soilmoist_ros.recording import SUMMARY
@@ -40,7 +39,7 @@ from soilmoist_ros.reporting.page.viewer import (
     thinning,
 )
 from soilmoist_ros.reporting.season import Season, SeasonSurvey
-from soilmoist_ros.reporting.text_files import write_json
+from soilmoist_ros.reporting.text_files import write_json, write_table
 
 Array = NDArray[np.float64]
 
@@ -70,7 +69,8 @@ def write_season(folder: Path, season: Season) -> list[Path]:
     with replaced_together(folder, NAMES) as workshop:
         (workshop / "report.html").write_text(render_season(season), encoding="utf-8")
         write_stack(workshop / "season.nc", season)
-        _write_table(workshop / "season.csv", season)
+        table = rows(season)
+        write_table(workshop / "season.csv", list(table[0]), (list(row.values()) for row in table))
         write_json(workshop / SUMMARY, summary(season))
     return [folder / name for name in NAMES]
 
@@ -171,14 +171,6 @@ def _columns(name: str, estimate: Estimate | None) -> dict[str, float | None]:
         return dict.fromkeys((name, f"{name}_low95", f"{name}_high95"))
     low, high = estimate.interval95
     return {name: estimate.value, f"{name}_low95": low, f"{name}_high95": high}
-
-
-def _write_table(path: Path, season: Season) -> None:
-    table = rows(season)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(table[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({name: csv_text(value) for name, value in row.items()} for row in table)
 
 
 def write_stack(path: Path, season: Season) -> Path:

@@ -62,15 +62,16 @@ def write_series(path: Path, mission: MissionResult) -> Path:
     Each further property adds the columns ``mse_NAME`` and ``coverage95_NAME``.
     """
     columns = mission.columns
-    return _write(path, list(columns), zip(*columns.values(), strict=True))
+    return write_table(path, list(columns), zip(*columns.values(), strict=True))
 
 
 def write_visits(path: Path, mission: MissionResult) -> Path:
     """Write the visits in order, one column for each field of :class:`Visit`; return ``path``."""
-    return _write(path, [field.name for field in fields(Visit)], map(astuple, mission.visits))
+    return write_table(path, [field.name for field in fields(Visit)], map(astuple, mission.visits))
 
 
-def _write(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
+def write_table(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
+    """Write a CSV file; return ``path``. Values that are not finite are empty."""
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(names)
@@ -158,6 +159,7 @@ def samples_collection(run: MapRun) -> dict[str, Any]:
 
 def _sample_features(run: MapRun) -> list[dict[str, Any]]:
     samples, curve = run.soil_map.samples, run.soil_map.curve
+    calibrated = calibration_of(run)
     counts, exposure = np.asarray(samples.counts, float), np.asarray(samples.exposure_s, float)
     rate = counts / exposure
     rate_sd = np.where(counts > 0, np.sqrt(counts) / exposure, np.nan)
@@ -167,7 +169,6 @@ def _sample_features(run: MapRun) -> list[dict[str, Any]]:
     vwc = interval.vwc if curve is None else np.where(np.isnan(curve.vwc(rate)), np.nan, interval.vwc)
     lon_lat = _lon_lat(run.frame, samples.xy)
     begin, end, n_records = sample_times(run).T
-    calibrated = calibration_of(run)
     return [
         {
             "type": "Feature",

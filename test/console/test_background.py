@@ -11,7 +11,6 @@ import pytest
 import rasterio
 from rasterio import Affine
 
-from soilmoist_ros.console import background as module
 from soilmoist_ros.console.background import GROUND, MARGIN, MAX_BYTES, make_background
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
@@ -80,58 +79,6 @@ def test_a_photo_with_opacity_shows_the_ground_where_it_has_nothing(tmp_path):
     assert np.allclose(colours(made)[1], GROUND, atol=6)
 
 
-def test_more_than_8_bits_are_stretched_and_one_band_is_grey(tmp_path):
-    ramp = np.tile(np.linspace(900, 3000, 512), (512, 1)).astype(np.uint16)[None]
-    (west, east, *_), _ = colours(make_background(write_photo(tmp_path / "grey.tif", ramp), FRAME, FIELD))
-    assert len(set(west)) == len(set(east)) == 1
-    assert west[0] < 110 < 140 < east[0]
-
-
-def write_tiles(folder, zoom, from_south, suffix="png"):
-    """Web tiles of the photo around the field."""
-    from pyproj import Transformer
-
-    latitude, longitude = FRAME.to_geographic([(50.0, 40.0)])[0]
-    middle = Transformer.from_crs(4326, 3857, always_xy=True).transform(longitude, latitude)
-    tile_m = 2 * module._HALF_WORLD_M / (1 << zoom)
-    edge_m = module._HALF_WORLD_M
-    column, row = int((middle[0] + edge_m) / tile_m), int((edge_m - middle[1]) / tile_m)
-    step_m = tile_m / 256
-    for x in range(column - 2, column + 3):
-        for y in range(row - 2, row + 3):
-            east = x * tile_m - module._HALF_WORLD_M + step_m * (np.arange(256) + 0.5) >= middle[0]
-            south = module._HALF_WORLD_M - y * tile_m - step_m * (np.arange(256) + 0.5) < middle[1]
-            index = 2 * south[:, None] + east[None, :]
-            rgb = np.array([NORTH_WEST, NORTH_EAST, SOUTH_WEST, SOUTH_EAST], np.uint8)[index]
-            path = folder / str(zoom) / str(x) / f"{(1 << zoom) - 1 - y if from_south else y}.{suffix}"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-                driver = {"png": "PNG", "jpg": "JPEG"}[suffix]
-                with rasterio.open(
-                    path, "w", driver=driver, width=256, height=256, count=3, dtype="uint8"
-                ) as tile:
-                    tile.write(np.moveaxis(rgb, 2, 0))
-
-
-@pytest.mark.parametrize(("from_south", "suffix"), [(False, "png"), (True, "jpg")])
-def test_tiles_lie_where_the_field_does(tmp_path, from_south, suffix):
-    write_tiles(tmp_path, 17, from_south, suffix)
-    assert_quarters(make_background(tmp_path, FRAME, FIELD))
-
-
-@pytest.mark.slow
-def test_the_finest_tiles_that_are_not_too_many_are_used(tmp_path, monkeypatch):
-    for zoom in (16, 17, 18):
-        write_tiles(tmp_path, zoom, False)
-    used = []
-    read = module._read_tile
-    monkeypatch.setattr(module, "_read_tile", lambda path: (used.append(path), read(path))[1])
-    monkeypatch.setattr(module, "MAX_TILES", 4)
-    make_background(tmp_path, FRAME, FIELD)
-    assert {path.parts[-3] for path in used} == {"17"}
-
-
 @pytest.mark.slow
 def test_no_picture_is_too_large(tmp_path):
     noise = np.random.default_rng(1).integers(0, 256, (3, 3000, 3000), np.uint8)
@@ -146,9 +93,8 @@ def test_what_cannot_be_used_is_said(tmp_path):
     (tmp_path / "text.tif").write_text("no picture")
     with pytest.raises(InputError, match="cannot be read as a raster"):
         make_background(tmp_path / "text.tif", FRAME, FIELD)
-    (tmp_path / "tiles" / "17").mkdir(parents=True)
-    with pytest.raises(InputError, match="has no tiles of the field"):
-        make_background(tmp_path / "tiles", FRAME, FIELD)
+    with pytest.raises(InputError, match="is a folder -> give a GeoTIFF"):
+        make_background(tmp_path, FRAME, FIELD)
     nowhere = tmp_path / "nowhere.tif"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)

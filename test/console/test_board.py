@@ -35,12 +35,6 @@ def test_a_reader_of_all_changes_has_what_is_there(states):
     assert read == {name: list(value) if isinstance(value, tuple) else value for name, value in sent.items()}
 
 
-def test_nothing_is_sent_twice():
-    trail = tuple(range(1000))
-    assert changes({"trail": trail, "a": 1}, {"trail": (*trail, 7), "a": 1}) == {"extend": {"trail": [1000, [7]]}}
-    assert changes({"trail": trail}, {"trail": trail}) == {}
-
-
 def test_ages_are_those_of_a_steady_clock():
     now = [5.0]
     board = Board(lambda: now[0])

@@ -56,12 +56,6 @@ def test_values_at_a_place_are_those_of_its_cell():
         assert layers.at(*outside) == {}
 
 
-def test_without_a_map_there_is_no_layer():
-    empty = np.full((2, 2), np.nan, [(name, "<f4") for name in BANDS])
-    assert MapLayers(empty, 1).about == {"version": 1, "extent": [], "layers": []}
-    assert MapLayers(empty, 1).at(0.0, 0.0) == {}
-
-
 def test_a_change_is_pale_where_it_may_be_chance():
     change = np.full((5, 4), np.nan, [(name, "<f4") for name in ("x", "y", "z", *CHANGE_BANDS)])
     part = change[1:4, 1:3]
@@ -77,10 +71,3 @@ def test_a_change_is_pale_where_it_may_be_chance():
     assert layers.at(13.0, 1.0)["significant"] == 1
     part["change_vwc"] = 0.01
     assert [one["key"] for one in MapLayers(cells(), 1, change).about["layers"]][-1] == "change_vwc"
-
-
-def test_a_change_in_other_cells_is_left_out():
-    change = np.zeros((2, 2), [(name, "<f4") for name in ("x", "y", "z", *CHANGE_BANDS)])
-    assert [one["key"] for one in MapLayers(cells(), 1, change).about["layers"]] == [
-        "vwc", "vwc_sd", "rate", "rate_sd",
-    ]  # fmt: skip

@@ -19,7 +19,6 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.console import plan_work as module
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.plan_work import (
     MAX_PLACES,
@@ -88,16 +87,6 @@ def test_stops_in_rows_or_a_lattice_are_a_map_for_the_navigation(tmp_path):
         assert str(len(graph.stops)) in answer["summary"]
     with pytest.raises(InputError):
         travel_map({**FIELD, "stops": {"kind": "lattice", "spacing_m": 1000}})
-
-
-@pytest.mark.slow
-def test_a_forecast_ends_early_and_drives_on_rows():
-    rows = {"kind": "rows", "rows_m": 6, "spacing_m": 8}
-    answer = forecast({**FIELD, "hours": 0.4, "stops": rows, "strategy": "random", "dwell": "fmi:30"})
-    early = forecast(
-        {**FIELD, "hours": 0.4, "stops": rows, "strategy": "random", "dwell": "fmi:30", "until_sd": 0.5}
-    )
-    assert early["ends_s"] < answer["ends_s"] <= 0.4 * 3600
 
 
 @pytest.mark.slow
@@ -187,14 +176,6 @@ def test_a_boundary_comes_from_the_files_that_people_have(tmp_path):
         assert read(name, content, None)["datum"] == pytest.approx(FILE_DATUM, abs=1e-3)
 
 
-def test_a_polygon_inside_the_boundary_is_a_no_go_area():
-    answer = read(
-        "two.geojson", written("GeoJSON", [shapely.Polygon(degrees(POND)), shapely.Polygon(degrees(RING))])
-    )
-    assert same(answer)
-    assert "is a no-go area" in answer["note"]
-
-
 def _utm(ring):
     from pyproj import Transformer
 
@@ -243,28 +224,10 @@ def test_other_files_are_refused(name, content, said):
         read(name, content)
 
 
-@pytest.mark.slow
-def test_many_corners_become_few_and_too_many_are_refused():
-    angles = np.linspace(0, 2 * np.pi, 20_000)
-    circle = degrees(np.column_stack([100 * np.cos(angles), 100 * np.sin(angles)])).tolist()
-    answer = read("c.json", json.dumps({"type": "Polygon", "coordinates": [circle]}).encode())
-    assert len(answer["boundary"]) <= module.MAX_CORNERS
-    assert shapely.Polygon(answer["boundary"]).area == pytest.approx(np.pi * 1e4, rel=1e-3)
-    many = {"type": "Polygon", "coordinates": [circle * 12]}
-    with pytest.raises(InputError, match="corners"):
-        read("c.json", json.dumps(many).encode())
-
-
 @given(st.binary(max_size=300), st.sampled_from([".geojson", ".kml", ".zip", ".kmz"]))
 def test_noise_is_refused_in_words(content, suffix):
     with pytest.raises(InputError):
         read(f"noise{suffix}", content)
-
-
-def test_a_file_on_another_side_of_the_earth_than_the_datum_is_refused():
-    polygon = shapely.Polygon([(170, -50), (170.01, -50), (170.01, -50.01)])
-    with pytest.raises(InputError, match="another side of the earth"):
-        read("f.geojson", shapely.to_geojson(polygon).encode())
 
 
 # A boundary from a walk (walk.py) -------------------------------------------------------------------------------
@@ -291,16 +254,6 @@ def test_a_walk_becomes_a_ring_with_few_corners(noise_m, seed):
     assert 4 <= len(answer["ring"]) < len(places) / 8
     assert ring.symmetric_difference(shapely.Polygon(CORNERS)).area < 200 * (answer["tolerance_m"] + noise_m)
     assert answer["gap_m"] < 1.5
-
-
-def test_a_loop_at_the_start_is_cut_off_and_a_figure_of_eight_is_refused():
-    loop = [[-3, -3], [-1, 2], [2, -1], [-2, -2], *along(CORNERS)[4:]]
-    assert shapely.Polygon(walked({"places": loop})["ring"]).area == pytest.approx(
-        shapely.Polygon(CORNERS).area, rel=0.02
-    )
-    for wrong in ([[0, 0], [40, 30], [40, 0], [0, 30]], [[0, 0], [5, 0]], [[0, 0], [10, 0], [20, 0], [30, 0]]):
-        with pytest.raises(InputError, match="walk"):
-            walked({"places": wrong})
 
 
 @pytest.mark.slow

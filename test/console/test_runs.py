@@ -6,14 +6,13 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 import time
 
 import pytest
 
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.jobs import Jobs
-from soilmoist_ros.console.runs import RunRoutes, file_of, list_runs, run_of
+from soilmoist_ros.console.runs import RunRoutes, file_of, list_runs
 from soilmoist_ros.foundation.errors import InputError
 
 
@@ -51,12 +50,6 @@ def test_runs_are_listed_with_what_is_known(folder):
     assert list_runs(folder / "none") == []
 
 
-def test_a_summary_that_cannot_be_read_harms_nothing(folder):
-    for text in ("", "[]", '{"mission": 3}', '{"map": [1]}', "\xff"):
-        (folder / "first" / "summary.json").write_text(text, encoding="latin-1")
-        assert {run["name"] for run in list_runs(folder)} == {"first", "second"}
-
-
 def test_numbers_of_a_summary_that_are_none_are_left_out(folder):
     digits = "9" * 400
     text = f'{{"survey_duration_s": NaN, "distance_m": {digits}, "mission": {{"stops": "x"}}}}'
@@ -78,11 +71,6 @@ def test_numbers_of_a_summary_that_are_none_are_left_out(folder):
 )  # fmt: skip
 def test_nothing_else_can_be_taken(folder, run, name):
     assert file_of(folder, run, name) is None
-
-
-def test_files_of_runs_can_be_taken(folder):
-    assert file_of(folder, "first", "bag/bag_0.mcap") == folder / "first" / "bag" / "bag_0.mcap"
-    assert run_of(folder, "second") == folder / "second"
 
 
 class Asked:
@@ -125,24 +113,6 @@ def test_reports_exports_and_comparisons_are_made_by_the_commands(folder):
 def test_what_is_not_made(folder, content):
     with pytest.raises(InputError):
         make(folder, **content)
-
-
-@pytest.mark.slow
-def test_no_process_of_a_job_outlasts_the_end(tmp_path):
-    async def work():
-        jobs = Jobs(Board())
-        mark = f"import os, time; open(f'{tmp_path}/{{os.getpid()}}', 'w').close(); time.sleep(100)"
-        jobs.start("long", ["-c", mark])
-        jobs.start("waits", ["-c", ""])
-        deadline = time.monotonic() + 60
-        while not list(tmp_path.iterdir()) and time.monotonic() < deadline:
-            await asyncio.sleep(0.02)
-        await jobs.close()
-        (pid,) = (int(path.name) for path in tmp_path.iterdir())
-        with pytest.raises(ProcessLookupError):
-            os.kill(pid, 0)
-
-    asyncio.run(work())
 
 
 @pytest.mark.slow

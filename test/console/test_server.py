@@ -5,14 +5,10 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import json
-import math
-import socket as sockets
 import time
 import urllib.error
 import urllib.request
-import warnings
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -25,14 +21,13 @@ from hypothesis import strategies as st
 from rasterio import Affine
 
 from soilmoist_ros.console import server as module
-from soilmoist_ros.console import visitors as entrance
 from soilmoist_ros.console.board import Board
 from soilmoist_ros.console.map_layers import MapLayers
 from soilmoist_ros.console.plan_routes import SurveyFiles
 from soilmoist_ros.console.plan_work import Walk
 from soilmoist_ros.console.server import ConsoleServer
 from soilmoist_ros.console.views import field_view
-from soilmoist_ros.console.visitors import Access, request_from_json, who_of
+from soilmoist_ros.console.visitors import Access, request_from_json
 from soilmoist_ros.exploration.control.operator_request import OperatorRequest, Reply, ReplyCode
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
@@ -134,13 +129,6 @@ def test_other_sites_get_nothing(served):
     assert served.robots.asked == []
 
 
-def test_visitors_without_a_token_only_look(served):
-    far = {"X-Forwarded-For": "10.0.0.9"}
-    assert served.post("/stop", {}, **far)[0] == 403
-    assert served.get("/", **far)[0] == 200
-    assert served.robots.asked == []
-
-
 def test_a_token_becomes_a_cookie(served):
     class Stay(urllib.request.HTTPRedirectHandler):
         def redirect_request(self, *_):
@@ -239,12 +227,6 @@ def first_message(served):
     return asyncio.run(look())
 
 
-def test_numbers_that_are_not_finite_silence_no_viewer(served):
-    served.board.put("nodes", [["a", math.nan, math.inf], ["b", 1.0, 2.0]])
-    said = json.loads(first_message(served).data, parse_constant=pytest.fail)
-    assert said["set"]["nodes"] == [["a", None, None], ["b", 1.0, 2.0]]
-
-
 def test_a_viewer_whose_update_fails_is_disconnected_and_named(served, caplog):
     served.board.put("a", object())
     assert first_message(served).type is aiohttp.WSMsgType.CLOSE
@@ -282,48 +264,6 @@ def test_those_who_only_look_keep_no_operator_out(served, monkeypatch):
             await session.close()
 
     asyncio.run(come())
-
-
-def connected(served, number):
-    """A connection from 127.0.0.NUMBER that sends nothing."""
-    return sockets.create_connection(("127.0.0.1", served.port), 20, (f"127.0.0.{number}", 0))
-
-
-def ended(connection):
-    """Whether the server ends a connection."""
-    try:
-        return connection.recv(1) == b""
-    except ConnectionResetError:
-        return True
-
-
-def test_one_address_does_not_take_all_connections(served, monkeypatch):
-    monkeypatch.setattr(entrance, "MAX_CONNECTIONS", 2)
-    with connected(served, 2) as first, connected(served, 2), connected(served, 2) as third:
-        assert ended(third)
-        assert served.get("/")[0] == 200, "another address is served"
-        first.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
-        while first.recv(65536):
-            pass
-        with connected(served, 2) as later:
-            later.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
-            assert later.recv(12) == b"HTTP/1.1 200"
-
-
-def test_behind_a_proxy_all_visitors_have_one_address(tmp_path, monkeypatch):
-    monkeypatch.setattr(entrance, "MAX_CONNECTIONS", 1)
-    served = Served(Access(public="https://robot.example/"), tmp_path)
-    try:
-        with connected(served, 1), connected(served, 1):
-            assert served.get("/")[0] == 200
-    finally:
-        served.server.close()
-
-
-def test_a_connection_that_sends_nothing_is_ended(served, monkeypatch):
-    monkeypatch.setattr(entrance, "FIRST_BYTES_S", 0.1)
-    with connected(served, 1) as silent:
-        assert ended(silent)
 
 
 @pytest.mark.slow
@@ -395,36 +335,6 @@ def test_a_background_is_made_and_served(tmp_path):
         served.server.close()
 
 
-@pytest.mark.slow
-def test_a_background_that_cannot_be_made_is_said(tmp_path):
-    (tmp_path / "photo.tif").write_text("no picture")
-    served = Served(Access(), tmp_path, str(tmp_path / "photo.tif"))
-    try:
-        assert "cannot be read as a raster" in background_of(served)["error"]
-        assert served.get("/background.jpg")[0] == 404
-    finally:
-        served.server.close()
-
-
-@pytest.mark.slow
-def test_a_viewer_that_reads_nothing_is_disconnected_at_the_end(tmp_path):
-    served = Served(Access(), tmp_path)
-    with sockets.socket() as viewer:
-        viewer.setsockopt(sockets.SOL_SOCKET, sockets.SO_RCVBUF, 4096)
-        viewer.settimeout(20)
-        viewer.connect(("127.0.0.1", served.port))
-        page = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\n\r\n".encode()
-        viewer.sendall(page * 1000)
-        viewer.recv(1)
-        time.sleep(0.5)  # until the server waits for the viewer
-        with warnings.catch_warnings(record=True) as left:
-            warnings.simplefilter("always", ResourceWarning)
-            served.server.close()
-            del served
-            gc.collect()
-        assert [str(warning.message) for warning in left if warning.category is ResourceWarning] == []
-
-
 # Requests from the network (requests.py) ------------------------------------------------------------------------
 
 JSON = st.recursive(
@@ -432,19 +342,6 @@ JSON = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
 )
 NAMES = ["robot", "verb", "who", "place", "dwell", "polygon", "stops", "hours", "until_sd", "other"]
-
-
-def test_a_request_of_the_page():
-    content = {"robot": "r1", "verb": "rule_out", "who": "Ada", "polygon": [[0, 1.5], [2, 3], [4, 5]]}
-    assert request_from_json(content, ["r1"]) == (
-        "r1", OperatorRequest("rule_out", "Ada", polygon=((0.0, 1.5), (2.0, 3.0), (4.0, 5.0))),
-    )  # fmt: skip
-
-
-def test_the_name_of_an_operator_has_no_control_characters():
-    assert who_of({"who": "Ad\x1b[31ma\nB\u202e"}) == "Ada B"
-    assert who_of({"who": "x" * 99}) == "x" * 60
-    assert who_of({"who": 5}) == who_of(None) == ""
 
 
 @pytest.mark.parametrize(

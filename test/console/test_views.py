@@ -13,19 +13,13 @@ import pytest
 
 from soilmoist_ros.console.board import MAX_TRAIL, MAX_VISITS, Board, RobotHistory, VisitHistory, changes
 from soilmoist_ros.console.views import (
-    field_view,
     headline,
-    health_view,
     mission_view,
     node_views,
     place_views,
-    sample_views,
 )
-from soilmoist_ros.exploration.mission.types import MissionEnd, MissionStatus, Phase
+from soilmoist_ros.exploration.mission.types import MissionStatus, Phase
 from soilmoist_ros.exploration.travel.stop import Stop
-from soilmoist_ros.foundation.errors import Health, Level
-from soilmoist_ros.mapping.samples import Samples
-from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 
 NAN = math.nan
 STATUS = MissionStatus(
@@ -42,11 +36,6 @@ def test_every_phase_has_words_and_is_json(phase):
         assert "{" not in view["headline"]
 
 
-@pytest.mark.parametrize("end", list(MissionEnd))
-def test_every_end_has_words(end):
-    assert headline(replace(STATUS, phase=Phase.FINISHED, ended=end)).startswith("Finished: ")
-
-
 def test_the_words_say_what_matters_most():
     assert headline(STATUS) == "Counting at r1"
     assert headline(replace(STATUS, emergency=True)) == "Emergency stop"
@@ -59,16 +48,6 @@ def test_the_words_say_what_matters_most():
         assert headline(replace(idle, reason=reason)) == "Not ready yet"
     assert mission_view(STATUS, {})["error_percent"] == 5.0
     assert mission_view(replace(STATUS, raw_counts=0), {})["error_percent"] is None
-
-
-def test_the_worst_part_comes_first():
-    parts = [Health("a", Level.OK, ""), Health("b", Level.ERROR, "x"), Health("c", Level.WARN, "")]
-    assert [part["name"] for part in health_view(parts)] == ["b", "c", "a"]
-
-
-def test_field_and_samples_are_json():
-    json.dumps(field_view(surrogate_field("half-wet").field), allow_nan=False)
-    assert sample_views(Samples([(1.234567, 2.0)], [30], [10.04])) == ([1.23, 2.0, 30, 10.0],)
 
 
 def test_places_that_are_not_finite_are_not_shown():

@@ -4,12 +4,11 @@
 
 from __future__ import annotations
 
-import ipaddress
 import sys
 
 import pytest
 
-from soilmoist_ros.console.visitors import ABSENT_S, Access, Controls, Visitor, invitation, reachable
+from soilmoist_ros.console.visitors import ABSENT_S, Access, Controls, Visitor, invitation
 from soilmoist_ros.foundation.errors import InputError
 
 HERE = {"Host": "127.0.0.1:8050"}
@@ -153,13 +152,6 @@ def test_the_controls_of_a_page_that_is_gone_are_free_after_a_while():
 
 
 # How a phone gets to the page (invitation.py) -------------------------------------------------------------------
-
-
-def test_everywhere_is_an_address_to_open():
-    found = reachable("0.0.0.0")
-    assert found not in ("", "0.0.0.0")
-    if found[0].isdigit():
-        ipaddress.ip_address(found)
 
 
 def test_the_address_comes_with_a_code_for_phones(monkeypatch):

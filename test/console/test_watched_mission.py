@@ -101,17 +101,6 @@ def test_a_signal_may_stop_it_at_any_line_of_a_wait(tmp_path):
         assert page.stopped
 
 
-def test_robots_have_their_names(tmp_path):
-    from dataclasses import replace
-
-    settings = replace(SETTINGS, robots=2, hours=0.1)
-    with watched(tmp_path, settings, ("robot_1", "robot_2")) as page:
-        simulate_mission(settings, watch=page.show)
-        shown = page._board.snapshot()
-    assert {one["robot"] for one in shown["visits"]} <= {"robot_1", "robot_2"}
-    assert {"mission/robot_1", "plan/robot_2"} < set(shown)
-
-
 @pytest.mark.process
 def test_ctrl_c_ends_a_live_mission_with_results(tmp_path):
     out = tmp_path / "run"

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +20,8 @@ from soilmoist_ros.foundation.configuration import resource, resource_names
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.lab import mission_store
 from soilmoist_ros.lab.campaign import CampaignInterrupted, load_campaign, mission_key, missions, run_campaign
-from soilmoist_ros.lab.campaign_file import Choices
 from soilmoist_ros.lab.mission_store import DamagedMissionError, pack, unpack
-from soilmoist_ros.lab.table import METRICS, time_grid
+from soilmoist_ros.lab.table import METRICS
 from soilmoist_ros.simulation.mission.settings import SETTINGS, MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
@@ -71,17 +70,6 @@ class Counted:
         return self._simulate(settings, progress)
 
 
-@pytest.mark.slow
-def test_the_paper_s_campaign():
-    found = missions(load_campaign("paper"))
-    assert len(found) == 480
-    assert len({mission.key for mission in found}) == 480
-    assert {mission.settings.preset for mission in found} == {"authors"}
-    assert {mission.settings.hours for mission in found if mission.settings.field == "validation"} == {4.0}
-    shared = [mission for mission in found if mission.experiments == ("intervals", "strategies")]
-    assert len(shared) == 60
-
-
 def test_grid_and_defaults(campaign):
     found = missions(campaign)
     assert [m.settings.seed for m in found[:2]] == [1, 2]
@@ -96,21 +84,6 @@ def test_keys_are_stable_and_tell_settings_apart():
     assert mission_key(MissionSettings(cell_m=1.0)) != mission_key(MissionSettings())
     explicit = MissionSettings(strategy="gcb", dwell="optimal", model="matern32", fit="reml", map_from="records")
     assert mission_key(explicit) == mission_key(MissionSettings()), "keys contain the values of a preset"
-
-
-def test_a_field_file_counts_by_its_content(tmp_path):
-    text = "title: t\nruns: [3]\nexperiments: [{name: a, field: ./field.yaml}]\n"
-    for folder, content in (("a", "name: x"), ("b", "name: x"), ("c", "name: y"), ("d", "name: x")):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "points.csv").write_text("1" if folder == "d" else "0")
-        content += "\ntruth: {points: points.csv}"
-        (tmp_path / folder / "field.yaml").write_text(content)
-    keys = [missions(written(tmp_path / name / "c.yaml", text))[0].key for name in "abcd"]
-    assert keys[0] == keys[1] != keys[2]
-    assert keys[3] not in keys[:3]
-    assert missions(load_campaign(str(tmp_path / "a" / "c.yaml")))[0].settings.field == str(
-        tmp_path / "a/field.yaml"
-    )
 
 
 def test_every_mistake_is_named(tmp_path):
@@ -134,21 +107,6 @@ experiments:
     assert "tuple should have" not in str(caught.value)
 
 
-def test_mistakes_beyond_the_keys(tmp_path):
-    text = "title: t\nruns: [1]\nexperiments: [{name: a, field: no/such.yaml}, {name: a, field: moon}]\n"
-    with pytest.raises(InputError) as caught:
-        written(tmp_path / "c.yaml", text)
-    assert "no field file 'no/such.yaml'" in str(caught.value)
-    assert "no field 'moon'" in str(caught.value)
-    assert "synthetic-high" in str(caught.value)
-    assert "second experiment is named 'a'" in str(caught.value)
-    assert {mistake.line for mistake in caught.value.mistakes} == {3}
-    with pytest.raises(InputError, match="only once"):
-        written(tmp_path / "d.yaml", "title: t\nruns: [1, 1]\nexperiments: [{name: a}]\n")
-    with pytest.raises(InputError, match="one of: drift, knowledge, paper"):
-        load_campaign("papers")
-
-
 def test_mistakes_of_all_kinds_are_named_at_once(tmp_path):
     (tmp_path / "bare.yaml").write_text("name: bare\n")
     (tmp_path / "g.yaml").write_text("[]")
@@ -168,14 +126,6 @@ experiments:
     assert "'example' has no truth" in said[1][1]
     assert "'./bare.yaml' has no truth" in said[2][1]
     assert "robot travels freely" in said[3][1] == said[4][1]
-
-
-def test_dwell_rules_are_those_of_a_mission(tmp_path):
-    text = "title: t\nruns: 1\nexperiments: [{name: a, dwell: [%s]}]\n"
-    found = missions(written(tmp_path / "c.yaml", text % "'ami:2.5%', ami:0.025, 'FMI: 600', optimal"))
-    assert [mission.settings.dwell for mission in found] == ["ami:0.025", "fmi:600", "optimal"]
-    with pytest.raises(InputError, match=r"'fmi:0\.5' is not between 1 and 86400 s"):
-        written(tmp_path / "d.yaml", text % "fmi:0.5")
 
 
 @pytest.mark.slow
@@ -202,12 +152,6 @@ def test_tables(campaign, tmp_path, fake):
     assert final.loc[mission.key, "experiments"] == "first second"
     assert final["border_share"].between(0, 1).all()
     assert final[final["strategy"] == "greedy"]["border_share"].mean() > 0.7
-
-
-def test_time_grid_ends_with_the_mission():
-    assert time_grid(1.0, 1800).tolist() == [0, 1800, 3600]
-    assert time_grid(0.6, 1800).tolist() == [0, 1800, 2160]
-    assert len(time_grid(2.0, 300)) == 25
 
 
 @pytest.mark.slow
@@ -377,21 +321,6 @@ def test_ctrl_c_stops_the_processes(tmp_path):
     assert errors.count("Traceback") == 1
 
 
-@pytest.mark.slow
-def test_a_cluster_gives_the_same(campaign, tmp_path, fake):
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0", host="tcp://127.0.0.1"
-    ) as cluster:
-        outcome = run_campaign(campaign, tmp_path / "there", fake, scheduler=cluster.scheduler_address)
-        bad = Counted(fake, fail=lambda settings: settings.seed == 2)
-        failing = run_campaign(campaign, tmp_path / "bad", bad, scheduler=cluster.scheduler_address)
-    assert outcome.complete
-    assert len(failing.failures) == 5
-    run_campaign(campaign, tmp_path / "here", fake, workers=0)
-    assert folder(tmp_path / "there") == folder(tmp_path / "here")
-
-
 def test_what_is_missing_is_said_before_anything_is_computed(campaign, tmp_path, fake, monkeypatch):
     counted = Counted(fake)
     (tmp_path / "file").write_text("")
@@ -414,10 +343,6 @@ def test_a_result_of_another_mission_is_refused(campaign, fake, tmp_path):
     assert store.read(mission) is None
 
 
-def test_every_setting_but_the_seed_can_be_varied():
-    assert set(Choices.model_fields) == {item.name for item in fields(MissionSettings)} - {"seed"}
-
-
 def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path):
     path = tmp_path / "c.yaml"
     path.write_text("title: t\nruns: 1\nexperiments: [{name: a, travel: graph, graph: g.yaml}]\n")
@@ -430,19 +355,6 @@ def test_a_graph_counts_by_its_content_and_starts_at_the_campaign_file(tmp_path)
         assert mission.settings.graph == str(tmp_path / "g.yaml")
         keys.add(mission.key)
     assert len(keys) == 2
-
-
-def test_files_that_a_file_names_count_by_their_content_unless_they_have_no_end(tmp_path):
-    (tmp_path / "g.yaml").write_text("[named]")
-    settings = MissionSettings(travel="graph", graph=str(tmp_path / "g.yaml"))
-    keys = [mission_key(settings)]
-    (tmp_path / "named").symlink_to("/dev/null")
-    assert mission_key(settings) == keys[0]
-    (tmp_path / "named").unlink()
-    for content in ("one", "two"):
-        (tmp_path / "named").write_text(content)
-        keys.append(mission_key(settings))
-    assert len(set(keys)) == 3
 
 
 PROPERTIES = "title: t\nruns: 1\nexperiments: [{name: a, properties: %s}]\n"
@@ -460,21 +372,6 @@ PROPERTIES = "title: t\nruns: 1\nexperiments: [{name: a, properties: %s}]\n"
 def test_properties_are_a_list_and_lists_make_a_grid(tmp_path, given, expected):
     found = missions(written(tmp_path / "c.yaml", PROPERTIES % given))
     assert [" ".join(map(str, mission.settings.properties)) for mission in found] == expected
-
-
-@pytest.mark.slow
-def test_a_property_counts_by_the_content_of_its_file(tmp_path):
-    with pytest.raises(InputError, match=r"properties.*no field 'ruogh'"):
-        written(tmp_path / "c.yaml", PROPERTIES % "['ruogh:2']")
-    with pytest.raises(InputError, match="'rough:-1' is not a property with a weight"):
-        written(tmp_path / "c.yaml", PROPERTIES % "['rough:-1']")
-    keys = set()
-    for content in ("truth: {}", "truth: {hours: 1}"):
-        (tmp_path / "salt.yaml").write_text(content)
-        found = missions(written(tmp_path / "c.yaml", PROPERTIES % "[['./salt.yaml:2'], [rough]]"))
-        assert str(found[0].settings.properties[0]) == f"{tmp_path / 'salt.yaml'}:2"
-        keys |= {mission.key for mission in found}
-    assert len(keys) == 2 + 1, "the shipped field is the same in both"
 
 
 def test_old_keys_of_a_property_mean_the_same_missions(tmp_path, caplog):

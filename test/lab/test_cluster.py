@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from copy import deepcopy
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +20,7 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.lab import cluster
-from soilmoist_ros.lab.campaign import CampaignStoppedError, load_campaign, missions, run_campaign
+from soilmoist_ros.lab.campaign import CampaignStoppedError, load_campaign, run_campaign
 
 pytest.importorskip("distributed")
 HERE = Path(__file__).resolve().parents[1] / "simulation"
@@ -206,103 +206,6 @@ def test_workers_of_another_version_are_refused(tmp_path, slow, started, address
     ours = re.escape(cluster.code_version())
     with pytest.raises(InputError, match=rf"this is soilmoist_ros {ours}, but the Dask worker tcp://\S+ has 9\.9"):
         run_campaign(campaign, tmp_path / "b", slow.simulate, scheduler=address.text)
-
-
-def test_a_late_worker_of_another_version_is_closed():
-    from soilmoist_ros.lab.cluster import Gate
-
-    class Worker:
-        """Notes what is called; Dask profiles it."""
-
-        def __init__(self):
-            self.called = []
-            self.loop = SimpleNamespace(add_callback=lambda call, **how: self.called.append((call, how)))
-            self.close, self.start, self.stop = "close", "start", "stop"
-            self.periodic_callbacks = {"profile": self}
-
-    worker = Worker()
-    gate = Gate(cluster.code_version(), None)
-    gate.setup(worker)
-    gate.teardown(worker)
-    assert worker.called == [("stop", {}), ("start", {})], "the campaign is not profiled"
-    worker = Worker()
-    Gate("9.9", None).setup(worker)
-    reason = f"this worker has soilmoist_ros {cluster.code_version()}, the campaign 9.9"
-    assert worker.called == [("close", {"reason": reason})]
-
-
-def test_a_worker_of_another_version_computes_nothing(slow):
-    assert cluster._compute(None, slow.simulate, "9.9") is None
-
-
-class Future:
-    """What a cluster of one thread has computed at once, or why it could not."""
-
-    status, released = "finished", False
-
-    def __init__(self, compute):
-        try:
-            self.found = compute()
-        except RuntimeError as error:
-            self.found = error
-
-    def add_done_callback(self, call):
-        call(self)
-
-    def result(self):
-        if isinstance(self.found, Exception):
-            raise self.found
-        return self.found
-
-    def release(self):
-        self.released = True
-
-
-@pytest.mark.slow
-def test_a_lost_mission_fails_alone_and_a_refused_one_is_submitted_again(tmp_path, slow, monkeypatch):
-    submitted = []
-
-    def submit(compute, mission, simulate, version, key, pure):
-        seed = mission.settings.seed
-        submitted.append(seed)
-        if seed == 5:
-            return Future(lambda: exec("raise RuntimeError('the workers died')"))
-        return Future(
-            lambda: compute(mission, simulate, "9.9" if submitted.count(3) == 1 and seed == 3 else version)
-        )
-
-    on_cluster_of(monkeypatch, submit)
-    finished = list(cluster.on_cluster(cluster_missions(tmp_path, 8), slow.simulate, "tcp://x:1"))
-    assert sorted(one.mission.settings.seed for one in finished) == list(range(1, 9)), "each once"
-    (failed,) = (one.content for one in finished if not isinstance(one.content, bytes))
-    assert failed.error == "lost on the cluster (RuntimeError: the workers died)"
-    assert failed.mission.settings.seed == 5
-    assert sorted(submitted) == [1, 2, 3, 3, 4, 5, 6, 7, 8]
-
-
-def cluster_missions(folder, runs):
-    return missions(load_campaign(str(written(folder, runs))))
-
-
-def on_cluster_of(monkeypatch, submit):
-    """A cluster of one thread that computes what is submitted at once."""
-    client = SimpleNamespace(submit=submit, nthreads=lambda: {"a": 1}, status="running")
-    monkeypatch.setattr(cluster, "connect", lambda scheduler: nullcontext(client))
-    monkeypatch.setattr(cluster, "_same_version", lambda client, simulate: nullcontext())
-
-
-def test_what_ends_a_campaign_is_not_hidden_by_a_scheduler_that_has_just_gone():
-    from distributed.comm.core import CommClosedError
-
-    def gone(name):
-        raise CommClosedError("connection reset by peer")
-
-    client = SimpleNamespace(
-        run=lambda *_, **__: {}, register_plugin=lambda *_, **__: None, status="running",
-        unregister_worker_plugin=gone,
-    )  # fmt: skip
-    with pytest.raises(cluster.WorkersLostError), cluster._same_version(client, print):
-        raise cluster.WorkersLostError("no answer")
 
 
 @contextmanager

@@ -123,12 +123,6 @@ def test_only_paired_seeds_count_and_all_lattices_are_needed():
     assert against_best_lattice({**lattices(seeds=()), ("gcb", "optimal"): more}) == []
 
 
-def test_a_lattice_without_a_map_is_not_the_best():
-    late = lattices()
-    late[LATTICES[0]] = {seed: Outcome(math.nan, 1.0, 1.0) for seed in (1, 2, 3)}
-    assert against_best_lattice(late)[0].quarter_best == "fmi:20"
-
-
 def test_the_table_has_a_row_for_each_combination_of_each_case_with_lattices():
     rows = [
         {"field": field, "hours": 2.0, "strategy": strategy, "dwell": dwell, "seed": seed, "mse_quarter": one[0],

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import combinations
 from pathlib import Path
@@ -19,7 +18,7 @@ from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.lab import figures as campaign_figures
 from soilmoist_ros.lab import report as campaign_report
-from soilmoist_ros.lab.campaign import Failure, load_campaign, missions, run_campaign
+from soilmoist_ros.lab.campaign import Failure, missions, run_campaign
 from soilmoist_ros.lab.campaign_data import CampaignData
 from soilmoist_ros.lab.campaign_file import Campaign
 from soilmoist_ros.lab.figures import spaced
@@ -159,18 +158,6 @@ def test_greedy_keeps_to_the_border(greedy, other, verdict):
 
 
 @pytest.mark.slow
-def test_numbers_are_paired_by_seed():
-    found = findings(data(mse=lambda s: 1.5 + 0.1 * s.seed if s.dwell == "fmi:600" else 1.0))
-    row = found[0].comparisons[0]
-    assert (row.what, row.pairs) == ("AMI 2.5 % against FMI 600 s", 4)
-    seeds = np.arange(1, 5)
-    mine, theirs = 0.1 * (1 + 0.01 * seeds), 0.1 * (1 + 0.01 * seeds) * (1.5 + 0.1 * seeds)
-    assert row.value == pytest.approx(mine.mean())
-    assert row.difference == pytest.approx((mine - theirs).mean())
-    assert row.standard_error == pytest.approx((mine - theirs).std(ddof=1) / 2)
-
-
-@pytest.mark.slow
 def test_what_cannot_be_told_is_not_tested():
     assert set(verdicts(keep=lambda s: s.seed < 3).values()) == {"not tested"}
     lonely = Campaign.model_validate(
@@ -179,28 +166,6 @@ def test_what_cannot_be_told_is_not_tested():
     found = findings(data(lonely))
     assert {finding.verdict for finding in found} == {"not tested"}
     assert all(not finding.comparisons for finding in found)
-
-
-@pytest.mark.slow
-def test_reasons_are_given_only_where_a_verdict_differs():
-    campaign = with_reasons({"ami_high": "the border is blurred"})
-    assert findings(data(campaign, mse=fixed(1.0)))[0].reason == "the border is blurred"
-    assert findings(data(campaign, mse=fixed(1.4)))[0].reason == ""
-    assert not any(finding.reason for finding in findings(data(mse=fixed(1.0))))
-
-
-@pytest.mark.slow
-def test_the_shipped_reasons_belong_to_the_shipped_campaign():
-    assert set(load_campaign("paper").published.reasons) == {"ami_high", "ami_low", "adaptive_sampling"}
-
-
-@pytest.mark.slow
-def test_each_measure_counts_its_own_comparisons():
-    found = findings(data(distance=sampling(0.4), mse=sampling_error(0.8)))
-    assert [finding.summary for finding in found if finding.key == "adaptive_sampling"] == [
-        "Seen in 2 of 2 comparisons of the distance driven (−60 %) and in 0 of 2 comparisons of the final mean "
-        "squared error (−20 %)."
-    ]
 
 
 @pytest.mark.slow
@@ -214,15 +179,6 @@ def test_cases_are_told_apart():
     assert len(set(titles)) == 8
     assert "The high field, constants: authors, cells of 2 m" in titles
     assert data().main_dwell(data().cases[0]) == "ami:0.03"
-
-
-def test_of_equal_dwell_rules_the_first_of_the_campaign_is_the_main_one():
-    campaign = CAMPAIGN.model_copy(update={"experiments": CAMPAIGN.experiments[:1]})
-    some = data(campaign)
-    assert some.main_dwell(some.cases[0]) == "fmi:600"
-    crossed = {("greedy", "ami:0.03"), ("monte_carlo", "fmi:600")}
-    some = data(campaign, keep=lambda s: (s.strategy, s.dwell) in crossed)
-    assert some.main_dwell(some.cases[0]) == "fmi:600"
 
 
 class Page(HTMLParser):
@@ -329,17 +285,6 @@ def test_missing_and_failed_missions_are_named():
         render_campaign_report(data(keep=lambda s: False))
 
 
-@pytest.mark.slow
-def test_names_belong_to_their_lines():
-    campaign = data(mse=lambda s: {"fmi:600": 8.0, "fmi:300": 4.0, "ami:0.025": 2.0, "ami:0.03": 1.0}[s.dwell])
-    figure = campaign_figures.intervals_figure(campaign, campaign.cases[0])
-    for axes in figure.axes:
-        shown = sorted(axes.texts, key=lambda text: -text.get_position()[1])
-        assert [text.get_text() for text in shown] == ["FMI 600 s", "FMI 300 s", "AMI 2.5 %", "AMI 3 %"]
-        ends = {line.get_ydata()[-1]: line.get_color() for line in axes.get_lines()}
-        assert [ends[end] for end in sorted(ends, reverse=True)] == [text.get_color() for text in shown]
-
-
 SEVEN = ("greedy", "monte_carlo", "adaptive_sampling", "random", "lattice", "ivr", "gcb")
 
 
@@ -350,18 +295,6 @@ def wide():
     experiment = CAMPAIGN.experiments[0].model_copy(update={"strategy": SEVEN, "dwell": dwells})
     campaign = CAMPAIGN.model_copy(update={"experiments": (experiment,), "published": None})
     return data(campaign, mse=lambda s: 1 + SEVEN.index(s.strategy) + 0.3 * dwells.index(s.dwell))
-
-
-@pytest.mark.slow
-def test_many_lines_can_be_told_apart(wide):
-    strategies = campaign_figures.strategies_figure(wide, wide.cases[0]).axes[1]
-    looks = {(line.get_color(), line.get_linestyle()) for line in strategies.get_lines()}
-    assert len(looks) == len(SEVEN)
-    intervals = campaign_figures.intervals_figure(wide, wide.cases[0])
-    assert len(intervals.axes) == len(SEVEN)
-    for axes in intervals.axes:
-        assert len({(line.get_color(), line.get_linestyle()) for line in axes.get_lines()}) == 4
-        assert "Optimal" in {text.get_text() for text in axes.texts}
 
 
 @pytest.mark.slow
@@ -388,20 +321,6 @@ def test_no_text_is_cut_off_or_written_over_another(wide):
             assert edge.x0 <= box.x0 < box.x1 <= edge.x1, text
             assert edge.y0 <= box.y0 < box.y1 <= edge.y1, text
         assert not [(a, b) for (a, first), (b, second) in combinations(boxes, 2) if first.overlaps(second)]
-
-
-def test_missions_without_a_map_are_left_out_of_the_examples():
-    campaign = data(keep=lambda s: s.strategy != "greedy" and s.field == "high")
-    campaign._read = lambda mission: replace(crafted(mission), x_m=np.empty(0))
-    assert campaign_figures.examples_figure(campaign, campaign.cases[0]) is None
-
-
-@pytest.mark.parametrize(
-    ("places", "expected"),
-    [([], []), ([0.1, 0.5], [0.1, 0.5]), ([0.5, 0.5], [0.45, 0.55]), ([0.1, 0.12, 0.9], [0.06, 0.16, 0.9])],
-)
-def test_names_are_pushed_apart(places, expected):
-    assert spaced(np.array(places), 0.1) == pytest.approx(expected)
 
 
 def test_names_stay_within_bounds():
@@ -431,12 +350,3 @@ def test_the_best_lattice_in_hindsight_is_named_and_all_others_are_compared_with
     assert "best lattice in hindsight: FMI 20 s" in page
     assert re.search(r"0\.75 ± 0\.00</td><td class=\"n\">1\.00<", page)
     assert "best lattice" not in render_campaign_report(data(plain))
-
-
-@pytest.mark.slow
-def test_a_case_with_a_default_is_named_by_the_others():
-    """A field that dries, and one in which it rains at some hour."""
-    choices = CAMPAIGN.defaults.model_copy(update={"drift": (-0.1,), "drift_hour": (None, 0.5)})
-    titles = [case.title for case in data(CAMPAIGN.model_copy(update={"defaults": choices})).cases]
-    assert not any("default" in title or "nan" in title for title in titles)
-    assert any(title.endswith("at 0.5 h") for title in titles)

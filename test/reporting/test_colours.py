@@ -30,10 +30,6 @@ def test_colours_are_those_of_matplotlib(name, count):
     assert hex_ramp(name, count)[-1] == "#{:02x}{:02x}{:02x}".format(*colour_ramp(name, count)[-1])
 
 
-def test_one_colour_is_from_the_middle():
-    assert colour_ramp(WATER, 1).tolist() == colour_ramp(WATER, 3)[1:2].tolist()
-
-
 def test_png_has_a_pixel_for_each_cell():
     shares = np.array([[0.0, 0.5, 1.0], [-3.0, np.nan, 7.0]])
     colours = colour_ramp(RATE, 255)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import io
-import math
 import re
 
 import numpy as np
@@ -81,18 +80,6 @@ def test_it_is_dark_where_it_is_wet():
         assert (np.diff(light[1:-1]) * (-1 if wet_is_high else 1) > 0).all()
 
 
-@pytest.mark.parametrize(
-    ("place", "pixel"),
-    [((0.5, 7.5), (0, 0)), ((7.5, 0.5), (7, 7)), ((-90.0, 3.5), (4, 0)), ((1e308, -1e308), (7, 7)),
-     ((8.0, 8.0), (0, 7))],
-)  # fmt: skip
-def test_marks_stand_at_their_places_or_at_the_edge(place, pixel):
-    picture = pixels(view(robots_xy=[place]))
-    assert [(i, j) for i, line in enumerate(picture) for j, colour in enumerate(line) if colour == "#e61e3c"] == [
-        pixel
-    ]
-
-
 def test_the_robot_is_seen_above_target_and_samples():
     here = (2.5, 2.5)
     samples = np.array([here, (6.5, 6.5), (np.nan, 1.0), (np.inf, 1.0)])
@@ -126,31 +113,6 @@ def test_any_map_gives_a_picture_within_its_room(band, columns, rows):
         assert " " not in "".join(drawn)
     if np.isnan(band).all():
         assert set("".join(drawn)) == {" "}
-
-
-def test_the_page():
-    text = shown(view())
-    assert text.splitlines()[0].strip() == "a mission"
-    assert "state  counting" in text
-    assert "moisture 0.1" in text
-    assert "■ robot" in text
-    assert "no map yet" in shown(LiveView("a mission", {"state": "idle"}))
-
-
-def test_the_maps_of_several_properties_stand_side_by_side():
-    of = view()
-    both = LiveView(of.title, of.facts, [of.bands[0], LiveBand("salt", 1 - RAMP, of.bands[0].extent)])
-    text = shown(both, columns=17, rows=4).splitlines()
-    assert sum(line.count("▀") == 16 for line in text) == 4
-    assert [line.split()[0] for line in text if "█" in line] == ["moisture", "salt"]
-
-
-def test_brackets_in_texts_are_shown_as_they_are():
-    facts = {"state": "travelling: [red] to node [3] and [/back]", "[bold]": "x"}
-    text = shown(LiveView("[i]title", facts))
-    assert facts["state"] in text
-    assert "[bold]" in text
-    assert "[i]title" in text
 
 
 BANDS = ("x", "y", "z", "rate", "rate_sd", "vwc", "vwc_sd")
@@ -227,17 +189,6 @@ def test_several_robots_have_a_line_each():
     assert live.view().facts["clock"] == "waits for the next plan of robot_1"
 
 
-def test_every_property_with_a_map_is_shown():
-    live = LiveMission("", [LiveMap(), LiveMap("salt", np.full((3, 5), 2.0)), LiveMap("clay")])
-    live.robots[0].status = STATUS
-    assert "error" not in live.view().facts["map"]
-    live.maps[1].cells = cells(moist=False)
-    assert live.view().facts["map"].endswith("; mean squared error salt 3.0000 (counts/s)²")
-    assert [band.name for band in live.view().bands] == ["salt rate [counts/s]"]
-    live.maps[0].cells = cells()
-    assert [band.name for band in live.view().bands] == ["moisture [m³/m³]", "salt rate [counts/s]"]
-
-
 def test_the_extent_is_that_of_the_field_whatever_lies_around_it():
     live = LiveMission("")
     mask = np.zeros((6, 9), bool)
@@ -247,32 +198,6 @@ def test_the_extent_is_that_of_the_field_whatever_lies_around_it():
     (band,) = live.view().bands
     assert band.extent == (3.0, 13.0, 1.0, 7.0)
     assert band.values.shape == (3, 5)
-
-
-@pytest.mark.parametrize(
-    ("shape", "extent"),
-    [((1, 1), (3.5, 4.5, -8.5, -7.5)), ((1, 4), (3.0, 11.0, -9.0, -7.0)), ((3, 1), (3.0, 5.0, -9.0, -3.0))],
-)
-def test_the_extent_of_small_fields(shape, extent):
-    live = LiveMission("")
-    live.maps[0].cells = cells(np.ones(shape))
-    assert live.view().bands[0].extent == extent
-
-
-def test_the_error_needs_a_truth_on_the_same_raster():
-    table = cells()
-    live = LiveMission("", [LiveMap("", table["rate"] - 0.5)])
-    assert math.isnan(live.maps[0].mse)
-    live.maps[0].cells = table
-    assert live.maps[0].mse == pytest.approx(0.25)
-    live.robots[0].status = STATUS
-    assert live.view().facts["map"].endswith("; mean squared error 0.2500 (counts/s)²")
-    live.maps[0].cells = table[:2]
-    assert math.isnan(live.maps[0].mse), "the truth is on another raster"
-    mask = np.ones((3, 5), bool)
-    mask[0, 0] = False
-    live.maps[0].cells = cells(mask)
-    assert live.maps[0].mse == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize("lost", ["rate", "x"])

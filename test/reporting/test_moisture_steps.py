@@ -16,7 +16,7 @@ from soilmoist_ros.pipeline.run import MapRun, NoteCode
 from soilmoist_ros.reporting import write_outputs
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_of_all, moisture_series
 from soilmoist_ros.reporting.page.notes import notes
-from soilmoist_ros.sensing import CalibrationCurve, CountRecord, Site, load_site, process_logs, read_log
+from soilmoist_ros.sensing import CountRecord, Site, process_logs, read_log
 
 STATION = Path(__file__).parents[2] / "examples" / "station_kansas_2021-10.dat"
 HOUR = 3600.0
@@ -81,35 +81,6 @@ def test_a_reference_far_from_the_pressure_of_the_place_is_noted(run) -> None:
     assert "48 hPa below the reference of 1013 hPa" in note.message
 
 
-def test_values_of_the_place_are_in_the_report(run) -> None:
-    (pressure,) = [row for row in run.corrections if row.name == "air pressure"]
-    assert pressure.remark == "beta and P0 from the place (2.94 GV, 979 g/cm2)"
-    assert pressure.parameters["P0 [hPa]"] == pytest.approx(959.8, abs=0.1)
-    assert pressure.mean_factor == pytest.approx(1.0, abs=0.02)
-    site = load_site(resource("sites", "station_kansas"))
-    assert site.corrections_parameters.beta_per_hpa == pytest.approx(pressure.parameters["beta [1/hPa]"], abs=1e-6)
-
-
-def test_the_neutron_monitor_its_scaling_and_its_gaps_are_in_the_report(tmp_path) -> None:
-    hours = np.arange("2021-10-17T00", "2021-10-30T00", dtype="datetime64[h]")
-    rows = [
-        f"{str(hour).replace('T', ' ')}:00:00;150.0\n" for hour in hours if not 20 <= hour.astype(int) % 24 < 24
-    ]
-    head = "#        STATION: JUNG\n#      AVERAGING: Yes / 1 hour\n  start_date_time   RCORR_E\n"
-    (tmp_path / "jung.txt").write_text(head + "".join(rows))
-    text = resource("sites", "station_kansas").read_text()
-    intensity = "{reference: 160, file: jung.txt, monitor: JUNG, scaling: hawdon2014, gaps: hold}"
-    site = tmp_path / "site.yaml"
-    site.write_text(text.replace("intensity: null", f"intensity: {intensity}"))
-    run = map_logs([STATION], MapSettings(site=site))
-    (row,) = [row for row in run.corrections if row.name == "incoming neutrons"]
-    assert row.formula == "1 / (1 + k (C / C0 - 1))"
-    k = row.parameters["k"]
-    assert k == pytest.approx(1 - 0.075 * (2.94 - 4.58), abs=2e-3)
-    assert row.mean_factor == pytest.approx(1 / (1 - k / 16), rel=1e-4)
-    assert row.remark == "C of JUNG from jung.txt, scaled as in hawdon2014; gaps up to 4.0 h held"
-
-
 def record(end_s: float, counts: int, exposure_s: float = 900.0) -> CountRecord:
     return CountRecord(end_s, 0.0, 0.0, 0.0, counts, exposure_s, exposure_s)
 
@@ -123,11 +94,3 @@ def test_steps_begin_at_whole_hours_and_take_the_records_that_end_in_them() -> N
     assert np.isnan(series.bands.vwc).all()
     assert series.bands.rate == pytest.approx(2600 / 900)
     assert series.bands.rate_sd[1] == pytest.approx(np.sqrt(4 * 2600) / HOUR)
-
-
-def test_a_step_without_counts_has_an_interval() -> None:
-    curve = CalibrationCurve(1.0, 1.4)
-    series = moisture_series([record(86_400.0, 0), record(2 * 86_400.0, 90)], curve)
-    assert series.bands.rate[0] == 0
-    assert series.bands.rate_sd[0] == pytest.approx(1 / 900)
-    assert np.isfinite(series.bands.vwc).all()

@@ -12,7 +12,7 @@ import pytest
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.reporting import open_run, write_mission, write_outputs
+from soilmoist_ros.reporting import open_run, write_mission
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
 
 pytestmark = pytest.mark.slow
@@ -51,15 +51,6 @@ def test_a_mission_comes_back(run, result):
 
 
 @pytest.mark.slow
-def test_a_map_without_a_mission_has_no_visits(make_run, tmp_path):
-    write_outputs(tmp_path, make_run())
-    run = open_run(str(tmp_path))
-    assert run.visits == []
-    assert run.series == {}
-    assert "visits" not in repr(run)
-
-
-@pytest.mark.slow
 def test_visits_of_an_older_file_have_defaults(tmp_path):
     (tmp_path / "summary.json").write_text("{}")
     (tmp_path / "visits.csv").write_text(
@@ -86,13 +77,6 @@ def test_tables_of_other_packages(run):
     assert dataset["rate"].shape == run.bands()["rate"].shape
     assert dataset.attrs["crs"].startswith("EPSG:")
     assert float(dataset.y[0]) > float(dataset.y[-1]), "north up"
-
-
-def test_samples_as_points(run):
-    pytest.importorskip("geopandas")
-    frame = run.to_geodataframe()
-    assert frame.crs.to_epsg() == 4326
-    assert frame.geometry.x.tolist() == run.samples()["longitude_deg"].tolist()
 
 
 def test_what_is_missing_is_named_with_a_remedy(run, tmp_path, monkeypatch):

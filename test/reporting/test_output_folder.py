@@ -31,13 +31,6 @@ def a_run(folder, **about):
     return folder
 
 
-def test_a_missing_or_empty_folder_and_files_with_other_names_are_free(tmp_path):
-    require_free(tmp_path / "a" / "b")
-    assert not (tmp_path / "a").exists()
-    (tmp_path / "survey.log").write_text("mine")
-    require_free(tmp_path)
-
-
 def test_results_are_replaced_only_if_the_user_says_so(tmp_path):
     folder = a_run(tmp_path / "run")
     assert results_in(folder) == "the results of a run (A map, north, made 2026-05-01 10:00:00 UTC)"

@@ -7,8 +7,6 @@ import csv
 import dataclasses
 import json
 import re
-import subprocess
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -22,16 +20,13 @@ from soilmoist_ros.mapping import make_soil_map
 from soilmoist_ros.recording import read_records
 from soilmoist_ros.reporting import outputs, write_outputs
 from soilmoist_ros.reporting.outputs import mission_run, write_mission
-from soilmoist_ros.reporting.page import report
-from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
-from soilmoist_ros.reporting.page.sections import course_charts, mission_part
-from soilmoist_ros.reporting.page.viewer import viewer_data
+from soilmoist_ros.reporting.page.sections import mission_part
 from soilmoist_ros.reporting.page.wording import facts, headline
 from soilmoist_ros.reporting.run_summary import mission_summary
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
-from soilmoist_ros.simulation.mission.mission_result import MapErrors, SeriesRow, TimedForecast
+from soilmoist_ros.simulation.mission.mission_result import TimedForecast
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 
 NAMES = ["summary.json", "map.tif", "samples.geojson", "report.html", "records.csv", "soilmoist.qgs"]
@@ -65,22 +60,6 @@ def test_a_failure_leaves_the_old_files(make_run, tmp_path, monkeypatch):
         write_outputs(tmp_path, make_run())
     assert {path.read_text() for path in tmp_path.iterdir()} == {"old"}
     assert len(list(tmp_path.iterdir())) == len(NAMES)
-
-
-def test_folder_that_is_a_file(make_run, tmp_path):
-    (tmp_path / "out").write_text("")
-    with pytest.raises(InputError, match="cannot be written"):
-        write_outputs(tmp_path / "out", make_run())
-
-
-@pytest.mark.process
-def test_import_is_light():
-    code = (
-        "import sys, soilmoist_ros.reporting; "
-        "print([m for m in ('matplotlib', 'rasterio', 'jinja2', 'rclpy') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 # Outputs of a mission -------------------------------------------------------------------------------------------
@@ -211,28 +190,6 @@ def test_words(mission):
     assert mission_part(mission_run(many, NOW)).hidden == len(many.visits) - 100
 
 
-def test_counts_on_the_way_are_accounted_for(mission):
-    assert not mission_run(mission, NOW).losses
-    driving = [dataclasses.replace(record, exposure_s=10.0, raw_counts=40) for record in mission.records[:5] * 8]
-    (loss,) = mission_run(with_own(mission, records=[*mission.records, *driving]), NOW).losses
-    assert loss.kind == "counted on the way"
-    assert loss.count >= 1
-
-
-def test_stops_of_the_map_are_in_order(mission):
-    run = mission_run(mission, NOW)
-    shown = viewer_data(run, irrigation(run))["visits"]
-    assert [row[2] for row in shown] == [visit.name for visit in mission.visits]
-    assert [row[4] for row in shown] == [visit.raw_counts for visit in mission.visits]
-
-
-@pytest.mark.slow
-def test_only_a_sensor_with_a_footprint_smooths(mission):
-    assert "patches are smoothed" not in render_report(mission_run(mission, NOW))
-    wide = dataclasses.replace(mission, settings=dataclasses.replace(mission.settings, footprint_m=10.0))
-    assert "within about 10 m to a depth" in render_report(mission_run(wide, NOW))
-
-
 @pytest.mark.parametrize("n0_cps", [6.3, 12.0, 30.0])
 def test_a_simulation_gives_no_advice_about_its_sensor(mission, n0_cps):
     """Missions with wrong moisture in part, in most, and in all of the field."""
@@ -246,30 +203,6 @@ def test_a_simulation_gives_no_advice_about_its_sensor(mission, n0_cps):
 def with_n0(soil_map, n0_cps):
     curve = CalibrationCurve(n0_cps, 1.4)
     return make_soil_map(soil_map.samples, soil_map.grid, soil_map.variogram, curve)
-
-
-def test_course_without_any_map():
-    rows = [SeriesRow(t, t, 0, 0.0) for t in (0.0, 60.0)]
-    assert [chart.key for chart in course_charts(rows)] == ["course-distance"]
-
-
-@pytest.mark.slow
-def test_only_missions_have_the_section(make_run):
-    assert mission_part(make_run()) is None
-    html = render_report(make_run())
-    assert 'id="mission"' not in html
-    assert "series.csv" not in html
-    assert report.mission_part is mission_part
-
-
-@pytest.mark.slow
-def test_without_a_truth_the_course_is_the_distance(mission):
-    rows = [dataclasses.replace(row, errors=(MapErrors(),)) for row in mission.series]
-    unknown = with_own(mission, truth_rate=np.full_like(mission.truth_rate, np.nan))
-    unknown = dataclasses.replace(unknown, series=rows)
-    (chart,) = course_charts(rows, has_truth=False)
-    assert chart.y_label == "Distance [m]"
-    assert mission_part(mission_run(unknown, NOW)).charts[0].key == chart.key
 
 
 def forecasts(*times_s, planned_s=3600.0):
@@ -296,22 +229,3 @@ def test_the_forecast_is_compared_with_what_was_reached(mission):
     assert {one["end_s"] for one in about["made"]} == {3600.0}
     assert about["reached"]["time_s"] == 3600.0
     assert about["unit"] == "share of the mean rate"
-
-
-def test_a_mission_without_forecasts_has_none(mission):
-    for some in ((), forecasts(0.0), forecasts(0.0, 600.0)):
-        known = dataclasses.replace(mission, forecasts=some)
-        part = mission_part(mission_run(known, NOW))
-        assert "course-sd" not in {chart.key for chart in part.charts}
-        assert (mission_summary(known)["forecast"] is None) == (len(some) < 2)
-        assert ("Standard deviation of the map" in part.text) == (len(some) > 1)
-
-
-def test_an_early_end_has_the_forecasts_until_then(mission):
-    early = forecasts(0.0, 300.0, 1000.0)
-    early = (
-        *early[:-1],
-        TimedForecast(1000.0, dataclasses.replace(early[-1].forecast, times_s=(), sds=(), factors=())),
-    )
-    about = mission_summary(dataclasses.replace(mission, forecasts=early))["forecast"]
-    assert [one["time_s"] for one in about["made"]] == [0.0]

@@ -16,7 +16,6 @@ from click.testing import CliRunner
 pytest.importorskip("matplotlib")
 
 from soilmoist_ros.cli.main import main
-from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.reporting.outputs import mission_run
 from soilmoist_ros.reporting.paper_figures import COLUMN_IN, run_figures, write_figures
 from soilmoist_ros.simulation import MissionSettings, simulate_mission
@@ -84,12 +83,6 @@ def test_files_are_vectors_with_embedded_fonts_and_the_same_every_time(run, tmp_
     assert all(path.read_bytes() == before[path] for path in now)
     assert write_figures(tmp_path, (), ()) == []
     assert list((tmp_path / "figures").iterdir()) == []
-
-
-def test_a_folder_that_cannot_be_written_is_named(run, tmp_path):
-    (tmp_path / "figures").touch()
-    with pytest.raises(InputError, match="cannot be written"):
-        write_figures(tmp_path, run_figures(run), ("svg",))
 
 
 def test_commands_write_figures_of_missions_and_seasons(tmp_path):

@@ -2,15 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
-import dataclasses
 import json
 
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping.variogram.fit import estimate_variogram
-from soilmoist_ros.mapping.variogram.local import LocalFit
-from soilmoist_ros.mapping.variogram.model import Amplitude
 from soilmoist_ros.reporting.run_summary import summary, write_summary
 
 
@@ -59,40 +55,9 @@ def test_strict_json(make_run, tmp_path, request, case):
     assert text.endswith("}\n")
 
 
-def test_a_local_model_is_told_in_a_sentence_with_its_evidence(make_run, the_map):
-    s = the_map.samples
-    fit = estimate_variogram(s.xy, s.counts, s.exposure_s)
-    assert summary(make_run(soil_map=dataclasses.replace(the_map, fit=fit)))["fit"]["local"] is None
-    table = tuple(tuple(0.2 * (row - column) for column in range(4)) for row in range(4))
-    uneven = dataclasses.replace(fit.variogram, amplitude=Amplitude((0, 0), (40, 30), table))
-    fit = dataclasses.replace(fit, variogram=uneven, local=LocalFit(fit.variogram, 4.2))
-    run = make_run(soil_map=dataclasses.replace(the_map, variogram=uneven, fit=fit))
-    found = summary(run)["fit"]["local"]
-    assert (found["used"], found["log_bayes_factor"]) == (True, 4.2)
-    assert found["amplitude"][0] < 1 < found["amplitude"][1]
-    assert "differs from place to place, 0.86 to 1.2 times" in found["text"]
-    assert "Bayes factor 4.2" in found["text"]
-
-
-def test_without_calibration(make_run, uncalibrated):
-    found = summary(make_run(soil_map=uncalibrated, calibration=None))
-    assert found["calibration"] is None
-    assert found["map"]["vwc"]["mean"] is None
-    assert found["map"]["uncertain_above"] == {"rate_sd_per_rate": 0.05}
-
-
 def test_keys_are_the_same_for_all_runs(make_run, uncalibrated, map_of):
     usual = summary(make_run())
     for soil in (uncalibrated, map_of(n=1)):
         other = summary(make_run(soil_map=soil, track=(), losses=(), corrections=()))
         assert other.keys() == usual.keys()
         assert other["map"].keys() == usual["map"].keys()
-
-
-def test_survey_on_a_clock_without_a_date(make_run):
-    track = [dataclasses.replace(record, stamp_s=10.0 * i) for i, record in enumerate(make_run().track)]
-    found = summary(make_run(track=track))
-    assert found["survey_start_utc"] is None
-    assert found["survey_end_utc"] is None
-    assert 120 < found["survey_duration_s"] < 600
-    assert summary(make_run(track=()))["survey_duration_s"] is None

@@ -35,38 +35,11 @@ def test_surveys_are_in_order_of_time_with_their_means_and_changes(season):
     assert season.simulated
 
 
-def test_every_map_is_near_the_truth_of_its_run_and_better_known_than_alone(season, runs):
-    rasterio = pytest.importorskip("rasterio")
-    alone = rasterio.open(runs / "map.tif").read()
-    last = season.surveys[-1]
-    assert np.nanmean(last.bands.rate_sd) < np.nanmean(alone[5])
-    about = json.loads((runs / "earlier" / "survey_1" / "summary.json").read_text())
-    middle = season.surveys[1]
-    assert middle.mean_rate.value == pytest.approx(about["map"]["rate_cps"]["mean"], rel=0.03)
-
-
-def test_the_mean_rate_is_that_of_all_cells(runs):
-    for one in make_season([runs, runs / "earlier"], SeasonSettings(cell_m=2.0)).surveys:
-        assert one.mean_rate.value == pytest.approx(np.nanmean(one.bands.rate))
-
-
-def test_a_later_survey_informs_an_earlier_one(season, runs):
-    pair = make_season([runs / "earlier"], SeasonSettings(cell_m=season.grid.cell_m))
-    assert len(pair.surveys) == 2
-    assert np.nanmean(season.surveys[1].bands.rate_sd) <= 1.02 * np.nanmean(pair.surveys[1].bands.rate_sd)
-
-
 def test_very_many_samples_are_mapped_with_the_surveys_nearest_in_time(runs, season, monkeypatch):
     monkeypatch.setattr(module, "MAX_SAMPLES", 210)
     some = make_season([runs, runs / "earlier"], SeasonSettings())
     assert [one.change is not None for one in some.surveys] == [False, True, True]
     np.testing.assert_allclose(some.surveys[0].bands.rate, season.surveys[0].bands.rate, atol=0.3)
-
-
-def test_a_field_file_and_a_cell_size_are_taken(runs):
-    season = make_season([runs / "earlier"], SeasonSettings(field=FIELDS / "smooth.yaml", cell_m=10.0))
-    assert season.field_name == "A smooth random field"
-    assert season.grid.cell_m == 10.0
 
 
 @pytest.mark.parametrize("curve", [CalibrationCurve(6.0, 1.3, 0.02), UniversalCurve(9.0, 1.3, humidity_gm3=8.0)])
@@ -91,11 +64,6 @@ def test_field_and_calibration_of_recordings_are_those_of_their_nodes():
 def test_one_survey_is_no_season(runs):
     with pytest.raises(InputError, match="needs two surveys, but there is one"):
         make_season([runs], SeasonSettings())
-
-
-def test_a_run_that_is_given_twice_is_refused(runs):
-    with pytest.raises(InputError, match="same survey"):
-        make_season([runs, runs], SeasonSettings())
 
 
 def test_a_run_without_a_boundary_needs_a_field_file(runs, tmp_path):

@@ -12,15 +12,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely.geometry import Polygon, shape
+from shapely.geometry import shape
 
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.foundation.plain_values import csv_text, text_of_csv
-from soilmoist_ros.mapping import FieldGrid, Samples, Variogram, make_soil_map
-from soilmoist_ros.reporting import write_samples
+from soilmoist_ros.mapping import Samples, Variogram, make_soil_map
 from soilmoist_ros.reporting.opened_run import OpenedRun
-from soilmoist_ros.reporting.text_files import samples_collection, write_visits
+from soilmoist_ros.reporting.text_files import samples_collection, write_samples, write_visits
 
 
 def refuse(constant):
@@ -42,11 +41,6 @@ def kinds(collection):
 
 def of_kind(collection, kind):
     return [feature for feature in collection["features"] if feature["properties"]["kind"] == kind]
-
-
-def test_kinds(collection):
-    assert kinds(collection) == ["field", "no_go", "track", *["sample"] * 12]
-    assert collection["type"] == "FeatureCollection"
 
 
 def test_polygon_is_right_handed_with_its_hole(collection):
@@ -95,28 +89,6 @@ def test_samples_know_when_they_were_counted(make_run):
     assert times[1] == [more[0].stamp_s - more[0].exposure_s, more[0].stamp_s, 1]
 
 
-def test_no_go_area_fills_the_hole_of_the_field(collection):
-    (no_go,) = of_kind(collection, "no_go")
-    (hole,) = shape(collection["features"][0]["geometry"]).interiors
-    assert shape(no_go["geometry"]).equals(Polygon(hole))
-    assert no_go["properties"]["area_m2"] == 56.0
-
-
-def test_bbox_holds_everything(collection):
-    west, south, east, north = collection["bbox"]
-    for feature in collection["features"]:
-        x0, y0, x1, y1 = shape(feature["geometry"]).bounds
-        assert west <= x0 <= x1 <= east
-        assert south <= y0 <= y1 <= north
-
-
-def test_undefined_is_null(make_run, steep, uncalibrated, tmp_path):
-    for soil in (steep, uncalibrated):
-        found = load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil)))
-        values = [f["properties"]["vwc"] for f in found["features"] if f["properties"]["kind"] == "sample"]
-        assert None in values
-
-
 def test_nothing_counted_and_nowhere_moved(make_run, the_map, tmp_path):
     soil = make_soil_map(Samples([(1.0, 2.0)], [0], [10.0]), the_map.grid, Variogram("gaussian", 0, 9, 1))
     found = load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil, track=())))
@@ -148,24 +120,7 @@ def test_field_at_a_pole_is_written(make_run, tmp_path, latitude):
     assert shape(found["features"][0]["geometry"]).is_valid
 
 
-def test_no_go_area_over_the_edge(make_run, map_of, tmp_path):
-    soil = map_of(holes=[[(10.0, -40.0), (30.0, -40.0), (30.0, 0.0), (10.0, 0.0)]])
-    found = load(write_samples(tmp_path / "s.geojson", make_run(soil_map=soil)))
-    assert shape(found["features"][0]["geometry"]).is_valid
-    assert isinstance(soil.grid, FieldGrid)
-
-
 # The tables of a mission ----------------------------------------------------------------------------------------
-
-
-def test_times_of_day_keep_their_milliseconds(tmp_path):
-    stamp_s = 1_780_293_679.685
-    visit = Visit("a", 1.0, 2.0, 79.685, 60.0, 262, "middle", arrival_stamp_s=stamp_s)
-    path = write_visits(tmp_path / "visits.csv", SimpleNamespace(visits=[visit]))
-    (row,) = csv.DictReader(path.read_text().splitlines())
-    assert float(row["arrival_stamp_s"]) == stamp_s
-    assert row["end_stamp_s"] == ""
-    assert (row["arrived_s"], row["dwell_s"]) == ("79.685", "60")
 
 
 @given(st.text(max_size=8), st.sampled_from("=+-@\t'＝"))

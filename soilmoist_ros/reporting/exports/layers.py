@@ -94,9 +94,6 @@ def write_layers(
 ) -> Path:
     """Write layers into one file.
 
-    :param layers: at least one, in the plane of the field
-    :param crs: reference system of the file, which is replaced
-    :param driver: name of GDAL's driver, such as ``GPKG``, with its options
     :raises InputError: if pyogrio is not installed; states how to install it
     """
     from shapely import to_wkb

@@ -186,10 +186,7 @@ def write_qgis(source: RunSource, folder: Path, settings: ExportSettings) -> lis
 def write_run_project(path: Path, title: str, maps: Sequence[PropertyMap]) -> Path:
     """Write a project that shows the files of a run in its folder: GeoTIFFs, and layers of ``samples.geojson``.
 
-    :param path: file to write
-    :param title: title of the project
     :param maps: maps of all properties; samples and records are not needed
-    :returns: ``path``
     """
     import pyproj
 
@@ -204,11 +201,7 @@ def write_run_project(path: Path, title: str, maps: Sequence[PropertyMap]) -> Pa
 
 
 def _project(title: str, maps: Sequence[PropertyMap], layers: Sequence[tuple[Layer, str]], crs: Any) -> str:
-    """The project; its layers, the first at the bottom, lie above the maps.
-
-    :param layers: each layer, and where QGIS finds it
-    :param crs: reference system of the layers
-    """
+    """The project; its layers, the first at the bottom, lie above the maps."""
     first, shown = maps[0], []
     for layer, source in reversed(layers):
         key = layer.name

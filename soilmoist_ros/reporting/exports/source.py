@@ -140,12 +140,7 @@ class PropertyMap:
         return band * self.quantity.scale
 
     def probability(self, number: int, edges: Array, relative: bool) -> Array:
-        """Probability of a class at each cell, see :func:`class_probability`; 0 outside the field.
-
-        :param number: class, from 0 for the lowest values
-        :param edges: limits between the classes in the unit for readers
-        :param relative: whether the limits are quantiles of this map
-        """
+        """Probability of a class at each cell, see :func:`class_probability`; 0 outside the field."""
         if self.quantity is MOISTURE and self.curve is not None and "rate_sd" in self.bands:
             rate, sd = self.bands["rate"], self.bands["rate_sd"]
             return class_probability(rate, sd, number, edges / self.quantity.scale, self.curve, relative)

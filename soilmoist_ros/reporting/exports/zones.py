@@ -40,7 +40,6 @@ def levels(values: ArrayLike, step: float | None = None, about: int = 8) -> Arra
 
     :param values: any shape; NaN is ignored
     :param step: distance of the levels; by default one from the 1-2-5 series
-    :param about: largest number of levels for this choice
     :raises InputError: if the step is so small that there are more than :data:`MAX_LEVELS` levels
     """
     finite = np.asarray(values, float)
@@ -62,7 +61,6 @@ def zone_limits(values: ArrayLike, classes: int) -> Array:
     """Limits between classes of equal area, shape (classes - 1,), fewer where values repeat.
 
     :param values: any shape, one value for each cell; NaN is ignored
-    :param classes: number of classes, >= 1
     """
     finite = np.asarray(values, float)
     finite = finite[np.isfinite(finite)]
@@ -91,10 +89,7 @@ def continued(values: Array) -> Array:
 
 
 def level_lines(the_map: PropertyMap, raster: Array, level: float) -> list[BaseGeometry]:
-    """Lines on which a continued raster has a value, in the plane of the field [m], beyond its boundary too.
-
-    :param raster: as :func:`continued` returns it
-    """
+    """Lines on which a continued raster has a value, in the plane of the field [m], beyond its boundary too."""
     from contourpy import contour_generator
     from shapely.geometry import LineString
 
@@ -111,8 +106,6 @@ def contour_lines(
     Lines lie between the centres of cells by linear interpolation. At the boundary the map goes on with its
     nearest values.
 
-    :param the_map: the map
-    :param boundary: the field in its plane
     :param step: distance of the values; by default a round one
     :raises InputError: if the step is far too small
     """

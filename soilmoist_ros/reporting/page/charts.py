@@ -393,7 +393,6 @@ def time_axis(time_s: ArrayLike) -> tuple[Limits, list[tuple[float, str]], str]:
 def forecast_chart(forecasts: Sequence[TimedForecast], planned_s: float) -> Chart | None:
     """The chart; ``None`` with fewer than two maps.
 
-    :param forecasts: forecasts of a mission in order of time
     :param planned_s: planned mission time [s]
     """
     known = [one for one in forecasts if not one.forecast.is_guess]

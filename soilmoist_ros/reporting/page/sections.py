@@ -6,15 +6,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from types import SimpleNamespace as Part
 
 import numpy as np
 
-from soilmoist_ros.exploration import Visit, polyline_length_m
+from soilmoist_ros.exploration import polyline_length_m
 from soilmoist_ros.mapping import Estimate, FieldChange, possible_moisture
 from soilmoist_ros.pipeline import EarlierRun, MapRun, RunChange
-from soilmoist_ros.reporting.page import numbers
 from soilmoist_ros.reporting.page.charts import Chart, Dots, Line, forecast_chart, limits_of
 from soilmoist_ros.reporting.page.numbers import duration, dwell_text, length, number, percent, strategy_text
 from soilmoist_ros.simulation import MissionResult, SeriesRow, forecast_text, mission_efficiency, series_columns
@@ -23,47 +21,22 @@ MAX_VISITS = 100
 MAX_LINES = 1000
 
 
-class EarlierRow(NamedTuple):
-    """A row of the table of earlier surveys; texts are empty where nothing is known."""
-
-    name: str
-    date: str
-    records: int
-    samples: int
-    relation: str
-    change: str
-    remarks: str
-
-
-@dataclass(frozen=True)
-class EarlierPart:
-    """What earlier surveys contributed and what has changed, in sentences, and the surveys in order of time."""
-
-    text: str
-    change: str
-    rows: tuple[EarlierRow, ...]
-
-
-def earlier_part(run: MapRun) -> EarlierPart | None:
-    """The part of the report on earlier surveys; ``None`` without any."""
+def earlier_part(run: MapRun) -> Part | None:
+    """Contribution of earlier surveys and change since, as texts, and rows of a table; ``None`` without any."""
     if not run.earlier:
         return None
     found, related = run.change, relations(run)
-    rows = tuple(
-        EarlierRow(
-            one.survey.name,
-            one.date or "no date",
-            len(one.records),
-            len(one.survey.samples),
-            f"{related[one.survey.name]:.2f}" if one.survey.name in related else "",
-            _since(run, one.survey.name),
-            " ".join(one.remarks),
+    rows = [
+        Part(
+            name=one.survey.name, date=one.date or "no date", records=len(one.records),
+            samples=len(one.survey.samples), change=_since(run, one.survey.name), remarks=" ".join(one.remarks),
+            relation=f"{related[one.survey.name]:.2f}" if one.survey.name in related else "",
         )
         for one in run.earlier
-    )
+    ]  # fmt: skip
     if found is None:
-        return EarlierPart("The counts of earlier surveys inform this map.", "", rows)
-    return EarlierPart(contribution(found), change_text(found), rows)
+        return Part(text="The counts of earlier surveys inform this map.", change="", rows=rows)
+    return Part(text=contribution(found), change=change_text(found), rows=rows)
 
 
 def relations(run: MapRun) -> dict[str, float]:
@@ -77,17 +50,14 @@ def relations(run: MapRun) -> dict[str, float]:
 def contribution(found: RunChange) -> str:
     """What the earlier surveys contributed, in sentences."""
     share = 1 - found.sd / found.sd_alone if found.sd_alone > 0 else 0.0
-    persistence = found.persistence
-    fades = ""
+    persistence, fades = found.persistence, ""
     if persistence.decay_days < 1e6:
-        fades = f" It falls to a third in {numbers.number(persistence.decay_days, 2)} days."
-    gain = (
-        f"They lower the standard deviation of the smooth rate from {numbers.number(found.sd_alone, 2)} to "
-        f"{numbers.number(found.sd, 2)} counts/s, by {numbers.percent(share)}."
-    )
+        fades = f" It falls to a third in {number(persistence.decay_days, 2)} days."
     return (
         "The counts of earlier surveys inform this map. The patterns of two surveys of this field have a "
-        f"correlation of {persistence.share:.2f} ± {persistence.sd:.2f}.{fades} {gain}"
+        f"correlation of {persistence.share:.2f} ± {persistence.sd:.2f}.{fades} They lower the standard deviation "
+        f"of the smooth rate from {number(found.sd_alone, 2)} to {number(found.sd, 2)} counts/s, "
+        f"by {percent(share)}."
     )
 
 
@@ -100,13 +70,12 @@ def change_text(found: RunChange) -> str:
     seen = (
         f"the mean {kind} has changed by" if low > 0 or high < 0 else f"no change of the mean {kind} can be seen:"
     )
-    amount = f"{seen} {change_amount(found)}"
     since = change_since(found)
     return (
-        f"{since[:1].upper()}{since[1:]}, {amount}. {numbers.percent(wetter)} of the field has become wetter "
-        f"and {numbers.percent(drier)} drier significantly: of the cells called changed, "
-        f"{numbers.percent(FieldChange.FALSE_SHARE)} at most are expected not to be. The uncertainty is that "
-        "of both surveys together."
+        f"{since[:1].upper()}{since[1:]}, {seen} {change_amount(found)}. {percent(wetter)} of the field has "
+        f"become wetter and {percent(drier)} drier significantly: of the cells called changed, "
+        f"{percent(FieldChange.FALSE_SHARE)} at most are expected not to be. The uncertainty is that of both "
+        "surveys together."
     )
 
 
@@ -160,31 +129,20 @@ def _rate(change: Estimate) -> str:
 # Report section of the mission: its course over time and its stops ----------------------------------------------
 
 
-@dataclass(frozen=True)
-class MissionPart:
+def mission_part(run: MapRun) -> Part | None:
     """The course of a mission in sentences and charts, its first stops, how many are left out, and its log."""
-
-    text: str
-    charts: tuple[Chart, ...]
-    visits: tuple[Visit, ...]
-    hidden: int
-    several: bool = False
-    log: tuple[str, ...] = ()
-
-
-def mission_part(run: MapRun) -> MissionPart | None:
-    """The section; ``None`` without a mission."""
     mission = run.mission
     if mission is None:
         return None
     has_truth = bool(np.isfinite(mission.truth_rate).any())
-    charts = tuple(course_charts(mission.series, has_truth)) if mission.series else ()
+    charts = list(course_charts(mission.series, has_truth)) if mission.series else []
     if (forecasts := forecast_chart(mission.forecasts, 3600 * mission.settings.hours)) is not None:
-        charts = (*charts, forecasts)
-    shown = tuple(mission.visits[:MAX_VISITS])
-    hidden = len(mission.visits) - len(shown)
-    several = len(mission.tracks) > 1
-    return MissionPart(_text(mission), charts, shown, hidden, several, tuple(mission.log[:MAX_LINES]))
+        charts.append(forecasts)
+    visits = mission.visits
+    return Part(
+        text=_text(mission), charts=charts, visits=visits[:MAX_VISITS], hidden=max(len(visits) - MAX_VISITS, 0),
+        several=len(mission.tracks) > 1, log=mission.log[:MAX_LINES],
+    )  # fmt: skip
 
 
 def _text(mission: MissionResult) -> str:

@@ -101,7 +101,6 @@ def uncertain_share(soil_map: SoilMap, vwc_sd: float, rate_share: float) -> floa
     """Share of the field's cells whose standard deviation is above a limit or undefined [0..1].
 
     :param vwc_sd: limit for VWC [m^3/m^3], used with a calibration
-    :param rate_share: limit for the rate as a share of the rate, used without a calibration
     """
     mask = np.asarray(soil_map.grid.mask, bool)
     if not mask.any():

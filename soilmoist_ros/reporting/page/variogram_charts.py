@@ -73,7 +73,6 @@ def model_curve(variogram: Variogram, h_m: Array, angle_deg: float | None, sprea
 
     The directions are those of the circles: all of them, or those within :data:`TOLERANCE_DEG` of a direction.
 
-    :param variogram: model of the rate at points
     :param h_m: shape (k,) [m]
     :param angle_deg: direction, anticlockwise from east [deg]; ``None`` for all
     :param spread: spread of each sample, shape (4,); as of ``Samples``
@@ -104,8 +103,6 @@ def sample_variogram(soil_map: SoilMap) -> list[Classes]:
 
     The semivariance is that of Monestiez et al. (2006), Ecological Modelling 193:615-628. The interval comes from
     simulated surveys at the same places with the same exposures and supports, drawn from the model of the map.
-
-    :returns: empty with fewer than three distinct places
     """
     every, samples = slice(None, None, max(1, -(-len(soil_map.samples) // MAX_PLACES))), soil_map.samples
     places = Samples(samples.xy[every], samples.counts[every], samples.exposure_s[every], samples.spread[every])

@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pyogrio
 import pytest
@@ -90,26 +88,6 @@ def test_field_and_no_go_area(gpkg, exported):
     assert no_go.area == pytest.approx(56.0, rel=2e-3)
 
 
-def test_visits_and_track(gpkg):
-    _, _, columns = read(gpkg, "visits")
-    assert (columns["name"][0], columns["reason"][0], columns["raw_counts"][0]) == (
-        "r1c2",
-        "largest variance",
-        300,
-    )
-    assert columns["arrival_utc"][0] == np.datetime64("2023-11-14T22:13:20", "ms")
-    assert np.isnat(columns["end_utc"][0])
-    _, (line,), columns = read(gpkg, "track")
-    assert line.length == pytest.approx(columns["length_m"][0], rel=2e-3)
-
-
-def test_layers_have_styles(gpkg):
-    _, _, columns = read(gpkg, "layer_styles")
-    styled = dict(zip(columns["f_table_name"], columns["styleQML"], strict=True))
-    assert styled.keys() == LAYERS.keys() - {"layer_styles"}
-    assert "255,255,255,255" in styled["samples"] == styled["samples_salt"]
-
-
 def test_zones_are_single_valid_polygons_with_their_areas(exported, tmp_path):
     paths = write_zones(exported.source, tmp_path, ExportSettings(root_depth_mm=500.0))
     assert [path.name for path in paths] == ["zones.zip", "zones_salt.zip"]
@@ -143,10 +121,3 @@ def test_contours_have_the_values_of_the_map(exported, tmp_path):
         np.testing.assert_allclose(100 * exported.run.soil_map.evaluate(places).vwc, value, atol=0.6)
     with pytest.raises(InputError, match="no contour lines at this step"):
         write_contours(exported.source, tmp_path, ExportSettings(step=1000.0))
-
-
-def test_a_missing_library_is_named_with_its_remedy(exported, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyogrio.raw", None)
-    with pytest.raises(InputError, match=r"pyogrio is not installed -> pip install 'soilmoist_ros\[reports\]'"):
-        write_zones(exported.source, tmp_path, ExportSettings())
-    assert list(tmp_path.iterdir()) == []

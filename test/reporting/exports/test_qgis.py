@@ -50,34 +50,6 @@ def test_every_layer_of_the_project_is_in_its_files(written, project):
     assert "Soil moisture [% by volume]" in shown
 
 
-def test_the_style_of_a_map_shows_its_moisture(written, exported):
-    for one, path in zip(exported.source.properties, (written[2], written[4]), strict=True):
-        style = ET.fromstring(path.read_text().partition("\n")[2])
-        renderer = style.find("pipe/rasterrenderer")
-        with rasterio.open(path.with_suffix(".tif")) as raster:
-            assert raster.descriptions[int(renderer.get("band")) - 1] == one.quantity.band
-        values = [float(item.get("value")) for item in style.iter("item")]
-        assert values == sorted(values)
-        assert len({item.get("color") for item in style.iter("item")}) == len(values)
-
-
-def test_samples_are_white_discs_as_in_the_report(project, beside):
-    in_export = {one.findtext("layername"): one for one in project.iter("maplayer")}
-    for layer in (in_export["samples"], in_export["samples_salt"], beside["samples"]):
-        assert layer.find("renderer-v2").get("type") == "singleSymbol"
-        assert layer.find(".//Option[@name='color']").get("value") == "255,255,255,255"
-
-
-def test_zones_have_a_symbol_for_each_class(project):
-    for layer in project.iter("maplayer"):
-        renderer = layer.find("renderer-v2")
-        if renderer is not None:
-            symbols = {symbol.get("name") for symbol in renderer.iter("symbol")}
-            used = {each.get("symbol") for each in (*renderer.iter("category"), *renderer.iter("range"))}
-            assert used in ({*symbols}, set())
-            assert symbols
-
-
 @pytest.fixture(scope="module")
 def beside(exported, tmp_path_factory):
     """The project beside the files of a run; its layers by name."""

@@ -54,17 +54,6 @@ def test_the_coloured_geotiff_has_whole_percents_in_colours(exported, tmp_path):
     assert step < 0.02
 
 
-def test_a_large_coloured_geotiff_has_overviews(exported, tmp_path):
-    one = exported.source.properties[0]
-    bands = {name: np.kron(band, np.ones((20, 20))) for name, band in one.bands.items()}
-    fine = replace(one, bands=bands, transform=Affine(0.1, 0, one.transform.c, 0, -0.1, one.transform.f))
-    (path,) = write_styled(replace(exported.source, properties=[fine]), tmp_path, SETTINGS)
-    with rasterio.open(path) as raster:
-        assert raster.overviews(1) == [2]
-        half = raster.read(1, out_shape=(raster.height // 2, raster.width // 2))
-        assert set(np.unique(half)) <= set(np.unique(raster.read(1))), "no colours between two classes"
-
-
 def test_netcdf_has_the_map_with_its_uncertainty(exported, tmp_path):
     first, second = write_netcdf(exported.source, tmp_path, SETTINGS)
     one = exported.source.properties[0]
@@ -87,14 +76,6 @@ def test_netcdf_has_the_map_with_its_uncertainty(exported, tmp_path):
         assert raster.transform.almost_equals(one.transform, precision=1e-6)
     with netcdf_file(second, mmap=False) as file:
         assert "vwc" not in file.variables
-
-
-def test_netcdf_without_dates_has_no_time(exported, tmp_path):
-    no_date = replace(exported.source.run)
-    no_date.__dict__["summary"] = {**exported.source.run.summary, "first_stamp_s": 10.0, "last_stamp_s": 20.0}
-    first, _ = write_netcdf(replace(exported.source, run=no_date), tmp_path, SETTINGS)
-    with netcdf_file(first, mmap=False) as file:
-        assert file.variables["vwc"].dimensions == ("y", "x")
 
 
 @pytest.fixture(scope="module")

@@ -31,16 +31,6 @@ def test_each_export_has_its_traits():
 
 
 @pytest.mark.slow
-def test_files_lie_in_the_folder_of_the_run_by_default(exported, tmp_path):
-    folder = shutil.copytree(exported.folder, tmp_path / "run")
-    written = export_run(folder, ["netcdf", "zones", "netcdf"])
-    assert [path.relative_to(folder).as_posix() for path in written] == [
-        "export/map.nc", "export/map_salt.nc", "export/zones.zip", "export/zones_salt.zip",
-    ]  # fmt: skip
-    assert export_run(folder, ["styled"], tmp_path / "a" / "b")[0] == tmp_path / "a" / "b" / "map_styled.tif"
-
-
-@pytest.mark.slow
 def test_another_run_is_not_overwritten(exported, tmp_path):
     other = shutil.copytree(exported.folder, tmp_path / "run")
     with pytest.raises(InputError, match="holds another run"):
@@ -111,14 +101,6 @@ def test_folders_of_earlier_releases_export_what_they_have(exported, tmp_path):
         assert raster.descriptions == ("vwc",)
 
 
-def test_a_run_without_a_map_has_nothing_to_export(tmp_path):
-    (tmp_path / "summary.json").write_text('{"map": null}')
-    with pytest.raises(InputError, match="has no map, so there is nothing to export"):
-        export_run(tmp_path, ["kmz"])
-    with pytest.raises(InputError, match="no export is given"):
-        export_run(tmp_path, [])
-
-
 @pytest.mark.parametrize(
     ("summary", "message"),
     [
@@ -151,21 +133,3 @@ def test_another_package_adds_an_export(exported, tmp_path, monkeypatch):
     assert path.read_text() == "12"
     with pytest.raises(TypeError, match="must be a"):
         registry._checked(write)
-
-
-@pytest.mark.slow
-def test_zones_keep_the_limits_of_the_site(exported, tmp_path):
-    folder = shutil.copytree(exported.folder, tmp_path / "run")
-    summary = json.loads((folder / "summary.json").read_text())
-    assert summary["irrigation"]["root_depth_mm"] == 300.0
-    assert summary["irrigation"]["zone_limits_vwc"] is None
-    middle = float(np.nanmedian(exported.source.properties[0].bands["vwc"]))
-    summary["irrigation"] |= {"root_depth_mm": 200.0, "zone_limits_vwc": [middle]}
-    (folder / "summary.json").write_text(json.dumps(summary))
-    path = export_run(folder, ["zones"])[0]
-    about, _, _, columns = pyogrio.raw.read(path)
-    table = dict(zip(about["fields"], columns, strict=True))
-    assert set(table["ZONE"]) == {1, 2}
-    dry = table["ZONE"] == 1
-    assert table["VWC_PCT"][dry].max() < 100 * middle < table["VWC_PCT"][~dry].min()
-    assert set(table["ROOT_MM"]) == {200.0}

@@ -19,7 +19,6 @@ from soilmoist_ros.reporting.exports.zones import (
     contour_lines,
     levels,
     management_zones,
-    zone_limits,
 )
 
 FRAME = LocalFrame(53.27, -0.52)
@@ -85,14 +84,6 @@ def test_zones_of_two_halves():
     assert len(dry.shape.exterior.coords) < 12, "a straight border has few corners"
 
 
-def test_a_spot_smaller_than_the_smallest_zone_joins_its_surroundings():
-    field = shapely.box(-28, -28, 28, 28)
-    values = np.full((SIZE, SIZE), 0.15)
-    values[10:15, 10:15] = 0.4
-    for smallest, count in ((40.0, 2), (400.0, 1)):
-        assert len(management_zones(a_map(values, field), field, 3, smallest, [25.0])) == count
-
-
 def test_a_field_of_two_parts_has_zones_in_both():
     field = shapely.union_all([shapely.box(-28, -28, 10, 28), shapely.box(20, -4, 28, 4)])
     rows = np.broadcast_to(np.where(np.arange(SIZE) < SIZE / 2, 0.12, 0.30)[:, None], (SIZE, SIZE))
@@ -102,13 +93,6 @@ def test_a_field_of_two_parts_has_zones_in_both():
     small = [zone for zone in zones if zone.shape.centroid.x > 20]
     assert len(small) == 1, "halves of 32 m2 are one zone"
     assert len(zones) == 3
-
-
-def test_a_field_of_one_value_is_one_zone():
-    field = shapely.box(-20, -20, 20, 20)
-    (zone,) = management_zones(a_map(np.full((SIZE, SIZE), 0.2), field), field)
-    assert zone.mean == pytest.approx(20.0)
-    assert contour_lines(a_map(np.full((SIZE, SIZE), 0.2), field), field)[0] == []
 
 
 @pytest.mark.parametrize(
@@ -144,8 +128,3 @@ def test_round_values():
     assert levels([3.0, 3.0]).size == 0
     with pytest.raises(InputError, match="more than 100 contour levels"):
         levels([10.0, 20.0], 1e-3)
-
-
-def test_classes_of_equal_area():
-    np.testing.assert_allclose(zone_limits(np.arange(101.0), 4), [25, 50, 75])
-    assert zone_limits([1.0, 1.0, 1.0], 3).size == 0

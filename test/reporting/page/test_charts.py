@@ -12,20 +12,14 @@ from soilmoist_ros.reporting.moisture_steps import moisture_series
 from soilmoist_ros.reporting.page.charts import (
     Area,
     Chart,
-    Dots,
     Line,
     binned,
-    cross_validation_chart,
     factor_chart,
-    histogram_chart,
-    limits_of,
     moisture_chart,
     rate_chart,
     round_ticks,
     time_axis,
 )
-from soilmoist_ros.reporting.page.numbers import round_step
-from soilmoist_ros.reporting.page.statistics import leave_one_out
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -46,27 +40,10 @@ def test_a_line_goes_through_its_points():
     assert path.css == "s-line"
 
 
-def test_nan_interrupts_a_line():
-    (path,) = chart(Line([0, 1, 2, 3, 4], [0, 0, np.nan, 0, 0])).paths
-    assert path.d.count("M") == 2
-    assert len(points(path.d)) == 4
-
-
-def test_dots_keep_their_sizes_and_their_bars():
-    paths = chart(Dots([1, 2, 3], [0, 0, 0], size_px=[5, 9, 5], hollow=True, error=[0.5] * 3)).paths
-    assert paths[0].d.count("M") == 3
-    assert points(paths[0].d)[:2] == [(100, 750), (100, 250)]
-    assert [(p.d.count("h0"), p.width_px) for p in paths[1:]] == [(2, 5), (2, 2), (1, 9), (1, 6)]
-
-
 def test_an_area_is_closed_and_interrupted_where_it_is_undefined():
     (path,) = chart(Area([0, 5, 10], [0, np.nan, 0], [1, 1, 1])).paths
     assert path.d.count("Z") == 2
     assert points(path.d) == [(0, 0), (0, 500), (1000, 0), (1000, 500)]
-
-
-def test_legend_has_the_marks_with_names():
-    assert chart(Line([0], [0], name="a", dashed=True), Area([0], [0], [1])).names == [("k-line b-line dash", "a")]
 
 
 @pytest.mark.parametrize(
@@ -79,21 +56,6 @@ def test_legend_has_the_marks_with_names():
 )
 def test_ticks_are_round(low, high, expected):
     assert [text for _, text in round_ticks(low, high, 5)] == expected
-
-
-def test_ticks_outside_the_limits_are_left_out_and_many_are_thinned_on_phones():
-    found = chart(x_ticks=[(-1, "a"), *((i, str(i)) for i in range(8))]).across
-    assert [tick.text for tick in found] == list("01234567")
-    assert [tick.minor for tick in found[:3]] == [False, True, False]
-
-
-def test_limits_include_zero_without_a_margin_below():
-    assert limits_of([1.0, 2.0], zero=True, margin=0.1) == (0.0, pytest.approx(2.2))
-    assert limits_of([np.nan]) == (0.0, 1.0)
-    low, high = limits_of([3.0, 3.0])
-    assert low < 3 < high
-    assert limits_of([3.0, 3.0 + 1e-15]) == pytest.approx((low, high))
-    assert round_step(0.3) == 0.5
 
 
 # Charts of a survey: survey_charts.py ---------------------------------------------------------------------------
@@ -114,12 +76,6 @@ def test_counts_are_kept_when_records_are_added_up():
     assert np.nansum(exposure) == pytest.approx(sum(record.effective_exposure_s for record in track))
 
 
-def test_a_gap_interrupts_the_line():
-    track = [*records(300), *records(300, first_s=1.6e9 + 90_000)]
-    assert np.isnan(binned(track)[2]).any()
-    assert rate_chart(track).paths[1].d.count("M") == 2
-
-
 def test_no_line_is_drawn_where_nothing_was_counted():
     days = [*range(9), *range(107, 116)]
     track = [CountRecord(1.6e9 + 86_400 * day, 0.0, 0.0, 0.0, 10_000 + day, 86_400.0, 86_000.0) for day in days]
@@ -137,19 +93,3 @@ def test_clock_times_or_minutes_on_the_time_axis():
     assert "Day of 2020" in time_axis([1.6e9, 1.6e9 + 9 * 86400])[2]
     _, ticks, name = time_axis([1483137480.0, 1515779280.0])  # 2016-12-30 to 2018-01-12
     assert (name, ticks[0][1]) == ("Day", "2017-02-02")
-
-
-def test_constant_factors_do_not_look_like_a_pattern():
-    low, high = factor_chart(records(20)).y
-    assert high - low >= 0.01
-
-
-def test_histogram_and_cross_validation(make_run, the_map):
-    chart = histogram_chart(make_run())
-    assert chart.x[0] < np.nanmin(the_map.rate)
-    assert np.asarray(chart.marks[1].y)[::2].sum() == pytest.approx(100)
-    loo = leave_one_out(the_map)
-    chart = cross_validation_chart(loo)
-    assert chart.x == chart.y
-    assert chart.x[0] < loo.observed.min()
-    assert f"of the {len(loo.observed)} samples" in chart.caption

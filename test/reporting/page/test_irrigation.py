@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.pipeline.run import CalibrationInfo, IrrigationLimits
 from soilmoist_ros.reporting.moisture_steps import moisture_series
-from soilmoist_ros.reporting.page.irrigation import BY_PLANT, BY_USER, RELATIVE, irrigation, stress_point
+from soilmoist_ros.reporting.page.irrigation import BY_PLANT, RELATIVE, irrigation, stress_point
 from soilmoist_ros.reporting.page.statistics import mean_moisture
 from soilmoist_ros.sensing.records import CountRecord
 
@@ -30,14 +30,6 @@ def test_without_limits_the_zones_are_thirds_and_say_so(make_run):
     assert sum(zone.area_m2 for zone in found.zones) == pytest.approx(1106.5, rel=1e-6)
     assert "only compare places of this field" in found.basis
     assert found.zones[0].water_mm < found.zones[1].water_mm < found.zones[2].water_mm
-
-
-def test_limits_of_the_user_divide_the_field(make_run, the_map):
-    found = irrigation(make_run(irrigation=IrrigationLimits(dry_below=0.2, moist_above=0.3)))
-    inside = the_map.vwc[the_map.grid.mask]
-    assert names(found) == BY_USER
-    assert found.zones[0].share == pytest.approx(np.mean(inside < 0.2))
-    assert found.zones[2].share == pytest.approx(np.mean(inside >= 0.3))
 
 
 def test_available_water_gives_the_stress_point_and_the_missing_water(make_run, the_map):
@@ -91,11 +83,6 @@ def test_water_of_the_root_zone_has_an_interval(make_run, the_map):
     low, high = (int(part) for part in text.split("interval ")[1].split(" mm")[0].split(" to "))
     assert low < mean < high
     assert "upper 300 mm" in text
-
-
-def test_advice_names_where_the_map_is_least_sure(make_run, map_of):
-    assert "more places" in irrigation(make_run(soil_map=map_of(n=4))).advice
-    assert irrigation(make_run()).advice.startswith("Next: ")
 
 
 def test_a_probe_at_one_place_has_its_water_at_the_end(make_run, map_of):
@@ -197,21 +184,6 @@ def test_advice_never_rests_on_a_zone_that_is_not_certain(advised, west, east, r
     assert ("first" in found.advice) == bool(
         (~found.not_dry & np.isfinite(found.number) & ((found.number > 0) | (not dry.certainty.certain))).any()
     )
-
-
-def test_the_missing_water_has_an_interval(advised):
-    dry = advised(0.15, 0.15, 0.1).zones[0]
-    assert dry.missing_mm == pytest.approx(45.0)
-    assert dry.missing_mm_p05 < 40 < 50 < dry.missing_mm_p95
-    assert dry.missing == f"45 mm ({dry.missing_mm_p05:.0f} to {dry.missing_mm_p95:.0f} mm)"
-    assert math.isnan(
-        advised(0.15, 0.15, 0.1, calibration=CalibrationInfo(7, 1.4, illustrative=True)).zones[0].missing_mm
-    )
-
-
-def test_a_calibration_without_its_error_is_no_ground_for_certainty_unsaid(advised):
-    assert "leave an error of the calibration out" in advised(0.15, 0.2, 0.1, n0_sd=0.0).level
-    assert "leave an error" not in advised(0.15, 0.2, 0.1, n0_sd=0.1).level
 
 
 @pytest.mark.parametrize("share_of_n0", [0.38, 1.5], ids=["full pores", "less than dry"])

@@ -6,11 +6,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from soilmoist_ros.mapping.drift import Change, Drift, Jump
-from soilmoist_ros.pipeline.run import CorrectionRow, Note, NoteCode
+from soilmoist_ros.pipeline.run import CorrectionRow, NoteCode
 from soilmoist_ros.reporting.page.notes import notes
 
 
@@ -73,12 +72,6 @@ def test_a_change_during_the_survey_is_noted(make_run, uncalibrated):
     assert "can be seen: (+1 ± 3) %" in note.message
 
 
-def test_few_samples_are_noted_once(make_run, map_of):
-    run = make_run(soil_map=map_of(curve=None, n=4), notes=[Note(NoteCode.NOT_MAPPED, "salt is not mapped")])
-    assert codes(replace(run, calibration=None)) == [NoteCode.NOT_MAPPED, NoteCode.FEW_SAMPLES]
-    assert "With 4 places measured" in str(notes(run)[-1])
-
-
 def test_records_outside_the_field_are_noted_below_one_half(make_run):
     run = make_run(notes=())
     inside, placed = run.inside
@@ -93,18 +86,6 @@ def test_records_outside_the_field_are_noted_below_one_half(make_run):
     assert note.message.startswith(f"Only {most.inside[0]} of {placed} records lie inside the field")
 
 
-def test_records_far_from_the_field_are_noted(make_run):
-    run = make_run(notes=())
-    assert NoteCode.FAR_RECORDS not in codes(run)
-    away = [replace(record, y_m=record.y_m + 5000.0) for record in run.track[:3]]
-    (note,) = [
-        one for one in notes(replace(run, track=[*away, *run.track[3:]])) if one.code is NoteCode.FAR_RECORDS
-    ]
-    assert note.message.startswith(f"3 of {run.inside[1]} records lie further from the field")
-    one = replace(run, track=[*away[:1], *run.track[1:]])
-    assert NoteCode.FAR_RECORDS not in codes(one), "a single record on the way is no matter"
-
-
 @pytest.mark.parametrize(
     ("stamp_s", "said"),
     [(1.9e9, "in the future"), (3.1e8, "before 2000"), (1.7e9, None), (9.0e11, "in the future")],
@@ -117,27 +98,3 @@ def test_impossible_dates_are_noted(make_run, stamp_s, said):
     assert NoteCode.IMPOSSIBLE_DATE not in codes(replace(dated, simulated=True)), (
         "a simulated clock may start at 0"
     )
-
-
-def test_a_map_that_is_no_better_than_its_mean_says_so(make_run, the_map):
-    """As after five minutes: the differences that it shows are small beside their uncertainty."""
-    flat = replace(the_map, variance=the_map.variance + 20 * np.nanvar(the_map.rate))
-    (note,) = (one for one in notes(make_run(soil_map=flat)) if one.code is NoteCode.NO_BETTER_THAN_MEAN)
-    assert note.message.startswith("The map is no better than its mean yet: it explains ")
-    assert NoteCode.NO_BETTER_THAN_MEAN not in codes(make_run())
-
-
-@pytest.mark.parametrize(
-    ("known_m", "deconvolved_m", "simulated", "text"),
-    [
-        (10.0, 10.0, False, "each place: the footprint of 10 m is de-convolved"),
-        (8.0, 0.0, False, "mean over 8 m around each place"),
-        (0.0, 0.0, False, "mean over 10 m around each place"),
-        (0.0, 0.0, True, "each place"),
-    ],
-)
-def test_every_value_is_of_a_named_area(make_run, the_map, known_m, deconvolved_m, simulated, text):
-    samples = replace(the_map.samples, spread=[0, 0, 0, deconvolved_m])
-    soil_map = replace(the_map, samples=samples, footprint_radius_m=known_m)
-    run = make_run(soil_map=soil_map, simulated=simulated, footprint_radius_m=10.0)
-    assert run.support_text == text

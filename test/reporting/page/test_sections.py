@@ -11,15 +11,14 @@ import pytest
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.knowledge import EarlierSurvey
 from soilmoist_ros.mapping.samples import Samples
-from soilmoist_ros.mapping.several_surveys import Estimate
 from soilmoist_ros.mapping.soil_map import make_soil_map
-from soilmoist_ros.pipeline.earlier_runs import MAX_SAMPLES, run_change
-from soilmoist_ros.pipeline.run import EarlierRun, NoteCode, RunChange
+from soilmoist_ros.pipeline.earlier_runs import run_change
+from soilmoist_ros.pipeline.run import EarlierRun, NoteCode
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.page.irrigation import irrigation
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
-from soilmoist_ros.reporting.page.sections import change_text, earlier_part
+from soilmoist_ros.reporting.page.sections import earlier_part
 from soilmoist_ros.reporting.page.viewer import viewer_data
 from soilmoist_ros.reporting.run_summary import summary
 
@@ -50,14 +49,6 @@ def test_the_change_is_since_the_latest_earlier_survey(changed):
     assert changed.change.sd < changed.change.sd_alone
 
 
-def test_a_later_survey_is_only_compared_if_there_is_no_earlier_one(the_map):
-    runs = [earlier(the_map, "june", -20.0), earlier(the_map, "may", 40.0)]
-    found = run_change(the_map, NOW_S, runs)
-    assert isinstance(found, RunChange)
-    assert found.since.survey.name == "may"
-    assert run_change(the_map, NOW_S, []) is None
-
-
 def test_the_change_is_less_certain_after_a_drift(the_map):
     runs, samples = [earlier(the_map, "may", 7.0)], the_map.samples
     timed = TimedSamples(samples, np.linspace(0, 3600, len(samples)))
@@ -78,13 +69,6 @@ def test_the_change_is_less_certain_after_a_drift(the_map):
     np.testing.assert_allclose(wider, added, rtol=0.01)
 
 
-def test_too_many_samples_have_no_change(the_map):
-    rng = np.random.default_rng(1)
-    xy = rng.uniform(-20, 20, (MAX_SAMPLES, 2))
-    survey = EarlierSurvey("large", 0.0, Samples(xy, np.full(len(xy), 40), np.full(len(xy), 10.0)))
-    assert run_change(the_map, NOW_S, [EarlierRun(survey, Path("large"), 0.0, [])]) is None
-
-
 def test_the_report_names_surveys_and_change(changed):
     part = earlier_part(changed)
     assert [row.name for row in part.rows] == ["april", "may"]
@@ -96,25 +80,6 @@ def test_the_report_names_surveys_and_change(changed):
     assert "A remark." in page
     layer = next(one for one in viewer_data(changed, irrigation(changed))["layers"] if one["key"] == "change")
     assert (layer["title"], layer["unit"]) == ("Change", "% by volume")
-
-
-def test_a_change_within_its_uncertainty_is_not_called_one(changed):
-    part = earlier_part(changed)
-    assert "has changed by -" in part.change or "has changed by +" in part.change
-    unsure = replace(
-        changed.change.change,
-        mean_vwc=None if changed.change.change.mean_vwc is None else Estimate(0.01, 0.03),
-        mean_rate=Estimate(0.01, 0.03),
-    )
-    text = change_text(replace(changed.change, change=unsure))
-    assert "no change of the mean" in text
-    assert "can be seen: +" in text
-
-
-def test_a_run_without_earlier_surveys_has_no_such_part(make_run):
-    assert earlier_part(make_run()) is None
-    assert "Earlier surveys" not in render_report(make_run())
-    assert summary(make_run())["change"] is None
 
 
 def test_files_have_the_change(changed, tmp_path):

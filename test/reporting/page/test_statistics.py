@@ -10,45 +10,31 @@ import math
 import numpy as np
 import pytest
 
-from soilmoist_ros.mapping import FieldMap, FieldMapSettings, PoissonKriging, Samples, Variogram, make_soil_map
+from soilmoist_ros.mapping import FieldMap, FieldMapSettings, PoissonKriging, Samples, make_soil_map
 from soilmoist_ros.mapping.covariates import Covariates
 from soilmoist_ros.mapping.drift import Change, Changing, Drift, TimedSamples
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge import Knowledge
-from soilmoist_ros.mapping.kriging.tiled_kriging import TiledKriging
-from soilmoist_ros.mapping.samples import as_samples, footprint_spread, path_spread
+from soilmoist_ros.mapping.samples import as_samples, footprint_spread
 from soilmoist_ros.mapping.soil_map import possible_moisture
-from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.fit import estimate_variogram
 from soilmoist_ros.mapping.variogram.model import Amplitude
-from soilmoist_ros.mapping.variogram.support import Supports
 from soilmoist_ros.pipeline.run import NoteCode
 from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.report import render_report
 from soilmoist_ros.reporting.page.statistics import (
-    band_statistics,
     calibration_sd,
     covariate_importance,
     explained_share,
-    implausible_shares,
     leave_one_out,
     mean_moisture,
     mean_sd,
     resolution_m,
     truth_score,
-    uncertain_share,
-    undefined_share,
 )
 from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
 from soilmoist_ros.simulation.robot.virtual_devices import VirtualSensor
-
-
-def test_band_statistics_leave_nan_out():
-    found = band_statistics([np.nan, 1.0, 2.0, 3.0])
-    assert (found.mean, found.minimum, found.maximum, found.p50) == (2.0, 1.0, 3.0, 2.0)
-    assert np.isnan(band_statistics([np.nan]).mean)
 
 
 def test_leave_one_out_is_what_kriging_without_the_sample_says(the_map):
@@ -63,23 +49,6 @@ def test_leave_one_out_is_what_kriging_without_the_sample_says(the_map):
         assert loo.sd[i] ** 2 == pytest.approx(variance[0] + the_map.mean_rate / samples.exposure_s[i])
 
 
-def test_a_map_made_of_tiles_is_validated_like_the_exact_one(the_map):
-    tiled = dataclasses.replace(the_map, made_by=TiledKriging(the_map.variogram, the_map.keep_nugget))
-    np.testing.assert_allclose(leave_one_out(tiled).predicted, leave_one_out(the_map).predicted, rtol=1e-9)
-    assert mean_sd(tiled, moisture=False) == pytest.approx(mean_sd(the_map, moisture=False))
-
-
-def test_supports_count_in_the_report_as_in_the_map(the_map):
-    samples = dataclasses.replace(the_map.samples, spread=path_spread([8.0, 3.0]) + footprint_spread(6.0))
-    wide = make_soil_map(samples, the_map.grid, the_map.variogram, the_map.curve)
-    loo = leave_one_out(wide)
-    rest = np.arange(len(samples)) > 0
-    kriging = PoissonKriging(wide.variogram, keep_nugget=False, mean_rate=wide.mean_rate)
-    kriging.fit(samples.xy[rest], samples.counts[rest], samples.exposure_s[rest], samples.spread[rest])
-    points = Supports(samples.xy[:1], samples.spread[:1])
-    assert loo.predicted[0] == pytest.approx(points.average(lambda xy: kriging.predict(xy)[0]).item())
-
-
 def test_an_amplitude_counts_in_the_report_as_in_the_map(the_map):
     (west, south), (east, north) = the_map.grid.box
     table = tuple(tuple(0.4 * (row - column) for column in range(5)) for row in range(4))
@@ -88,37 +57,12 @@ def test_an_amplitude_counts_in_the_report_as_in_the_map(the_map):
     test_leave_one_out_is_what_kriging_without_the_sample_says(uneven)
 
 
-def test_what_is_known_counts_in_the_report_as_in_the_map(the_map):
-    prior = FieldPrior(
-        lambda xy: np.column_stack([np.sin(xy[:, 0] / 9), xy[:, 1] / 50]),
-        np.ones(2),
-        np.array([[-0.01, 0.0], [0.0, 0.05]]),
-        np.array([0.1, 0.3]),
-    )
-    samples = the_map.samples
-    fit = estimate_variogram(samples.xy, samples.counts, samples.exposure_s)
-    known = make_soil_map(samples, the_map.grid, dataclasses.replace(fit, prior=prior))
-    loo, rest = leave_one_out(known), np.arange(len(samples)) > 0
-    kriging = PoissonKriging(known.variogram, mean_rate=known.mean_rate, prior=prior)
-    kriging.fit(samples.xy[rest], samples.counts[rest], samples.exposure_s[rest])
-    assert loo.predicted[0] == pytest.approx(kriging.predict(samples.xy[:1])[0][0])
-
-
-def test_leave_one_out_wants_five_samples(map_of):
-    assert leave_one_out(map_of(n=4)) is None
-
-
 def test_mean_sd_of_one_cell_is_that_of_the_cell(map_of, the_map):
     cell = [(6.0, 6.0), (8.0, 6.0), (8.0, 8.0), (6.0, 8.0)]
     one = map_of(vertices=cell, holes=())
     assert np.count_nonzero(one.grid.mask) == 1
     assert mean_sd(one, moisture=False) == pytest.approx(np.nanmean(one.rate_sd), rel=1e-6)
     assert mean_sd(the_map, moisture=False) < np.nanmean(the_map.rate_sd)
-
-
-def test_mean_sd_without_calibration(uncalibrated):
-    assert mean_sd(uncalibrated, moisture=True) is None
-    assert mean_sd(uncalibrated, moisture=False) > 0
 
 
 def test_calibration_sd_is_the_shift_of_the_map(the_map):
@@ -137,26 +81,6 @@ def test_calibration_sd_is_the_shift_of_the_map(the_map):
     assert calibration_sd(unknown) is None
 
 
-def test_the_mean_moisture_has_both_parts_of_the_uncertainty(the_map, uncalibrated):
-    found = mean_moisture(the_map)
-    assert found.between_sd == mean_sd(the_map, moisture=True)
-    assert found.common_sd == calibration_sd(the_map)
-    away = 1.645 * math.hypot(found.between_sd, found.common_sd)
-    assert (found.p05, found.p95) == pytest.approx((found.value - away, found.value + away), rel=1e-3)
-    assert mean_moisture(uncalibrated) is None
-
-
-def test_shares(the_map, steep, uncalibrated):
-    assert undefined_share(the_map) == 0
-    assert 0 < undefined_share(steep) < 1
-    assert undefined_share(uncalibrated) == 1
-    assert uncertain_share(the_map, 1e-9, 0.05) == 1
-    assert uncertain_share(the_map, 1.0, 0.05) == 0
-    assert uncertain_share(uncalibrated, 1e-9, 1.0) == 0
-    assert implausible_shares(the_map) == (0, 0)
-    assert implausible_shares(steep)[0] > 0
-
-
 def test_truth_score(the_map):
     score = truth_score(the_map, the_map.rate + 0.01)
     assert score.rmse == pytest.approx(0.01)
@@ -166,21 +90,14 @@ def test_truth_score(the_map):
         truth_score(the_map, np.zeros((2, 2)))
 
 
-def test_flat_variogram_has_no_scores(the_map):
-    soil = make_soil_map(
-        Samples([(0, 0), (5, 5)], [40, 50], [10, 10]), the_map.grid, Variogram("gaussian", 0, 9, 0)
-    )
-    assert mean_sd(soil, moisture=False) is None
-
-
 def test_the_mean_of_the_field_is_less_certain_after_a_drift(the_map):
     samples = the_map.samples
     timed = TimedSamples(samples, np.linspace(0, 3600, len(samples)))
     drift = Drift(0.99, False, (0.0, 3600.0), (0.0, 0.0), ((0.1, 0.1),))
     drifted = make_soil_map(
-        samples, the_map.grid, the_map.variogram, changing=Changing(timed, Change(drift), 3600.0)
+        samples, the_map.grid, the_map.variogram, the_map.curve, changing=Changing(timed, Change(drift), 3600.0)
     )
-    still = make_soil_map(samples, the_map.grid, the_map.variogram)
+    still = make_soil_map(samples, the_map.grid, the_map.variogram, the_map.curve)
     added = math.sqrt(mean_sd(drifted, moisture=False) ** 2 - mean_sd(still, moisture=False) ** 2)
     assert added == pytest.approx(0.1 * still.mean_rate, rel=0.01), "all rates may be too high alike"
     moist, still_moist = (mean_sd(one, moisture=True) for one in (drifted, still))
@@ -225,16 +142,6 @@ def test_the_interval_of_the_mean_moisture_holds_the_true_mean(footprint_m, sett
     assert covered.sum() >= 13
     assert abs(errors.mean()) < 0.6
     assert 0.5 < np.sqrt(np.mean(errors**2)) < 1.4
-
-
-def test_the_mean_of_a_map_of_means_is_that_of_places():
-    """The curve of a mean over a footprint is drier than the mean of the curve."""
-    known = FieldMapSettings(footprint_radius_m=10.0, deconvolve=False)
-    means, _ = survey_of("synthetic-high", 1, 10.0, known)
-    places, _ = survey_of("synthetic-high", 1, 10.0, dataclasses.replace(known, deconvolve=True))
-    assert (means.deconvolved_m, places.deconvolved_m) == (0, 10)
-    assert mean_moisture(means).value == pytest.approx(mean_moisture(places).value, abs=0.003)
-    assert mean_moisture(means).value > np.nanmean(means.vwc) + 0.003
 
 
 def test_a_map_of_few_counts_explains_little_and_resolves_little(map_of, the_map):
@@ -292,9 +199,3 @@ def test_summary_report_and_notes_state_it(explained, make_run):
     (note,) = [note for note in notes(run) if note.code is NoteCode.COVARIATE_GAPS]
     assert "useless (68" in note.message
     assert "relief" not in note.message
-
-
-def test_without_covariates_nothing_is_said(make_run):
-    run = make_run()
-    assert summary(run)["covariates"] == []
-    assert "What explains the map" not in render_report(run)

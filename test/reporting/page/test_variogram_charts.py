@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -15,18 +14,12 @@ from soilmoist_ros.mapping import (
     PoissonKriging,
     Samples,
     Variogram,
-    empirical_semivariogram,
     make_soil_map,
 )
-from soilmoist_ros.mapping.variogram.reml import mode_of
-from soilmoist_ros.mapping.variogram.semivariogram import default_edges
 from soilmoist_ros.reporting.page.variogram_charts import (
-    Classes,
     _sample_covariance,
-    fitted_mode,
     model_curve,
     sample_variogram,
-    variogram_charts,
 )
 
 GRID = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 60), (0, 60)], 10.0)
@@ -42,16 +35,6 @@ def survey(variogram, n=150, seed=3, exposure_s=60.0):
     rate = 5 + np.linalg.cholesky(_sample_covariance(variogram, places) + 1e-9 * np.eye(n)) @ rng.normal(size=n)
     samples = Samples(xy, rng.poisson(np.maximum(rate, 0.5) * exposure_s), np.full(n, exposure_s))
     return make_soil_map(samples, GRID, variogram)
-
-
-def test_circles_are_those_of_the_semivariogram():
-    soil_map = survey(ISOTROPIC)
-    s = soil_map.samples
-    lag, gamma, _ = empirical_semivariogram(s.xy, s.counts, s.exposure_s, default_edges(s.xy))
-    (found,) = sample_variogram(soil_map)
-    np.testing.assert_allclose(found.lag_m, lag)
-    np.testing.assert_allclose(found.gamma, gamma, rtol=1e-9)
-    assert found.pairs.sum() < 150 * 149 / 2
 
 
 @pytest.mark.slow
@@ -110,26 +93,3 @@ def test_covariance_of_samples_is_that_of_kriging():
     )[:-1, -1]
     np.testing.assert_allclose(rhs, towards, atol=1e-9)
     assert points.curve is None
-
-
-def test_the_mode_undoes_the_posterior_means():
-    soil_map = survey(ISOTROPIC)
-    fit = type("Fit", (), {"mode": mode_of(ISOTROPIC, (0.4, 0.3, 1.2))})()
-    mode = fitted_mode(dataclasses.replace(soil_map, fit=fit))
-    assert mode.structured_sill * math.exp(0.08) == pytest.approx(ISOTROPIC.structured_sill)
-    assert mode.nugget * math.exp(0.72) == pytest.approx(ISOTROPIC.nugget)
-    assert fitted_mode(soil_map) == ISOTROPIC
-
-
-def test_few_places_have_no_circles(map_of, make_run):
-    assert sample_variogram(map_of(n=2)) == []
-    assert list(variogram_charts(make_run(soil_map=map_of(n=1)))) == []
-
-
-def test_the_chart_shows_pairs_and_both_models(make_run):
-    ((chart, classes),) = variogram_charts(make_run())
-    assert isinstance(classes, Classes)
-    assert [text for _, text in chart.top_ticks] == [str(pairs) for pairs in classes.pairs]
-    assert chart.y[1] > classes.gamma.max()
-    assert chart.y[0] <= min(classes.gamma.min(), 0)
-    assert "band" in chart.caption

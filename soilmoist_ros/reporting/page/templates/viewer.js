@@ -464,7 +464,7 @@
   document.querySelectorAll("#map-overlays input").forEach(function (input) { input.addEventListener("change", draw); });
   byId("fixed").addEventListener("change", function () { select(shown.key); });
   window.addEventListener("resize", resize);
-  if (window.matchMedia) { window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw); }
+  ["(prefers-color-scheme: dark)", "print"].forEach(function (query) { window.matchMedia(query).addEventListener("change", draw); });
   window.addEventListener("beforeprint", function () {
     document.querySelectorAll("details:not([open])").forEach(function (part) { part.open = true; part.dataset.opened = "yes"; });
   });
