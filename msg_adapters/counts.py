@@ -93,25 +93,12 @@ def counts_to_message(
     if not records:
         raise ValueError("a counts message needs at least one record")
     stamp_s = to_seconds(to_time(records[-1].stamp_s))
-    points = np.array(
-        [
-            (
-                record.x_m,
-                record.y_m,
-                record.z_m,
-                record.raw_counts,
-                record.exposure_s,
-                record.effective_exposure_s,
-                record.corrected_rate,
-                record.f_pressure,
-                record.f_humidity,
-                record.f_intensity,
-                record.stamp_s - stamp_s,
-            )
-            for record in records
-        ],
-        dtype=_STAMPED,
-    )
+    names = [name for name in _STAMPED.names or () if name not in ("x", "y", "z", STAMP_OFFSET)]
+    rows = [
+        (one.x_m, one.y_m, one.z_m, *(getattr(one, name) for name in names), one.stamp_s - stamp_s)
+        for one in records
+    ]
+    points = np.array(rows, dtype=_STAMPED)
     if datum is not None:
         placed = np.zeros(len(points), _PLACED)
         for name in _STAMPED.names or ():
@@ -209,8 +196,5 @@ def line_to_message(line: bytes) -> String:
 
 
 def line_from_message(message: String) -> bytes:
-    """Line of a message.
-
-    :raises ValueError: if the message is not from :func:`line_to_message`
-    """
+    """Line of a message of :func:`line_to_message`; others are refused."""
     return str(message.data).replace(_ZERO, "\0").encode("latin-1")

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sensor_msgs.msg import BatteryState, FluidPressure, NavSatFix, NavSatStatus, RelativeHumidity, Temperature
@@ -37,31 +38,22 @@ def fix_to_message(fix: Fix, frame_id: str) -> NavSatFix:
     return message
 
 
-def weather_to_messages(
-    record: LoggerRecord, frame_id: str
-) -> dict[str, FluidPressure | Temperature | RelativeHumidity]:
+def weather_to_messages(record: LoggerRecord, frame_id: str) -> dict[str, Any]:
     """Messages of the weather in a record, by the names of their topics.
 
     Their variances are zero, which means unknown.
     """
     header = Header(stamp=to_time(record.stamp_s), frame_id=frame_id)
-    pressure_pa = float(record.pressure_hpa * _PA_PER_HPA)
-    temperature_degc, humidity = float(record.temperature_degc), float(record.relative_humidity)
-    messages: dict[str, FluidPressure | Temperature | RelativeHumidity] = {}
-    if math.isfinite(pressure_pa):
-        messages["pressure"] = FluidPressure(header=header, fluid_pressure=pressure_pa)
-    if math.isfinite(temperature_degc):
-        messages["temperature"] = Temperature(header=header, temperature=temperature_degc)
-    if math.isfinite(humidity):
-        messages["relative_humidity"] = RelativeHumidity(header=header, relative_humidity=humidity)
-    return messages
-
-
-def weather_from_message(message: FluidPressure | Temperature | RelativeHumidity) -> float:
-    """Value of a weather message in the units of this package: hPa, degC or 0..1."""
-    if isinstance(message, FluidPressure):
-        return float(message.fluid_pressure) / _PA_PER_HPA
-    return float(message.temperature if isinstance(message, Temperature) else message.relative_humidity)
+    kinds = {
+        "pressure": (FluidPressure, "fluid_pressure", record.pressure_hpa * _PA_PER_HPA),
+        "temperature": (Temperature, "temperature", record.temperature_degc),
+        "relative_humidity": (RelativeHumidity, "relative_humidity", record.relative_humidity),
+    }
+    return {
+        topic: kind(header=header, **{name: float(value)})
+        for topic, (kind, name, value) in kinds.items()
+        if math.isfinite(value)
+    }
 
 
 # State of the battery <-> sensor_msgs/BatteryState --------------------------------------------------------------
@@ -75,10 +67,8 @@ def battery_from_message(message: BatteryState) -> tuple[float, float] | None:
     charge, voltage_v = float(message.percentage), float(message.voltage)
     if not message.present or (charge == 0 and not voltage_v > 0):
         return None
-    if not 0 <= charge <= _PERCENT:
-        charge = math.nan
-    if not voltage_v > 0:
-        voltage_v = math.nan
+    charge = charge if 0 <= charge <= _PERCENT else math.nan
+    voltage_v = voltage_v if voltage_v > 0 else math.nan
     return (charge / _PERCENT if charge > 1 else charge), voltage_v
 
 

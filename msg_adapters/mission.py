@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -22,6 +23,14 @@ from soilmoist_ros.exploration import (
     forecast_to_text,
 )
 from soilmoist_ros.foundation import Health, Level, foreign_text, read_json
+
+_FLOATS: Final = {"elapsed_dwell_s": "dwell_s"} | {
+    name: name
+    for name in ("planned_dwell_s", "progress", "time_used_s", "time_left_s", "distance_m", "counting_s")
+}
+_COUNTS: Final = ("samples", "raw_counts", "failures")
+_FLAGS: Final = ("needs_operator", "silent", "emergency")
+"""Values of the message, and the fields of the status that they have."""
 
 
 def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = None) -> DiagnosticStatus:
@@ -38,31 +47,21 @@ def mission_to_message(status: MissionStatus, more: Mapping[str, str] | None = N
         "target": target.name if target else "",
         "target_x_m": _text(target.x_m if target else math.nan),
         "target_y_m": _text(target.y_m if target else math.nan),
-        "planned_dwell_s": _text(status.planned_dwell_s),
-        "elapsed_dwell_s": _text(status.dwell_s),
-        "progress": _text(status.progress),
-        "time_used_s": _text(status.time_used_s),
-        "time_left_s": _text(status.time_left_s),
-        "distance_m": _text(status.distance_m),
-        "samples": str(int(status.samples)),
-        "counting_s": _text(status.counting_s),
-        "raw_counts": str(int(status.raw_counts)),
-        "failures": str(int(status.failures)),
         "ruled_out": json.dumps(list(status.blacklisted)),
         "estimated_end": _calendar(end_s),
         "estimated_end_s": _text(math.nan if end_s is None else end_s),
         "stamp_s": _text(status.now_s),
-        "needs_operator": str(bool(status.needs_operator)),
-        "silent": str(bool(status.silent)),
         "ended": str(status.ended or ""),
         "alarms": json.dumps({alarm.cause: alarm.reason for alarm in status.alarms}),
-        "emergency": str(bool(status.emergency)),
         "stop_requests": str(int(status.stop_requests)),
         "queue": json.dumps(list(status.queue)),
         "forecast": forecast.text if forecast else "",
         "forecast_data": forecast_to_text(forecast),
         "robot_x_m": _text(status.place[0] if status.place else math.nan),
         "robot_y_m": _text(status.place[1] if status.place else math.nan),
+        **{key: _text(getattr(status, name)) for key, name in _FLOATS.items()},
+        **{name: str(int(getattr(status, name))) for name in _COUNTS},
+        **{name: str(bool(getattr(status, name))) for name in _FLAGS},
         **(more or {}),
     }
     return health_to_status(Health("mission", status_level(status), f"{status.phase}: {status.reason}", values))
@@ -79,32 +78,23 @@ def mission_from_message(message: DiagnosticStatus) -> MissionStatus:
         place = float(values["target_x_m"]), float(values["target_y_m"])
         robot = float(values.get("robot_x_m", "nan")), float(values.get("robot_y_m", "nan"))
         phase = Phase(values["state"])
+        numbers: dict[str, Any] = {name: float(values[key]) for key, name in _FLOATS.items()}
+        numbers |= {name: int(values[name]) for name in _COUNTS}
+        numbers |= {name: values.get(name) == "True" for name in _FLAGS}  # missing in earlier versions
         return MissionStatus(
             now_s=float(values["stamp_s"]),
             phase=phase,
             reason=values["reason"],
             target=None if math.isnan(place[0]) else Stop(values["target"], *place),
-            planned_dwell_s=float(values["planned_dwell_s"]),
-            dwell_s=float(values["elapsed_dwell_s"]),
-            progress=float(values["progress"]),
-            time_used_s=float(values["time_used_s"]),
-            time_left_s=float(values["time_left_s"]),
-            distance_m=float(values["distance_m"]),
-            samples=int(values["samples"]),
-            counting_s=float(values["counting_s"]),
-            raw_counts=int(values["raw_counts"]),
-            failures=int(values["failures"]),
+            **numbers,
             blacklisted=_names(values["ruled_out"]),
             estimated_end_s=None if math.isnan(end_s) else end_s,
-            needs_operator=values.get("needs_operator") == "True",  # missing in messages of earlier versions
-            silent=values.get("silent") == "True",
             ended=MissionEnd(values["ended"]) if values.get("ended") else None,
-            emergency=values.get("emergency") == "True",
             stop_requests=int(values.get("stop_requests", 0)),
             queue=_names(values.get("queue", "[]")),
             forecast=forecast_from_text(values.get("forecast_data", "")),
             place=None if math.isnan(robot[0]) else robot,
-            yields=phase is Phase.PAUSED and OTHER_ROBOT in _causes(values.get("alarms", "{}")),
+            yields=phase is Phase.PAUSED and OTHER_ROBOT in (read_json(values.get("alarms", "{}")) or ()),
         )
     except KeyError as error:
         raise ValueError(f"the mission's status has no value {error.args[0]!r}") from None
@@ -119,23 +109,11 @@ def status_level(status: MissionStatus) -> Level:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Names of stops in a value.
-
-    :raises ValueError: if it is no list of texts
-    """
+    """Names of stops in a value; refuses what is no list of texts."""
     found = read_json(text)
     if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
         raise ValueError(f"{text[:40]!r} is no list of names")
     return tuple(map(foreign_text, found))
-
-
-def _causes(text: str) -> tuple[str, ...]:
-    """Causes of alarms in a value.
-
-    :raises ValueError: if it is no JSON
-    """
-    found = read_json(text)
-    return tuple(found) if isinstance(found, dict) else ()
 
 
 def _text(value: float) -> str:

@@ -95,32 +95,27 @@ def uncertainty_to_message(
         share = soil_map.rate_sd / unknown if unknown > 0 else np.zeros(grid.shape)
     values = np.full(grid.shape, OUTSIDE, np.int8)
     values[grid.mask] = np.rint(100 * np.minimum(share[grid.mask], 1.0))
-    rows, columns = grid.shape
+    corner = float(grid.x_m[0] - grid.cell_m / 2), float(grid.y_m[0] - grid.cell_m / 2)
+    return _occupancy(values, grid.cell_m, corner, stamp_s, frame_id)
+
+
+def _occupancy(
+    values: NDArray[np.int8], cell_m: float, corner: tuple[float, float], stamp_s: float, frame_id: str
+) -> OccupancyGrid:
+    rows, columns = values.shape
     stamp = to_time(stamp_s)
-    corner = Point(x=float(grid.x_m[0] - grid.cell_m / 2), y=float(grid.y_m[0] - grid.cell_m / 2), z=0.0)
+    place = Point(x=float(corner[0]), y=float(corner[1]), z=0.0)
     return OccupancyGrid(
         header=Header(stamp=stamp, frame_id=frame_id),
         info=MapMetaData(
             map_load_time=stamp,
-            resolution=float(grid.cell_m),
-            width=columns,
-            height=rows,
-            origin=Pose(position=corner, orientation=Quaternion(w=1.0)),
+            resolution=float(cell_m),
+            width=int(columns),
+            height=int(rows),
+            origin=Pose(position=place, orientation=Quaternion(w=1.0)),
         ),
         data=array("b", values.tobytes()),
     )
-
-
-def uncertainty_from_message(message: OccupancyGrid) -> NDArray[np.int8]:
-    """Values of a message, shape (rows, columns): 0 to 100, or :data:`OUTSIDE` the field.
-
-    :raises ValueError: if the numbers of values and cells differ
-    """
-    info = message.info
-    values = np.array(message.data, np.int8)
-    if len(values) != info.height * info.width:
-        raise ValueError(f"the grid has {info.height * info.width} cells, but {len(values)} values")
-    return values.reshape(info.height, info.width)
 
 
 # ``OccupancyGrid`` and ``CostmapFilterInfo`` of a keep-out mask, as Nav2's keep-out filter reads them -----------
@@ -128,20 +123,7 @@ def uncertainty_from_message(message: OccupancyGrid) -> NDArray[np.int8]:
 
 def mask_to_message(mask: KeepoutMask, stamp_s: float, frame_id: str) -> OccupancyGrid:
     """Message of a mask: 0 is free, 100 is kept out."""
-    rows, columns = mask.values.shape
-    stamp = to_time(stamp_s)
-    corner = Point(x=float(mask.origin_m[0]), y=float(mask.origin_m[1]), z=0.0)
-    return OccupancyGrid(
-        header=Header(stamp=stamp, frame_id=frame_id),
-        info=MapMetaData(
-            map_load_time=stamp,
-            resolution=float(mask.resolution_m),
-            width=int(columns),
-            height=int(rows),
-            origin=Pose(position=corner, orientation=Quaternion(w=1.0)),
-        ),
-        data=array("b", mask.values.tobytes()),
-    )
+    return _occupancy(mask.values, mask.resolution_m, mask.origin_m, stamp_s, frame_id)
 
 
 def filter_info(kind: Any, mask_topic: str, stamp_s: float, frame_id: str) -> Any:

@@ -48,12 +48,7 @@ records = st.builds(
 )
 
 
-@given(records)
-def test_a_record_comes_back_exactly(record):
-    assert counts_from_message(counts_to_message([record])) == [record]
-
-
-@given(st.lists(records, min_size=2, max_size=5))
+@given(st.lists(records, min_size=1, max_size=5))
 def test_several_records_keep_their_stamps(many):
     message = counts_to_message(many)
     assert counts_from_message(message) == many
@@ -65,16 +60,6 @@ def test_a_message_from_before_the_offsets_is_read():
     message = counts_to_message(many)
     assert message.fields.pop().name == "stamp_offset_s"
     assert counts_from_message(message) == [replace(record, stamp_s=many[-1].stamp_s) for record in many]
-
-
-@given(st.lists(records, min_size=2, max_size=5))
-def test_the_wire_holds_what_the_record_says(many):
-    message = counts_to_message(many)
-    offset = next(field.offset for field in message.fields if field.name == "corrected_rate")
-    rows = np.frombuffer(bytes(message.data), np.uint8).reshape(len(many), message.point_step)
-    rates = np.ascontiguousarray(rows[:, offset : offset + 8]).view("<f8").ravel()
-    np.testing.assert_array_equal(rates, [record.corrected_rate for record in many])
-    assert [record.raw_counts for record in counts_from_message(message)] == [r.raw_counts for r in many]
 
 
 def test_messages_of_another_kind_are_refused():
@@ -151,12 +136,6 @@ def test_samples_come_back_exactly_over_the_wire(rows, spread, stamp_s):
     assert to_seconds(message.header.stamp) == stamp_s
     assert (message.header.frame_id, message.height, message.width) == ("field", 1, len(rows))
     assert message.is_dense
-
-
-def test_the_time_comes_back_exactly():
-    none = columns([])
-    for stamp_s in np.random.default_rng(1).uniform(1e9, 2e9, 200).tolist():
-        assert to_seconds(samples_to_message(none, stamp_s).header.stamp) == stamp_s
 
 
 def test_places_are_rounded_to_what_viewers_take():

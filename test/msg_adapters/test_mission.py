@@ -73,11 +73,6 @@ def test_what_people_read():
     assert values["forecast"] == "±3.0 % of the rate now, ±2.0 % (1.7 to 2.4) in 10 min"
 
 
-def test_a_message_of_something_else():
-    with pytest.raises(ValueError, match="no value"):
-        mission_from_message(DiagnosticStatus())
-
-
 def test_control_characters_of_other_robots_do_not_come_in():
     odd = "no\x1b[31mrth\r\n\u202e5\x07"
     found = mission_from_message(

@@ -18,7 +18,6 @@ from msg_adapters.places import (
     path_to_places,
     plan_to_markers,
     plan_to_path,
-    pose_stamped,
     pose_to_message,
     transforms_from_message,
 )
@@ -55,13 +54,6 @@ def test_markers_replace_all_before_and_name_each_stop_and_area(stops, areas):
             lines[marker.ns].append(len(marker.points))
     assert lines.get("way", []) == ([len(stops)] if len(stops) > 1 else [])
     assert lines.get("ruled_out", []) == [len(area) + 1 for area in areas], "closed lines"
-
-
-def test_a_pose_takes_numbers_of_any_kind():
-    import numpy as np
-
-    pose = pose_stamped(np.float32(1.5), 2, 0.0)
-    assert (pose.pose.position.x, pose.pose.position.y, pose.pose.orientation.w) == (1.5, 2.0, 1.0)
 
 
 # Transforms and poses as messages -------------------------------------------------------------------------------

@@ -67,12 +67,6 @@ def test_a_reply_comes_back(reply):
     assert message.accepted is (reply.code is ReplyCode.ACCEPTED)
 
 
-def test_numbers_of_other_types_are_sent_as_they_are():
-    message = request_to_message(OperatorRequest("measure", place=(1, 2), hours=3))
-    sent = deserialize_message(serialize_message(message), Command.Request)
-    assert (list(sent.place), sent.hours) == ([1.0, 2.0], 3.0)
-
-
 def test_what_is_left_out_is_not_given():
     assert request_from_message(Command.Request(verb="pause")) == OperatorRequest("pause")
 
@@ -109,12 +103,6 @@ def test_a_visit_comes_back_exactly(visit):
     message = visit_to_message(visit, "robot_1")
     assert visit_from_message(message, visit.robot) == visit
     assert (message.robot, message.header.frame_id) == ("robot_1", "map")
-
-
-def test_what_is_unknown_stays_unknown():
-    visit = visit_from_message(visit_to_message(Visit("a", 1.0, 2.0, 3.0, 4.0, 5, "")))
-    unknown = ("exposure_s", "effective_exposure_s", "arrival_stamp_s", "end_stamp_s", "stop_x_m", "stop_y_m")
-    assert all(math.isnan(getattr(visit, name)) for name in unknown)
 
 
 def test_codes_of_later_versions_are_read():
@@ -237,13 +225,6 @@ def test_codes_and_numbers():
     (alarm,) = message.alarms
     assert (alarm.cause, alarm.response, alarm.since_s) == ("battery", alarm.RETURN_HOME, 5.0)
     assert (message.header.stamp.sec, message.header.frame_id, message.robot) == (1_790_000_000, "map", "robot_1")
-
-
-def test_without_a_mission_there_is_no_time_and_no_stop():
-    message = sent(IDLE)
-    assert all(map(math.isnan, (message.mission_time_s, message.estimated_end_s, message.stop_position.x)))
-    assert message.ended == Mission.END_NONE
-    assert message.stop_confirmed
 
 
 def test_codes_of_later_versions_are_refused():

@@ -24,7 +24,7 @@ from sensor_msgs.msg import FluidPressure, NavSatFix, PointCloud2, RelativeHumid
 from std_msgs.msg import Float64, String
 
 from msg_adapters.counts import counts_from_message, counts_to_message, line_from_message
-from msg_adapters.environment import diagnostics_from_message, fix_to_message, weather_from_message
+from msg_adapters.environment import diagnostics_from_message, fix_to_message
 from msg_adapters.point_cloud import to_seconds, to_time
 from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
@@ -262,9 +262,9 @@ def test_records_go_out_at_their_places_with_all_that_belongs_to_them(ros, start
     received = [line_from_message(message) for message in outputs.raw_logger]
     assert [text for text in received if text != b"# hello"] == [*HEADER, line(1), line(2)]
     ros.wait_for(lambda: sum(b"GST" in line_from_message(message) for message in outputs.raw_gnss) == 23)
-    assert weather_from_message(outputs.pressure[-1]) == pytest.approx(1000.0)
-    assert weather_from_message(outputs.temperature[-1]) == pytest.approx(20.0)
-    assert weather_from_message(outputs.humidity[-1]) == pytest.approx(0.5)
+    assert outputs.pressure[-1].fluid_pressure == pytest.approx(100_000.0)
+    assert outputs.temperature[-1].temperature == pytest.approx(20.0)
+    assert outputs.humidity[-1].relative_humidity == pytest.approx(0.5)
     fix = fix_from_message(outputs.fix[-1])
     assert (fix.status, fix.covariance_m2[0][0]) == (FixStatus.RTK, pytest.approx(0.02**2))
     ros.wait_for(lambda: outputs.diagnosed("records", "records") == "2")
