@@ -145,10 +145,8 @@ def _bad(uri: str, message: str, kinds: list[str] | None = None) -> InputError:
 
 
 class Senders:
-    """Judges senders of datagrams, and counts those that are refused.
-
-    :param allowed: networks whose senders are accepted; all if empty
-    :param clock: monotonic time [s]
+    """Judges senders of datagrams by the networks that are allowed (all if empty), and counts those that are
+    refused.
     """
 
     def __init__(self, allowed: Sequence[Network] = (), clock: Callable[[], float] = time.monotonic) -> None:
@@ -184,7 +182,7 @@ class Senders:
 
 
 def bind_to_interface(link: socket.socket, interface: str) -> int:
-    """Let a socket send and receive by one network interface only.
+    """Let a socket send and receive by one network interface only; returns its index.
 
     :raises OSError: if there is no such interface, or the system does not permit it
     """
@@ -286,9 +284,8 @@ class SocketConnection:
 
 
 def connect_tcp(host: str, port: int, interface: str = "") -> SocketConnection:
-    """Connect to a server.
+    """Connect to a server, by one network interface if it is named.
 
-    :param interface: network interface of the connection; empty for the one that the routes of the system choose
     :raises OSError: if the name is unknown, the server refuses or does not answer, or there is no such interface
     """
     error = OSError("the name has no address")
@@ -334,10 +331,8 @@ class DatagramConnection(SocketConnection):
 
 
 def bind_udp(host: str, port: int, interface: str = "", senders: Senders | None = None) -> DatagramConnection:
-    """Listen for datagrams of one or more whole lines.
+    """Listen for datagrams of one or more whole lines on an address of this machine, ``0.0.0.0`` for all.
 
-    :param host: address of this machine to listen on, ``0.0.0.0`` for all
-    :param senders: whose datagrams are accepted; anybody's if ``None``
     :raises OSError: if the address or interface is not this machine's, or the port is in use
     """
     family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
@@ -356,8 +351,7 @@ def bind_udp(host: str, port: int, interface: str = "", senders: Senders | None 
 class Retry:
     """Pauses between attempts to connect.
 
-    :param first_s: pause before the second attempt [s]; each later pause doubles
-    :param max_s: maximum pause [s]
+    :param first_s: pause before the second attempt [s]; each later pause doubles, up to ``max_s`` [s]
     :param silence_s: least time without a byte after which the link reconnects [s]
     :param period_s: usual time between lines, as far as it is known now, else zero [s]; called from any thread
     """
@@ -373,10 +367,7 @@ class Retry:
         return max(self.silence_s, MAX_SILENT_PERIODS * self.period_s())
 
     def pause_s(self, attempts: int, rng: random.Random) -> float:
-        """Pause after a number of failed attempts [s].
-
-        Up to half of the pause is random, so that many readers do not reconnect simultaneously.
-        """
+        """Pause after failed attempts [s]; half of it is random, so that readers do not all reconnect at once."""
         pause_s = min(self.max_s, self.first_s * 2.0 ** min(attempts - 1, 60))
         return pause_s * rng.uniform(0.5, 1.0)
 
@@ -384,11 +375,7 @@ class Retry:
 class ReconnectingSource:
     """A :class:`LineSource` over connections that may break.
 
-    :param uri: name of the link, for messages
     :param connect: returns a new connection, or raises ``OSError``
-    :param retry: pauses between attempts
-    :param clock: monotonic time [s]
-    :param rng: randomness of the pauses
     :param senders: whose datagrams the connections accept; ``None`` if they have a single sender
     """
 

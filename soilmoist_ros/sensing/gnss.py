@@ -28,6 +28,12 @@ MAX_EDGE_S = 120.0  # largest difference of the ends of two spans of one survey 
 MAX_ZONE_H = 14.0
 MAX_REASONS = 50  # number of reasons that are counted apart: a live receiver may send any number
 ROLLED_OVER = "exactly 1024 weeks earlier: the receiver's date has rolled over"
+_OTHER_TIMES = {
+    ROLLOVER_S: ROLLED_OVER,
+    2 * ROLLOVER_S: ROLLED_OVER.replace("1024", "2048"),
+    SINCE_1980_S: "seconds of GPS time, which begins in 1980",
+}
+"""Times that receivers are wrong by [s], and their meaning."""
 SIMULATED = "simulated time, or the time since the device was switched on"
 
 
@@ -65,8 +71,7 @@ class NoPlace(enum.StrEnum):
     STATUS_UNKNOWN = (
         "status_unknown",
         "unknown whether there is a fix",
-        "the driver that published the positions does not say whether there is a fix: set it up so that it does, "
-        "or give the sentences of the receiver with --nmea",
+        "set the driver that published the positions up to say so, or give the receiver's sentences with --nmea",
     )
     QUALITY_UNKNOWN = (
         "quality_unknown",
@@ -110,12 +115,9 @@ DEFAULT_UERE_M: dict[int, float] = {1: 4.0, 2: 1.5, 3: 3.0, 4: 0.02, 5: 0.4, 6: 
 
 
 def horizontal_sd(quality: int, hdop: float) -> float:
-    """Standard deviation of each horizontal coordinate [m], NaN if unknown.
+    """Standard deviation of each horizontal coordinate [m] by the quality of GGA, NaN if unknown.
 
     ``HDOP^2 = (var_east + var_north) / UERE^2``, so each coordinate has ``HDOP * UERE / sqrt(2)``.
-
-    :param quality: as in NMEA GGA
-    :param hdop: horizontal dilution of precision, > 0
     """
     error = DEFAULT_UERE_M.get(quality, math.nan)
     if not (0 < hdop < 100):
@@ -129,15 +131,11 @@ class Fix:
 
     :param stamp_s: time of the epoch [s since 1970-01-01 UTC], NaN while the receiver has no date
     :param position: position, NaN without a fix
-    :param status: whether there is a fix, and its augmentation
     :param quality: quality as in NMEA GGA; 0 is none
     :param satellites: number of satellites in use, -1 if unknown
-    :param hdop: horizontal dilution of precision, NaN if unknown
-    :param speed_mps: speed over ground [m/s], NaN if unknown
-    :param geoid_separation_m: geoid above ellipsoid [m], NaN if unknown; the height above the ellipsoid is the
-        altitude above mean sea level plus this separation
+    :param geoid_separation_m: geoid above ellipsoid [m], NaN if unknown; added to the altitude above mean sea
+        level it gives the height above the ellipsoid
     :param covariance_m2: covariance of east, north, up [m^2], rows; NaN where unknown
-    :param covariance_kind: source of the covariance
     :param no_place: why there is no position; ``None`` with one
     :param said: what the receiver said about that, such as ``GGA quality 0``
     """
@@ -170,14 +168,9 @@ def is_place(latitude_deg: float, longitude_deg: float) -> bool:
 def covariance_of_ellipse(major_m: float, minor_m: float, orientation_deg: float, up_m: float) -> Covariance:
     """Covariance in east, north, up of an error ellipse [m^2].
 
-    With ``a`` along the direction ``t`` (clockwise from north) and ``b`` across it:
+    With ``a`` along the direction ``t`` (clockwise from true north) and ``b`` across it:
     ``EE = a^2 sin^2 t + b^2 cos^2 t``,
     ``NN = a^2 cos^2 t + b^2 sin^2 t``, ``EN = (a^2 - b^2) sin t cos t``.
-
-    :param major_m: standard deviation along the semi-major axis [m]
-    :param minor_m: standard deviation along the semi-minor axis [m]
-    :param orientation_deg: direction of the semi-major axis, clockwise from true north [deg]
-    :param up_m: standard deviation of the altitude [m]
     """
     sine, cosine = math.sin(math.radians(orientation_deg)), math.cos(math.radians(orientation_deg))
     a2, b2 = major_m**2, minor_m**2
@@ -192,12 +185,10 @@ def diagonal_covariance(east_m: float, north_m: float, up_m: float) -> Covarianc
 
 
 def fix_from_message(message: Any, received_s: float = NAN) -> Fix:
-    """Fix of a message. An impossible place means no fix, and a stamp of zero the time of receipt.
+    """Fix of a sensor_msgs/NavSatFix or a gps_msgs/GPSFix, decoded by ROS or by rosbags.
 
-    Altitudes are above the ellipsoid: the message has no geoid separation.
-
-    :param message: a sensor_msgs/NavSatFix, or a gps_msgs/GPSFix, decoded by ROS or by rosbags
-    :param received_s: time at which it was received [s since 1970 UTC]; NaN if unknown
+    An impossible place means no fix, and a stamp of zero the time of receipt. Altitudes are above the ellipsoid:
+    the message has no geoid separation.
     """
     stamp_s = stamp_of(message) or received_s or NAN
     latitude_deg, longitude_deg = float(message.latitude), float(message.longitude)
@@ -249,22 +240,9 @@ def _horizontal_sd(covariance: Covariance) -> float:
 class Heard:
     """Epochs of a receiver, counted by what they lack.
 
-    Attributes
-    ----------
-    epochs : int
-        number of epochs
-    placed : int
-        number of epochs with a position
-    without : Counter
-        number of epochs without a position, by reason code and by what the receiver said
-    by_quality : Counter
-        number of epochs with a position, by the quality of GGA
-    other_type : str
-        what the topic has instead of positions, in words; empty if it is not known to have anything else
-    first_s, last_s : float
-        times of the first and the last epoch with a position and a time [s since 1970 UTC]
-    shifted_s : float
-        time by which they were shifted already, which remedies include [s]
+    ``without`` counts epochs without a position by reason and by what the receiver said, ``by_quality`` the others
+    by the quality of GGA. ``other_type`` says what a topic has instead of positions. ``first_s`` and ``last_s``
+    are the times of positions [s since 1970 UTC], shifted by ``shifted_s`` already, which remedies include.
     """
 
     def __init__(self) -> None:
@@ -334,8 +312,6 @@ class Heard:
     def why_not_at(self, first_s: float, last_s: float, clock_known: bool = False) -> Mistake | None:
         """Reason why positions and records do not belong together in time, ``None`` if they do.
 
-        :param first_s: begin of the first record [s since 1970 UTC]
-        :param last_s: end of the last record
         :param clock_known: whether it was stated which time the logger's clock shows
         """
         if (none := self.why_none()) is not None:
@@ -361,20 +337,16 @@ class Heard:
                 f"say in the site file which time the logger's clock shows: 'logger_utc_offset_hours: {hours}', "
                 f"or 0 for UTC; if the positions are in local time: {self._shift(3600 * hours)}",
             )
-        correct = "correct the times of the positions with"
-        for weeks in (1, 2):
-            if overlap_s(weeks * ROLLOVER_S) > 0:
-                words = ROLLED_OVER.replace("1024", str(1024 * weeks))
-                remedy = f"{correct} {self._shift(weeks * ROLLOVER_S)}; new firmware of the receiver may cure it"
-                return Mistake(f"{both}: {words}", remedy)
+        for shift_s, what in _OTHER_TIMES.items():
+            if overlap_s(shift_s) > 0:
+                return Mistake(
+                    f"{both}: {what}", f"correct the times of the positions with {self._shift(shift_s)}"
+                )
         if self.last_s < EARLIEST_DATE_S:
             remedy = (
                 "record positions and logger by one clock, or correct the times of the positions: --gnss-shift"
             )
             return Mistake(f"{both}: {SIMULATED}", remedy)
-        if overlap_s(SINCE_1980_S) > 0:
-            remedy = f"{correct} {self._shift(SINCE_1980_S)}"
-            return Mistake(f"{both}: seconds of GPS time, which begins in 1980", remedy)
         needed_s = 0.8 * min(self.last_s - self.first_s, last_s - first_s)
         steps = [half / 2 for half in range(round(-2 * MAX_ZONE_H), round(2 * MAX_ZONE_H) + 1)]
         common = {hour: overlap_s(3600 * hour) for hour in steps}
@@ -408,10 +380,7 @@ class Heard:
 
 
 def clock_words(ahead_s: float) -> str:
-    """What a difference of two clocks looks like; empty if it is like nothing known.
-
-    :param ahead_s: time of a position minus the present [s]
-    """
+    """Meaning of the time of a position minus the present [s]; empty if it is like nothing known."""
     if abs(ahead_s + ROLLOVER_S) < 3600:
         return ROLLED_OVER
     if 16.5 <= ahead_s <= 19.5:

@@ -56,16 +56,10 @@ class LinkState(enum.Enum):
 class LinkStatus:
     """State and counts of a link.
 
-    :param uri: address of the source
-    :param state: state of the link
     :param attempts: attempts to connect since the last line, or since the link fell silent
-    :param connections: number of connections so far
     :param last_error: reason of the last failed or broken connection, empty if there is none
-    :param n_bytes: bytes received
-    :param n_lines: lines received
     :param n_oversized: lines dropped because they were too long
-    :param n_refused: datagrams refused for their sender
-    :param last_refused: address of the last refused sender, empty if there is none
+    :param n_refused: datagrams refused for their sender, the last of which was ``last_refused``
     :param senders: addresses of the last few senders whose datagrams were accepted in the last minute
     :param is_open: whether datagrams of anybody are accepted
     :param silent_s: time since the last byte or connection [s]
@@ -112,8 +106,6 @@ class LineBuffer:
     """Collects bytes and returns lines, without empty lines.
 
     Lines end with LF, CR LF or CR. A line that is too long is dropped up to its end.
-
-    :param max_line: maximum length of a line [bytes]
     """
 
     def __init__(self, max_line: int = MAX_LINE) -> None:
@@ -163,11 +155,7 @@ class LineBuffer:
 
 
 class LineReader:
-    """Reads a source in a background thread.
-
-    :param source: the source; closed at the end
-    :param on_line: called from the thread after each line; must return quickly
-    """
+    """Reads a source in a background thread, and closes it; ``on_line`` is called there, and must be quick."""
 
     def __init__(self, source: LineSource, on_line: Callable[[], None]) -> None:
         self._source = source
@@ -230,8 +218,6 @@ class PlaybackClock:
 
     Recordings with a shared clock stay synchronous: a line is returned only after all earlier lines of all
     recordings.
-
-    :param clock: monotonic time [s]
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -253,10 +239,8 @@ class PlaybackClock:
     def is_due(self, number: int, stamp_s: float, speed: float, timeout_s: float) -> bool:
         """True if the next line of a recording is due; waits up to the timeout.
 
-        :param number: number of the recording
         :param stamp_s: time at which the line was sent [s since 1970 UTC]; the first line of all is due at once
         :param speed: playing speed as a multiple of the recorded speed; 0 for as fast as possible
-        :param timeout_s: maximum wait [s]
         """
         self._set_position(number, stamp_s)
         with self._turn:
@@ -351,9 +335,8 @@ class RecordingSource:
 
 
 def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
-    """Lines of a text file without line ends, and whether the last line had an end.
+    """Lines of a text file, or of one in a ZIP archive, without line ends, and whether the last line had an end.
 
-    :param path: the file; the path of an archive, followed by the name of a file in it, is one as well
     :param binary: whether other bytes may stand between the lines
     :raises InputError: if the file is missing, a folder, not readable, empty or not text
     """

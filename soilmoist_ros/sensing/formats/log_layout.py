@@ -47,10 +47,7 @@ def split_text(text: str, delimiter: str) -> list[str]:
 
 
 class MissingColumnsError(ValueError):
-    """A header lacks columns that its format requires.
-
-    :param columns: quantity and alternative names of each missing column
-    """
+    """A header lacks columns that its format requires: quantity and alternative names of each."""
 
     def __init__(self, columns: Sequence[str]) -> None:
         self.columns = tuple(columns)
@@ -59,11 +56,8 @@ class MissingColumnsError(ValueError):
 
 @dataclass(frozen=True)
 class Source:
-    """The column of a quantity.
-
-    :param index: number of the column, from 0
-    :param name: name in the header
-    :param convert: converts to the unit of this package
+    """Column of a quantity: its number from 0, its name in the header, and the conversion to the unit of this
+    package.
     """
 
     index: int
@@ -77,13 +71,8 @@ class Layout:
 
     :param names: all names in the header
     :param time: columns of the stamp; several if date and time are separate
-    :param record_number: column of the running number
-    :param tubes: numbers of the tubes, ascending
-    :param counts: column of each tube
-    :param live: column of each tube, ``None`` if there is none
-    :param pressure: barometers in order of preference
-    :param temperature: thermometers in order of preference
-    :param humidity: hygrometers in order of preference
+    :param tubes: numbers of the tubes, ascending; ``counts`` and ``live`` have the columns of each
+    :param pressure: barometers in order of preference; also thermometers and hygrometers
     :param position: columns of the position, by the key of the format; ``None`` without latitude or longitude
     :param count_rate: unit of a count rate in the header of the counts, empty without one
     :param remarks: differences between the units of the header and the format, with the name of the column
@@ -120,10 +109,11 @@ class Layout:
         return tuple(name for index, name in enumerate(self.names) if name and index not in used)
 
     def fit(self, fields: list[str]) -> list[str] | None:
-        """Fields with one for each name, ``None`` if their number does not fit.
+        """Fields with one for each name, ``None`` if their number does not fit; empty fields at the end are
+        dropped.
 
-        Empty fields at the end are dropped. Letters N, S, E and W after the coordinates, which some headers do not
-        name, are added to their coordinates.
+        Letters N, S, E and W after the coordinates, which some headers do not name, are added to their
+        coordinates.
         """
         count, place = len(self.names), self.position
         if len(fields) == count:
@@ -291,11 +281,8 @@ def _find_position(columns: _Columns, logger: LoggerFormat) -> dict[str, Source]
 
 @dataclass(frozen=True)
 class Header:
-    """What a log's lines need of its header.
+    """What the lines of a log need of its header: names, units, and serial number and record period as written.
 
-    :param names: names of the columns
-    :param units: units of the columns, empty without a line of units
-    :param values: serial number and record period as written, by their keys
     :param stored_s: when an earlier header was stored [s since 1970 UTC], NaN if unknown
     """
 
@@ -306,10 +293,7 @@ class Header:
 
 
 class HeaderReader:
-    """Reads the header lines of one log; a header may be repeated at any time.
-
-    :param logger: format of the log
-    """
+    """Reads the header lines of one log; a header may be repeated at any time."""
 
     def __init__(self, logger: LoggerFormat) -> None:
         self._format, self._settings = logger, logger.header

@@ -59,8 +59,8 @@ class Reading:
 
     :param key: number, time and counts as the line has them; a line that is repeated has the same
     :param notes: faults that do not drop the record
-    :param left_out: counts of the tubes that are left out, by number
     :param gnss_offset_s: logger's time of day minus the receiver's [s], NaN if unknown
+    :param left_out: counts of the tubes that are left out, by number
     """
 
     record: LoggerRecord
@@ -71,12 +71,7 @@ class Reading:
 
 
 class FieldReader:
-    """Reads the fields of the lines of one log.
-
-    :param logger: format of the log
-    :param layout: columns of the log
-    :param longitude: side of Greenwich, for formats that write longitudes without a sign
-    """
+    """Reads the fields of the lines of one log; the side of Greenwich is for longitudes without a sign."""
 
     def __init__(self, logger: LoggerFormat, layout: Layout, longitude: Longitude) -> None:
         self._logger = logger
@@ -191,10 +186,8 @@ class FieldReader:
     def _live_times(
         self, fields: Sequence[str], period_s: float | None, since_s: float, steps: int
     ) -> list[float]:
-        """Live time of each tube [s]; NaN if the tube did not count.
-
-        :param since_s: time since the previous record [s]
-        :param steps: difference to the record number before, 1 without numbers
+        """Live time of each tube [s], NaN if it did not count; ``steps`` is the difference of record numbers, 1
+        without.
         """
         if self._logger.live_time.from_stamps and not any(self.layout.live):
             live_s = self._interval(since_s, steps) if period_s is None else self._time_since(period_s, since_s)

@@ -101,10 +101,10 @@ def strip_checksum(line: bytes) -> bytes | None:
 def read_number(text: str, decimal: Decimal = "auto") -> float | None:
     """A finite decimal number, or ``None``. Stricter than ``float``: no ``1_000``, ``inf`` or ``nan``.
 
+    With ``auto`` there is a decimal point, and only blanks between thousands.
+
     >>> read_number("985,3"), read_number("985,3", "comma"), read_number("1,649", "point"), read_number("1 649")
     (None, 985.3, 1649.0, 1649.0)
-
-    :param decimal: decimal separator of the file; with ``auto`` a point, and only blanks between thousands
     """
     text = text.strip()
     if len(text) > 40:
@@ -168,10 +168,9 @@ def read_time(
 
 
 def utc_of(wall_s: float, zone: ZoneInfo, after_s: float = math.nan) -> tuple[float, float]:
-    """Seconds since 1970 UTC of a local time, and of its other reading; both are equal on all but two days a year.
+    """Seconds since 1970 UTC of a local time [s since 1970 of the wall clock], and of its other reading.
 
-    :param wall_s: local time [s since 1970-01-01 00:00 of the wall clock]
-    :param after_s: stamp of the record before [s since 1970 UTC]
+    Both are equal on all but two days a year; the first comes after the stamp of the record before.
     """
     moment = _WALL_EPOCH + timedelta(seconds=math.floor(wall_s))
     offsets_s = [moment.replace(tzinfo=zone, fold=fold).utcoffset() or timedelta() for fold in (0, 1)]
@@ -180,7 +179,7 @@ def utc_of(wall_s: float, zone: ZoneInfo, after_s: float = math.nan) -> tuple[fl
 
 
 def zone_doubt(text: str, formats: Sequence[str], zone: ZoneInfo, stamp_s: float) -> str:
-    """What is wrong with a local time: its zone does not have it, or has it twice; empty on all but two days."""
+    """Reason to doubt a local time: its zone does not have it, or twice; empty on all but two days."""
     found = _read_wall_time(text.strip(), formats)
     if found is None or found[1] is not None:
         return ""

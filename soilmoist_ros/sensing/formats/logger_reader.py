@@ -54,21 +54,16 @@ _GNSS_SENTENCE = re.compile(rb"\s*\$G[A-Z](GGA|RMC|GST|GLL|GSA|GSV|VTG|ZDA),")
 class LogFile:
     """The content of a log.
 
-    :param format_title: title of the logger format
-    :param records: valid records, in the order of the file
     :param problems: all faults, in the order of the file
-    :param serial: serial number of the logger, empty if unknown
     :param metadata: all ``key = value`` lines of the header
     :param period_s: nominal duration of a record [s], NaN if unknown
     :param clock_offset_s: logger's clock minus GNSS time [s], median since it was last set, NaN if unknown.
         Subtract it from the stamps before joining them with positions of another receiver
-    :param n_lines: number of lines in the file
     :param unsigned_longitude: whether the site file gave the longitudes their sign
     :param clock: logger's clock against GNSS time
     :param utc_offset_hours: logger's clock minus UTC, as it was read [h]; 0 with a time zone
     :param logger: format with all that was decided from the file
     :param choices: these decisions in words
-    :param columns: names of all columns
     :param unused: names of the columns that the format does not read
     :param tubes: name of the column of each tube, by number
     :param left_out_counts: counts of the tubes that the format leaves out, by number
@@ -112,7 +107,6 @@ class LogFile:
 class RecordParser:
     """Parses lines into records, one at a time; no line makes it raise.
 
-    :param logger: the format, or its name
     :param longitude: ``east`` or ``west`` of Greenwich, for formats that write longitudes without a sign;
         other formats ignore it
     :param on_problem: called with each problem; by default problems are collected in :attr:`problems`
@@ -194,10 +188,7 @@ class RecordParser:
         return self._header.content if used and self._header.names else None
 
     def use_header(self, header: Header) -> None:
-        """Use an earlier header of this logger until it sends one; ignored if the columns are known or lacking.
-
-        Some loggers send their header only when they are switched on.
-        """
+        """Use an earlier header of this logger until it sends one: some send it only when they are switched on."""
         if self.layout is not None:
             return
         with contextlib.suppress(MissingColumnsError):
@@ -207,11 +198,9 @@ class RecordParser:
             self.earlier_header = header
 
     def feed(self, line: bytes, complete: bool = True) -> LoggerRecord | None:
-        """Parse one line.
+        """Parse one line; ``None`` if it is part of the header, empty or faulty.
 
-        :param line: the line, with or without its line end
         :param complete: whether the line had an end; the last line of a file may be cut off
-        :return: the record, or ``None`` if the line is part of the header, empty or faulty
         """
         self.line_number += 1
         if len(line) > MAX_LINE:
@@ -411,12 +400,7 @@ def parse_log(
     path: Path,
     last_is_complete: bool = True,
 ) -> LogFile:
-    """Parse the lines of a logger; see :func:`read_log` for the other parameters and the errors.
-
-    :param lines: the lines, without line ends
-    :param path: source of the lines, for messages
-    :param last_is_complete: whether the last line had an end
-    """
+    """Parse the lines of a logger, without line ends; see :func:`read_log`."""
     form = load_logger_format(logger) if isinstance(logger, str) else logger
     form, choices = settle(lines, form, path)
     parser = RecordParser(form, longitude, path=path, remembered=None)
@@ -452,18 +436,15 @@ def parse_log(
 
 
 def detect_format(path: Path | str) -> LoggerFormat:
-    """Detect the logger format of a file from its column names, or by reading its first lines if it has none.
-
-    :raises InputError: if the file cannot be read, or no known format fits it
-    """
+    """Logger format of a file, by :func:`format_of_lines`."""
     path = Path(path)
     return format_of_lines(read_lines(path)[0], path)
 
 
 def format_of_lines(lines: Sequence[bytes], path: Path) -> LoggerFormat:
-    """Detect the logger format of lines; see :func:`detect_format`.
+    """Detect a logger format from the names of columns, or by reading the first lines if they have none.
 
-    :param path: source of the lines, for messages
+    :raises InputError: if no known format fits
     """
     fitting = [load_logger_format(name) for name in matching_formats(lines)]
     for logger in fitting:

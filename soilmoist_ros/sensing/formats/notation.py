@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Decides once for a file how its dates, numbers and coordinates are written, and states each decision."""
+"""Notation of one file: separator, decimal sign, coordinates, order of day and month; formats that fit a header."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -37,8 +38,8 @@ MAX_SAMPLE = 2_000  # number of first lines, and of later lines, from which the 
 MAX_DATES = 200  # number of stamps from which it is known if dates can have two orders
 DAY_S = 86_400.0
 MONTH_S = 20 * DAY_S  # step between two records that is one of months [s]
-MIN_WEAK = 3  # number of steps of about a day, instead of a month, that decide the order of day and month
 MIN_MIXED = 2  # number of stamps or steps that speak for each order from which a file has both
+HEADER_LINES = 200
 _SEPARATED = re.compile(r"[+-]?\d[\d.,' \u00a0\u202f]*[.,]\d[\d.,]*", re.ASCII)
 _ORDER_WORDS = {"day_first": "day before month", "month_first": "month before day"}
 _OTHER: dict[DateOrder, DateOrder] = {"day_first": "month_first", "month_first": "day_first"}
@@ -72,8 +73,9 @@ def settle(lines: Sequence[bytes], logger: LoggerFormat, path: Path) -> tuple[Lo
     step = max(len(lines) // MAX_SAMPLE, 1)
     sample = every if len(lines) <= 2 * MAX_SAMPLE else [*every[:MAX_SAMPLE], *every[MAX_SAMPLE::step]]
     rows = list(_rows(lines, sample, form))
-    form, chosen = _with_decimal(form, rows, path)
-    choices += chosen
+    if form.decimal == "auto":
+        form, chosen = _with_decimal(form, rows, path)
+        choices += chosen
     form, chosen = _with_position(form, rows)
     choices += chosen
     if form.time.date_order == "auto" and any(
@@ -109,39 +111,28 @@ def _rows(lines: Sequence[bytes], numbers: Sequence[int], logger: LoggerFormat) 
 
 
 def _with_decimal(logger: LoggerFormat, rows: Sequence[Row], path: Path) -> tuple[LoggerFormat, list[str]]:
-    if logger.decimal != "auto":
-        return logger, []
-    votes: dict[Decimal, list[tuple[str, int]]] = {"point": [], "comma": []}
-    unclear: list[tuple[str, int, str]] = []
+    votes: dict[Decimal, list[tuple[str, int, str]]] = {"point": [], "comma": [], "auto": []}
     for row in rows:
-        layout, whole = row.layout, set(row.layout.counts) if logger.counts.unit == "counts" else set()
+        layout = row.layout
+        whole = layout.counts if logger.counts.unit == "counts" else ()
         places = [layout.position[name] for name in ("latitude", "longitude")] if layout.position else []
         live = [source for source in layout.live if source is not None]
-        sources = [*layout.counts, *live, *layout.pressure, *layout.temperature, *layout.humidity, *places]
-        for source in sources:
+        for source in (*layout.counts, *live, *layout.pressure, *layout.temperature, *layout.humidity, *places):
             text = row.fields[source.index]
-            if not _SEPARATED.fullmatch(text):
-                continue
-            meaning = decimal_of(text, source in whole)
-            if meaning == "auto":
-                unclear.append((text, row.line, source.name))
-            else:
-                votes[meaning].append((text, row.line))
-    commas = len(votes["comma"])
-    if not commas and not (unclear or any("," in text for text, _ in votes["point"])):
-        return logger, []
-    if not commas and not votes["point"] and unclear:
+            if _SEPARATED.fullmatch(text):
+                votes[decimal_of(text, source in whole)].append((text, row.line, source.name))
+    commas, points, unclear = (votes[kind] for kind in ("comma", "point", "auto"))
+    if unclear and not commas and not points:
         text, line, column = unclear[0]
-        big, small = text.replace(",", ""), text.replace(",", ".")
+        message = f"{text!r} can be {text.replace(',', '')} or {text.replace(',', '.')}, and no value decides"
         remedy = "write 'decimal: point' or 'decimal: comma' in the logger format"
-        raise InputError(
-            [Mistake(f"{text!r} can be {big} or {small}, and no value decides", remedy, path, line, column)]
-        )
-    decimal: Decimal = "comma" if commas > len(votes["point"]) else "point"
+        raise InputError([Mistake(message, remedy, path, line, column)])
+    decimal: Decimal = "comma" if len(commas) > len(points) else "point"
+    example = next((one for one in [*votes[decimal], *unclear] if "," in one[0]), None)
+    if example is None:
+        return logger, []
     words = "decimal commas" if decimal == "comma" else "commas separate thousands"
-    examples = [*votes[decimal], *(one[:2] for one in unclear)]
-    text, line = next(one for one in examples if "," in one[0])
-    choice = f"{words}, as in line {line}: {text!r} is {read_number(text, decimal):.10g}"
+    choice = f"{words}, as in line {example[1]}: {example[0]!r} is {read_number(example[0], decimal):.10g}"
     return logger.model_copy(update={"decimal": decimal}), [choice]
 
 
@@ -167,45 +158,38 @@ def _with_position(logger: LoggerFormat, rows: Sequence[Row]) -> tuple[LoggerFor
     place, choices = logger.position, []
     if place is None:
         return logger, []
-    pairs = []
-    unnamed = False
+    pairs: list[tuple[str, str, int]] = []
+    lettered = False
     for row in rows:
-        layout = row.layout.position
-        if layout is None:
+        if (columns := row.layout.position) is None:
             continue
-        latitude, longitude = (row.fields[layout[name].index] for name in ("latitude", "longitude"))
-        unnamed = unnamed or (
-            "latitude_hemisphere" not in layout and latitude[-1:].upper() in ("N", "S") and latitude[:1].isdigit()
+        latitude, longitude = (row.fields[columns[name].index] for name in ("latitude", "longitude"))
+        lettered |= (
+            "latitude_hemisphere" not in columns and latitude[:1].isdigit() and latitude[-1:].upper() in ("N", "S")
         )
         if read_coordinate(latitude, decimal=logger.decimal):
             pairs.append((latitude, longitude, row.line))
     if not pairs:
         return logger, []
-    if unnamed:
+    if lettered:
         choices.append("letters N, S, E or W follow the coordinates and give their sign")
     notation = place.notation
+    packed = [pair for pair in pairs if is_packed(pair[0], logger.decimal)]
     if notation == "auto":
-        packed = [pair for pair in pairs if is_packed(pair[0], logger.decimal)]
         notation = "degrees_minutes" if 2 * len(packed) > len(pairs) else "degrees"
         if notation == "degrees_minutes":
-            text = packed[0][0]
+            text, _, line = packed[0]
             value = read_coordinate(text, packed=True, decimal=logger.decimal)
             choices.append(
-                f"coordinates are degrees and minutes, as in line {packed[0][2]}: {text!r} is {value:.5f} degrees"
+                f"coordinates are degrees and minutes, as in line {line}: {text!r} is {value:.5f} degrees"
             )
-    wrapped = next(
-        (
-            pair
-            for pair in pairs
-            if 180 < (read_coordinate(pair[1], notation == "degrees_minutes", logger.decimal) or 0) <= 360
-        ),
-        None,
-    )
-    if wrapped is not None:
-        value = read_coordinate(wrapped[1], notation == "degrees_minutes", logger.decimal) or math.nan
-        choices.append(
-            f"longitudes count from 0 to 360, as in line {wrapped[2]}: {wrapped[1]!r} is {value - 360:.5f} degrees"
-        )
+    for _, text, line in pairs:
+        value = read_coordinate(text, notation == "degrees_minutes", logger.decimal) or 0.0
+        if 180 < value <= 360:
+            choices.append(
+                f"longitudes count from 0 to 360, as in line {line}: {text!r} is {value - 360:.5f} degrees"
+            )
+            break
     return logger.model_copy(update={"position": place.model_copy(update={"notation": notation})}), choices
 
 
@@ -221,14 +205,9 @@ def is_packed(text: str, decimal: Decimal = "auto") -> bool:
 
 def _readings(logger: LoggerFormat, row: Row) -> dict[DateOrder, float]:
     """Time of a row in each order of day and month that reads it [s]."""
-    text = stamp_text(row.fields, row.layout)
-    found: dict[DateOrder, float] = {}
-    for order in _OTHER:
-        formats = [name for name in logger.time.rivals if order_of(name) == order]
-        stamp_s = read_time(text, formats) if formats else None
-        if stamp_s is not None:
-            found[order] = stamp_s
-    return found
+    text, rivals = stamp_text(row.fields, row.layout), logger.time.rivals
+    found = {order: read_time(text, [name for name in rivals if order_of(name) == order]) for order in _OTHER}
+    return {order: stamp_s for order, stamp_s in found.items() if stamp_s is not None}
 
 
 def stamp_text(fields: Sequence[str], layout: Layout) -> str:
@@ -237,68 +216,55 @@ def stamp_text(fields: Sequence[str], layout: Layout) -> str:
 
 
 def _date_order(logger: LoggerFormat, rows: Sequence[Row], path: Path) -> tuple[DateOrder, str]:
-    """Order of day and month in a file, and the reason."""
+    """Order of day and month in a file, and the reason.
+
+    A stamp that one order reads decides, and a step as usual that is one of months in the other order.
+    """
     read = [(row, found) for row in rows if (found := _readings(logger, row))]
-    evidence: dict[DateOrder, list[Row]] = {"day_first": [], "month_first": []}
-    weak: dict[DateOrder, list[Row]] = {"day_first": [], "month_first": []}
+    evidence: dict[DateOrder, list[Row]] = {order: [] for order in _OTHER}
     for row, found in read:
         if len(found) == 1:
             evidence[next(iter(found))].append(row)
     both = [(row, found) for row, found in read if len(found) == 2]
     steps = [{order: b[order] - a[order] for order in _OTHER} for (_, a), (_, b) in pairwise(both)]
-    usual_s = median([min(abs(value) for value in step.values()) for step in steps]) if steps else math.nan
+    usual_s = median([min(map(abs, step.values())) for step in steps]) if steps else math.nan
     for (row, _), step in zip(both[1:], steps, strict=True):
         for order, other in _OTHER.items():
-            if abs(step[other]) > MONTH_S and 0 < step[order] < 3 * DAY_S:
-                weak[order].append(row)
-                if step[order] <= 1.2 * usual_s:
-                    evidence[order].append(row)
-    for order in _OTHER:
-        evidence[order] += weak[order] if len(weak[order]) >= MIN_WEAK and not evidence[order] else []
-    counts = {order: len(found) for order, found in evidence.items()}
-    if min(counts.values()) >= MIN_MIXED:
+            if abs(step[other]) > MONTH_S and 0 < step[order] < 3 * DAY_S and step[order] <= 1.2 * usual_s:
+                evidence[order].append(row)
+    if min(map(len, evidence.values())) >= MIN_MIXED:
         first = {order: found[0] for order, found in evidence.items()}
-        texts = [f"{_ORDER_WORDS[order]} in line {row.line}" for order, row in first.items()]
+        texts = " and ".join(f"{_ORDER_WORDS[order]} in line {row.line}" for order, row in first.items())
         remedy = "a spreadsheet may have changed some dates: give the file as the logger wrote it"
-        message = f"dates are in both orders: {' and '.join(texts)}"
-        raise InputError([Mistake(message, remedy, path, max(row.line for row in first.values()))])
-    if counts["day_first"] != counts["month_first"]:
-        winner: DateOrder = max(_OTHER, key=lambda order: counts[order])
-        row = evidence[winner][0]
-        text = stamp_text(row.fields, row.layout)
+        line = max(row.line for row in first.values())
+        raise InputError([Mistake(f"dates are in both orders: {texts}", remedy, path, line)])
+    low, high = sorted(_OTHER, key=lambda order: len(evidence[order]))
+    if len(evidence[high]) > len(evidence[low]):
+        row = evidence[high][0]
         alone = len(_readings(logger, row)) == 1
         why = "has no other reading" if alone else "would else lie a month or more from the line before"
-        return winner, f"{text!r} in line {row.line} {why}"
+        return high, f"{stamp_text(row.fields, row.layout)!r} in line {row.line} {why}"
     row, found = both[0] if both else read[0]
-    text = stamp_text(row.fields, row.layout)
-    texts = [f"{date_text(found[order])} ({_ORDER_WORDS[order]})" for order in _OTHER if order in found]
+    dates = " or ".join(f"{date_text(found[order])} ({_ORDER_WORDS[order]})" for order in _OTHER if order in found)
     remedy = (
         "write 'date_order: day_first' or 'date_order: month_first' below 'time' in a copy of the logger format "
         "(soilmoist logger FILE writes one)"
     )
-    message = f"{text!r} is {' or '.join(texts)}, and no stamp decides"
+    message = f"{stamp_text(row.fields, row.layout)!r} is {dates}, and no stamp decides"
     raise UndecidedOrderError([Mistake(message, remedy, path, row.line)])
 
 
 def date_text(stamp_s: float) -> str:
     """Date in words, such as 1 May 2024."""
-    from datetime import UTC, datetime
-
     moment = datetime.fromtimestamp(stamp_s, UTC)
     return f"{moment.day} {moment:%B %Y}"
 
 
-HEADER_LINES = 200
-
-
 def separated_as(logger: LoggerFormat, lines: Sequence[bytes]) -> LoggerFormat:
     """The format with the separator by which the first lines have its columns; unchanged if none does."""
-    for delimiter in (
-        logger.delimiter,
-        *(one for one in ("semicolon", "comma", "tab") if one != logger.delimiter),
-    ):
+    for delimiter in dict.fromkeys((logger.delimiter, "semicolon", "comma", "tab")):
         form = logger if delimiter == logger.delimiter else logger.model_copy(update={"delimiter": delimiter})
-        if any(_number_of_sources(form, names) for names in header_candidates(form, lines)):
+        if _number_of_sources(form, lines):
             return form
     return logger
 
@@ -312,9 +278,7 @@ def header_candidates(logger: LoggerFormat, lines: Sequence[bytes]) -> list[list
         text = decode_line(line).strip()
         if logger.checksum == "nmea":
             text = text.partition("*")[0]
-        if comment:
-            text = text.removeprefix(comment)
-        names = [name for name in split_fields(logger, text) if name]
+        names = [name for name in split_fields(logger, text.removeprefix(comment)) if name]
         if is_header(logger, names):
             found.append(names)
         elif found and names and plain_name(names[0]) in continued:
@@ -324,13 +288,10 @@ def header_candidates(logger: LoggerFormat, lines: Sequence[bytes]) -> list[list
 
 def matching_formats(lines: Sequence[bytes]) -> list[str]:
     """Names of the formats whose columns are in the first lines, best match first."""
-    matches = []
-    for name in logger_names():
-        logger = separated_as(_known_format(name), lines)
-        best = max((_number_of_sources(logger, names) for names in header_candidates(logger, lines)), default=0)
-        if best:
-            matches.append((-best, name))
-    return [name for _, name in sorted(matches)]
+    matches = {
+        name: _number_of_sources(separated_as(_known_format(name), lines), lines) for name in logger_names()
+    }
+    return sorted((name for name in matches if matches[name]), key=lambda name: (-matches[name], name))
 
 
 @cache
@@ -338,8 +299,12 @@ def _known_format(name: str) -> LoggerFormat:
     return load_logger_format(name)
 
 
-def _number_of_sources(logger: LoggerFormat, names: Sequence[str]) -> int:
-    try:
-        return build_layout(logger, names).number_of_sources
-    except MissingColumnsError:
-        return 0
+def _number_of_sources(logger: LoggerFormat, lines: Sequence[bytes]) -> int:
+    """Number of columns with a known quantity in the best header, 0 if columns are missing."""
+    best = 0
+    for names in header_candidates(logger, lines):
+        try:
+            best = max(best, build_layout(logger, names).number_of_sources)
+        except MissingColumnsError:
+            continue
+    return best

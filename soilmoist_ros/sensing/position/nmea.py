@@ -173,8 +173,8 @@ class NmeaParser:
     """Parses sentences into fixes, one line at a time.
 
     A fix is complete when the epoch has all sentence types of the previous epoch, at the latest when the next
-    epoch begins. :meth:`flush` returns the last fix. GGA has no date: the date of the last RMC is used, and
-    advances at midnight. Before the first one the time of day is that next to the present time, if known.
+    epoch begins. GGA has no date: the date of the last RMC is used, and advances at midnight. Before the first one
+    the time of day is that next to the present time, if known.
 
     :param reference_stamp_s: a time within 12 h of the first epoch [s since 1970 UTC], if known; until a date is
         known, the stamps of fixes are NaN
@@ -204,9 +204,8 @@ class NmeaParser:
         self._expected: set[str] = set()
 
     def feed(self, line: bytes, now_s: float = NAN) -> Fix | None:
-        """Parse one line; returns the fix that it completes, if any.
-
-        :param now_s: present time, NaN if unknown [s since 1970 UTC]
+        """Parse one line; returns the fix that it completes, if any. The present time may be unknown [s since 1970
+        UTC].
         """
         self._now_s = now_s
         self.line_number += 1
@@ -389,7 +388,6 @@ def parse_nmea(
     Epochs before the first date are dated from the first date; without any date, from the times of a log. Other
     messages between the sentences are skipped, text is reported.
 
-    :param path: source of the lines, for messages
     :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
     :raises InputError: if there is no NMEA sentence, or the day is not clear
     """

@@ -43,10 +43,8 @@ class Doubt:
     :param since_s: stamp of the last trusted place [s since 1970 UTC]
     :param until_s: stamp from which on it is trusted again [s since 1970 UTC]; inf while that is open
     :param outcome: how it ended
-    :param x_m: where the robot stood meanwhile if it ``returned``, or the ``confirmed`` place [m]; otherwise NaN
-    :param y_m: the same northwards [m]
-    :param before_x_m: last trusted place before a confirmed doubt [m], NaN if unknown
-    :param before_y_m: the same northwards [m]
+    :param x_m: where the robot stood meanwhile if it ``returned``, or the ``confirmed`` place [m], with ``y_m``
+    :param before_x_m: last trusted place before a confirmed doubt [m], NaN if unknown, with ``before_y_m``
     """
 
     since_s: float
@@ -126,10 +124,7 @@ class Doubts:
         self._doubts: dict[float, Doubt] = {}
 
     def take(self, doubt: Doubt) -> bool:
-        """Add a doubt, or its end; those that are still open before it end where it begins.
-
-        :returns: whether it is new
-        """
+        """Add a doubt, or its end, and return whether it is new; those open before it end where it begins."""
         new = self._doubts.get(doubt.since_s) != doubt
         for since_s, other in self._doubts.items():
             if other.outcome is Outcome.OPEN and since_s < doubt.since_s:

@@ -85,14 +85,13 @@ class PlaceLimits:
     :param max_speed_mps: highest speed of the robot [m/s], > 0
     :param max_sd_m: highest standard deviation of each coordinate [m], > 0; unknown ones are accepted
     :param first_fixes: number of places that must agree before the first one is plausible, >= 1
-    :param agree_fixes: number of places that must agree to replace those that they contradict, >= 1
-    :param agree_s: time over which the latter must agree [s], >= 0
+    :param agree_fixes: number of places that must agree, for ``agree_s`` [s], to replace those that they
+        contradict
     :param max_gap_s: time since the last plausible place up to which the robot may have moved on, and age up to
         which a place is a new one [s], >= 0
     :param max_acceleration_mps2: highest acceleration [m/s^2], > 0
     :param jump_sds: where nobody knows the robot: ``max_jump_m`` grows to this multiple of the stated standard
-        deviation
-    :param unknown_jump_m: the same for a receiver that states none or 0 [m]; 0 for ``max_jump_m``
+        deviation, or to ``unknown_jump_m`` [m] for a receiver that states none
     :raises ValueError: if a limit is out of its range
     """
 
@@ -152,27 +151,11 @@ class PlaceFix:
 class PlaceJudge:
     """Decides on measured places in the order in which they come.
 
-    :param limits: what a place must satisfy
-
-    Attributes
-    ----------
-    fix : PlaceFix | None
-        the last plausible place
-    rejected : int
-        number of places in a row that contradict it
-    agreeing : int
-        number of the last of them that agree with each other
-    rejected_since_s : float
-        when the first of them came [s]
-    relocated_m : float
-        distance of the last plausible place from the one before, if the robot cannot have driven there after
-        places in between were rejected [m]; otherwise 0
-    doubt : Doubt | None
-        the doubt that is open
-    strayed_m : float
-        distance of a robot that should stand from where it stood, if that is not over soon [m]; otherwise 0
-    counts : dict[Verdict, int]
-        number of places by verdict
+    :attr:`fix` is the last plausible place. ``rejected`` places in a row contradict it since ``rejected_since_s``,
+        the last ``agreeing`` of them agree with each other. ``relocated_m`` is the distance of the last plausible
+        place from the one before, if the robot cannot have driven there [m]; ``strayed_m`` that of a robot that
+        should stand from where it stood, if that is not over soon [m]. ``doubt`` is the doubt that is open,
+        ``counts`` the number of places by verdict.
     """
 
     def __init__(self, limits: PlaceLimits) -> None:
@@ -281,9 +264,8 @@ class PlaceJudge:
         return max(0.0, math.dist(first.xy, last.xy) - _noise_m(first, last)) / span_s
 
     def sd_m(self, stated_m: float) -> float:
-        """Standard deviation of each coordinate of a place [m]; NaN while it is not known.
-
-        :param stated_m: that which the receiver states [m]; if it states none, or 0, what standing has taught
+        """Standard deviation of each coordinate [m]: the stated one, else what standing has taught; NaN if
+        unknown.
         """
         return stated_m if stated_m > 0 else self._wander.sd_m if self._wander.known else math.nan
 
@@ -356,7 +338,7 @@ class PlaceJudge:
                 self._end_doubt(Outcome.LOST, fix)
 
     def _is_explained(self, fix: PlaceFix) -> bool:
-        """True if the stated error of the places before, or of this one, explains the distance between them.
+        """True if the stated error of either place explains the distance between them.
 
         The place of a standing robot does not step unless the receiver changes its kind of solution.
         """
@@ -415,10 +397,9 @@ class PlaceJudge:
         return held and self._expected is Expected.DRIVING
 
     def _time_s(self, first: PlaceFix, last: PlaceFix) -> float:
-        """Time between two places [s].
+        """Time between two places [s]: messages that were held up come at once, so their stamps count, too.
 
-        Messages that were held up come at once, so their stamps count too. A wrong stamp must not excuse a jump,
-        so they count up to the longest gap.
+        A wrong stamp must not excuse a jump, so they count up to the longest gap.
         """
         came_s = abs(last.now_s - first.now_s)
         stamps_s = abs(last.stamp_s - first.stamp_s)
@@ -535,8 +516,8 @@ class _Stand:
 class _Wander:
     """Error of a receiver that states none, by how its places of a standing robot change from second to second.
 
-    A drift does not count as an error: changes are compared with those before. The error is that of a random walk
-    which is reined in over two :data:`WANDER_S`, as that of receivers without corrections.
+    A drift is no error: changes are compared with those before. The error is that of a random walk which is reined
+    in over two :data:`WANDER_S`, as that of receivers without corrections.
     """
 
     def __init__(self) -> None:
@@ -582,20 +563,15 @@ def _noise_m(first: PlaceFix, last: PlaceFix) -> float:
 class PlaceAges:
     """Ages of the places of one source, by their stamps on any clock that runs evenly.
 
-    A connection that stalls delivers all at once what it held back. The last of these places is where the robot
-    is, the others are where it was. The clock may be wrong, so an age is the delay of a place less the least delay
-    of the last seconds.
+    A connection that stalls delivers all at once what it held back. The clock may be wrong, so an age is the delay
+    of a place less the least delay of the last seconds.
     """
 
     def __init__(self) -> None:
         self._delays: deque[tuple[float, float]] = deque(maxlen=COMPARED)  # begin of a second, least delay in it
 
     def age_s(self, now_s: float, stamp_s: float) -> float:
-        """Age of a place that comes now [s]; inf while there is nothing to compare it with, 0 without a stamp.
-
-        :param now_s: time at which it comes [s]
-        :param stamp_s: time of the measurement [s], NaN if unknown
-        """
+        """Age of a place that comes now [s]; inf while there is nothing to compare it with, 0 without a stamp."""
         delay_s = now_s - stamp_s
         if not math.isfinite(delay_s):
             return 0.0

@@ -20,7 +20,6 @@ CLOCK_CORRECTED_S = 60.0  # backward jump between epochs above which the receive
 Offset = tuple[float, float]
 STEP_M = 1.0  # distance from which two fixes give a heading [m]
 STEP_SDS = 3.0  # the same, in standard deviations of the fixes
-METRES_PER_DEGREE = math.tau * 6_371_000.0 / 360.0
 ARMS: Final = ("antenna_x_m", "antenna_y_m", "sensor_x_m", "sensor_y_m")  # names of the parameters
 LIMITS: Final = PlaceLimits(
     max_speed_mps=60.0,
@@ -40,8 +39,8 @@ METRES_PER_DEG = 111_195.0
 class Track:
     """The positions of a receiver in order of time: of a whole file, or growing with each epoch.
 
-    :param fixes: epochs in any order; epochs without a fix or a date are skipped, and of several epochs with one
-        time the first is used
+    Epochs without a fix or a date are skipped, and of several epochs with one time the first is used.
+
     :param max_positions: minimum number of latest positions to keep; all if ``None``
 
     >>> track = Track.from_positions([(0.0, Position(52.0, 13.0)), (10.0, Position(52.2, 13.0))])
@@ -88,10 +87,8 @@ class Track:
         return self._stamps[-1] if self._stamps else -math.inf
 
     def add(self, stamp_s: float, position: Position | None) -> None:
-        """Add an epoch; ignore it if it is not later than the last epoch.
-
-        :param stamp_s: time of the epoch [s since 1970 UTC]; an epoch with NaN is ignored
-        :param position: position of the receiver, ``None`` or NaN without a fix
+        """Add an epoch, whose position is ``None`` or NaN without a fix; ignored if it is not later than the last
+        epoch.
         """
         if stamp_s < self.reached_s - CLOCK_CORRECTED_S:
             del self._stamps[:], self._values[:]
@@ -112,15 +109,11 @@ class Track:
             del self._stamps[:-limit], self._values[: -4 * limit]
 
     def at(self, stamp_s: float, max_gap_s: float, edge_tolerance_s: float = EDGE_TOLERANCE_S) -> Position | None:
-        """Position at one time, or ``None`` if unknown.
+        """Position at one time [s since 1970-01-01 UTC], or ``None`` if unknown.
 
         It is interpolated linearly between the two neighbouring fixes, if they are at most ``max_gap_s`` apart.
         Otherwise, and before the first and after the last fix, the nearest fix within ``edge_tolerance_s`` counts.
         The standard deviation is the larger of the two; motion between the fixes is not included.
-
-        :param stamp_s: the time [s since 1970-01-01 UTC]
-        :param max_gap_s: maximum time between two fixes for interpolation [s]
-        :param edge_tolerance_s: maximum time between ``stamp_s`` and a single fix [s]
         """
         if not len(self) or not math.isfinite(stamp_s):
             return None
@@ -160,10 +153,7 @@ def _is_known(position: Position) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class LeverArms:
-    """Places of antenna and sensor in the frame of the robot's base: x forward, y to the left.
-
-    :param antenna_m: place of the GNSS antenna [m]
-    :param sensor_m: place of the neutron sensor [m]
+    """Places of antenna and sensor in the frame of the robot's base: x forward, y to the left [m].
 
     >>> arms = LeverArms(antenna_m=(0.5, 0.0), sensor_m=(-1.0, 0.0))
     >>> arms.sensor_from_antenna(0.0)
@@ -180,10 +170,7 @@ class LeverArms:
         return cls((antenna_x, antenna_y), (sensor_x, sensor_y))
 
     def sensor_from_antenna(self, heading_rad: float) -> Offset | None:
-        """East and north from antenna to sensor [m]; ``None`` if it needs a heading that is unknown.
-
-        :param heading_rad: heading of the robot, counter-clockwise from east [rad]; NaN if unknown
-        """
+        """East and north from antenna to sensor [m]; ``None`` if it needs a heading that is unknown (NaN)."""
         return _turned((self.sensor_m[0] - self.antenna_m[0], self.sensor_m[1] - self.antenna_m[1]), heading_rad)
 
     def base_from_antenna(self, heading_rad: float) -> Offset | None:
@@ -198,8 +185,6 @@ class Course:
     """Heading of a robot from its positions: the direction of its last steps, kept while it stands.
 
     A robot that turns on the spot or drives backwards has another heading.
-
-    :param max_headings: minimum number of latest headings to keep; all if ``None``
     """
 
     def __init__(self, max_headings: int | None = None) -> None:
@@ -217,9 +202,7 @@ class Course:
         if anchor is None:
             self._anchor = position
             return
-        north_m = (position.latitude_deg - anchor.latitude_deg) * METRES_PER_DEGREE
-        turn_deg = (position.longitude_deg - anchor.longitude_deg + 180.0) % 360.0 - 180.0
-        east_m = turn_deg * METRES_PER_DEGREE * math.cos(math.radians(position.latitude_deg))
+        east_m, north_m = _metres(anchor, position)
         sd_m = position.horizontal_sd_m
         step_m = max(STEP_M, STEP_SDS * sd_m) if sd_m > 0 else STEP_M
         if math.hypot(east_m, north_m) < step_m:
@@ -250,16 +233,7 @@ def _turned(offset_m: Offset, heading_rad: float) -> Offset | None:
 
 
 class CheckedTrack(Track):
-    """A track without jumps of place.
-
-    :param fixes: epochs in any order
-    :param max_positions: minimum number of latest positions to keep; all if ``None``
-
-    Attributes
-    ----------
-    jumped : Track
-        the positions that were left out
-    """
+    """A track without jumps of place; :attr:`jumped` has the positions that were left out."""
 
     def __init__(self, fixes: Iterable[Fix] = (), max_positions: int | None = None) -> None:
         self.jumped = Track(max_positions=max_positions)
@@ -267,11 +241,7 @@ class CheckedTrack(Track):
         super().__init__(fixes, max_positions)
 
     def add(self, stamp_s: float, position: Position | None) -> None:
-        """Add an epoch; a jump counts as an epoch without a fix.
-
-        :param stamp_s: time of the epoch [s since 1970 UTC]
-        :param position: position of the receiver, ``None`` or NaN without a fix
-        """
+        """Add an epoch; a jump counts as an epoch without a fix."""
         if stamp_s < self.reached_s - CLOCK_CORRECTED_S:
             self._judge = PlaceJudge(LIMITS)
         elif not stamp_s > self.reached_s:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,7 +16,6 @@ from xml.etree import ElementTree
 
 from soilmoist_ros.foundation import DAY_S, InputError, Mistake
 from soilmoist_ros.sensing.formats.log_values import (
-    Decimal,
     decode_line,
     likely_time_formats,
     read_coordinate,
@@ -51,16 +50,17 @@ _ZERO_IS_NO_FIX = ("fix", "fix_type", "fixtype", "gps_fix", "valid")
 _NO_FIX = {"none", "no", "no fix", "no_fix", "nofix", "no solution", "invalid", "void", "v", "false", "-1"}
 _GGA_OF_RTKLIB = {0: 0, 1: 4, 2: 5, 3: 9, 4: 2, 5: 1, 6: 2}
 """Quality of GGA by the Q of RTKLIB: 1 fix, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP."""
-_PARTS = {"_min": ("_min", "_minutes", "_mins"), "_sec": ("_sec", "_seconds", "_secs")}
+_PARTS = re.compile(r"(lat|lon|lng|latitude|longitude)_?(min|sec)[a-z]*")
+"""Names of columns of minutes and seconds, next to one of degrees."""
 _RTKLIB_HEADER = (
     "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio"
 )
+_DEGREES = "give decimal degrees, such as 53.2680 and -0.5245"
 
 
 def read_positions(path: Path | str, log_s: tuple[float, float] | None = None) -> tuple[list[Fix], list[Problem]]:
     """Read the positions and problems of a file.
 
-    :param path: the file
     :param log_s: first and last time of the log for which the positions are [s since 1970 UTC], if known
     :raises InputError: if it has no positions that can be read
     """
@@ -72,8 +72,10 @@ def read_positions(path: Path | str, log_s: tuple[float, float] | None = None) -
     if b"<kml" in head:
         raise InputError("is a KML file, which is not read", "export the track with its times as GPX or CSV", path)
     if b"$" not in head:
-        if (table := _table(lines, path)) is not None:
-            return _read_table(path, table, lines, log_s)
+        for number, raw in enumerate(lines[:_HEAD], 1):
+            for delimiter in ";\t, ":
+                if (table := _table(decode_line(raw), delimiter, number, path)) is not None:
+                    return _read_table(path, table, lines, log_s)
         if (why := _why_no_table("\n".join(map(decode_line, lines[:_HEAD])))) is not None:
             raise InputError(*why, path)
     return parse_nmea(lines, path, log_s)
@@ -84,9 +86,8 @@ def _why_no_table(head: str) -> tuple[str, str] | None:
     if "-ecef(m)" in head or "e-baseline(m)" in head:
         what = "from the centre of the earth" if "-ecef(m)" in head else "relative to a base"
         return f"has coordinates {what}, not latitude and longitude", "let RTKLIB write Lat/Lon/Height"
-    if re.search(
-        r"^\s*\d{4}(/\d\d/\d\d +\d\d:\d\d:\d\d(\.\d*)?| +\d{1,6}\.\d+)( +-?\d+\.\d+){3} +\d ", head, re.M
-    ):
+    solution = r"^\s*\d{4}(/\d\d/\d\d +\d\d:\d\d:\d\d(\.\d*)?| +\d{1,6}\.\d+)( +-?\d+\.\d+){3} +\d "
+    if re.search(solution, head, re.M):
         message = (
             "looks like a solution of RTKLIB without its header: GPS time or UTC, and degrees, are not stated"
         )
@@ -104,13 +105,12 @@ def _read_gpx(path: Path) -> tuple[list[Fix], list[Problem]]:
         root = ElementTree.fromstring(path.read_bytes())
     except ElementTree.ParseError as error:
         raise InputError(f"is a damaged GPX file: {error}", "export the track again", path) from None
-    fixes, zones = [], _Zones(path)
+    fixes, times = [], _Times(path)
     for point in root.iter():
-        kind = point.tag.rpartition("}")[2]
-        if kind not in ("trkpt", "rtept", "wpt"):
+        if point.tag.rpartition("}")[2] not in ("trkpt", "rtept", "wpt"):
             continue
         inside = {child.tag.rpartition("}")[2]: (child.text or "").strip() for child in point}
-        stamp_s = zones.stamp_s(inside.get("time", ""), 0)
+        stamp_s = times.stamp_s(inside.get("time", ""), 0)
         if inside.get("fix", "").lower() == "none":
             fixes.append(Fix.without_place(stamp_s, NoPlace.NO_FIX, "GPX fix none"))
             continue
@@ -118,9 +118,8 @@ def _read_gpx(path: Path) -> tuple[list[Fix], list[Problem]]:
         fixes.append(_fix(stamp_s, latitude, longitude, read_number(inside.get("ele", ""))))
     if not fixes:
         raise InputError("is a GPX file without points", "export the track, not only its outline", path)
-    _require_times(fixes, path)
-    zones.require_one_shift(fixes)
-    return fixes, zones.problems
+    times.check(fixes)
+    return fixes, times.problems
 
 
 def _fix(
@@ -132,18 +131,8 @@ def _fix(
     return Fix(stamp_s, Position(latitude, longitude, NAN if altitude is None else altitude, sd_m), FixStatus.FIX)
 
 
-def _require_times(fixes: Sequence[Fix], path: Path) -> None:
-    """Check that a position has a time."""
-    if fixes and all(math.isnan(fix.stamp_s) for fix in fixes):
-        remedy = "export the recorded track with its times, not a planned route"
-        raise InputError(f"has {len(fixes)} points, but not one time", remedy, path)
-
-
-class _Zones:
-    """Times of a file; notes once if they have no zone.
-
-    :param formats: formats of its times, other than ISO 8601
-    """
+class _Times:
+    """Times of a file; notes once if they have no zone."""
 
     def __init__(self, path: Path, formats: Sequence[str] = ()) -> None:
         self._path = path
@@ -172,20 +161,22 @@ class _Zones:
             self.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, remedy, self._path)))
         return stamp_s
 
-    def require_one_shift(self, fixes: Sequence[Fix]) -> None:
-        """Check that times without a zone do not go back by an hour, as local time does in autumn.
+    def check(self, fixes: Sequence[Fix]) -> None:
+        """Check that a position has a time, and that one shift corrects times without a zone.
 
-        :raises InputError: if they do: one shift cannot correct them
+        :raises InputError: if not: local time goes back by an hour in autumn
         """
         stamps = [fix.stamp_s for fix in fixes if math.isfinite(fix.stamp_s)]
+        if fixes and not stamps:
+            remedy = "export the recorded track with its times, not a planned route"
+            raise InputError(f"has {len(fixes)} points, but not one time", remedy, self._path)
         back = [(after, before) for before, after in pairwise(stamps) if after < before]
-        if not self.problems or len(back) != 1 or not 3300 < back[0][1] - back[0][0] <= 3600:
-            return
-        after, before = (utc_text(stamp_s) for stamp_s in back[0])
-        message = (
-            f"its times have no zone and go back from {before} to {after}: local time at the end of summer time"
-        )
-        raise InputError(message, "export the track in UTC, or with its zone", self._path)
+        if self.problems and len(back) == 1 and 3300 < back[0][1] - back[0][0] <= 3600:
+            after, before = map(utc_text, back[0])
+            message = (
+                f"its times have no zone and go back from {before} to {after}: local time at the end of summer"
+            )
+            raise InputError(message, "export the track in UTC, or with its zone", self._path)
 
 
 def _plain(name: str) -> str:
@@ -204,10 +195,7 @@ class _Table(NamedTuple):
     :param header: number of the line with their names
     :param columns: index of each column, -1 without one
     :param sides: letters of the hemispheres that the header states
-    :param names: names of the fields of a row
     :param scale: of its times: ``GPS``, ``UTC``, or empty
-    :param rtklib: whether it is a solution of RTKLIB
-    :param zero_is_no_fix: whether 0 in the column of states means that there is no fix
     """
 
     delimiter: str
@@ -217,57 +205,38 @@ class _Table(NamedTuple):
     names: Sequence[str]
     scale: str
     rtklib: bool
-    zero_is_no_fix: bool
 
 
-def _table(lines: Sequence[bytes], path: Path) -> _Table | None:
-    """Columns of a table, ``None`` without a header."""
-    for number, raw in enumerate(lines[:_HEAD], 1):
-        for delimiter in ";\t, ":
-            if (table := _columns(decode_line(raw), delimiter, number, path)) is not None:
-                return table
-    return None
-
-
-def _columns(line: str, delimiter: str, number: int, path: Path) -> _Table | None:
+def _table(line: str, delimiter: str, number: int, path: Path) -> _Table | None:
     """Columns that a line names, ``None`` if it is no header."""
     rtklib, blanks = line.startswith("%") and "latitude(" in line, delimiter == " "
-    in_parts = rtklib and "(d'" in line  # degrees, minutes and seconds are three fields, one name
     given = _split(re.sub(r"\(.*?\)", "", line.lstrip("% ")) if blanks else line, delimiter)
-    if in_parts:
-        given = [
-            one for name in given for one in ([name, "", ""] if name[:3].lower() in ("lat", "lon") else [name])
-        ]
     names = [_plain(name) for name in given]
-    found = {
-        key: next((names.index(name) for name in known if name in names), -1) for key, known in _KNOWN.items()
-    }
+    columns = {key: next((names.index(one) for one in known if one in names), -1) for key, known in _KNOWN.items()}
+    bare = [re.sub(r"_[nsew]$", "", name) for name in names]
     for key in ("lat", "lon"):
-        known, bare = _KNOWN[key], [re.sub(r"_[nsew]$", "", name) for name in names]
+        known = _KNOWN[key]
         same = [at for at, name in enumerate(bare) if name in known]
         same = same or [at for at, name in enumerate(bare) if name.endswith((f"_{known[0]}", f"_{known[1]}"))]
-        found[key] = same[0] if same else -1
+        columns[key] = same[0] if same else -1
         if len(same) > 1:
             several = ", ".join(given[at].strip() for at in same)
             raise InputError(f"has several columns of the {known[0]}: {several}", "rename those not meant", path)
-    if found["lat"] < 0 or found["lon"] < 0:
+    if columns["lat"] < 0 or columns["lon"] < 0:
         return None
+    if (parts := next(filter(_PARTS.fullmatch, names), "")) or (rtklib and "(d'" in line):
+        raise InputError(f"has degrees and minutes in columns of their own {parts}".rstrip(), _DEGREES, path)
     if rtklib and "q" in names:
-        found["quality"] = names.index("q")
-    if found["state"] < 0:
-        found["state"] = next((at for at, name in enumerate(names) if name.endswith("_status_status")), -1)
-    zero = found["state"] >= 0 and names[found["state"]] in _ZERO_IS_NO_FIX
-    sides = {key: _side(given[found[key]]) for key in ("lat", "lon")}
-    for key, stems in (("lat", _KNOWN["lat"][:2]), ("lon", _KNOWN["lon"][:4])):
-        for nth, (part, endings) in enumerate(_PARTS.items(), 1):
-            at = (names.index(f"{a}{b}") for a in stems for b in endings if f"{a}{b}" in names)
-            found[key + part] = next(at, found[key] + nth if in_parts else -1)
-    its = [names[at] for at in (found["time"], found["date"]) if at >= 0]
+        columns["quality"] = names.index("q")
+    if columns["state"] < 0:
+        columns["state"] = next((at for at, name in enumerate(names) if name.endswith("_status_status")), -1)
+    sides = {key: _side(given[columns[key]]) for key in ("lat", "lon")}
+    its = [names[at] for at in (columns["time"], columns["date"]) if at >= 0]
     scale = "GPS" if "gpst" in its else "UTC" if any("utc" in name for name in its) else ""
     if rtklib and blanks:  # date and time are two fields, one name
-        found = {key: at + (at > 0) for key, at in found.items()} | {"date": 0, "time": 1}
+        columns = {key: at + (at > 0) for key, at in columns.items()} | {"date": 0, "time": 1}
         names = ["", *names]
-    return _Table(delimiter, number, found, sides, names, scale, rtklib, zero)
+    return _Table(delimiter, number, columns, sides, names, scale, rtklib)
 
 
 def _side(name: str) -> str:
@@ -278,16 +247,15 @@ def _side(name: str) -> str:
     return found[1][0].upper() if found else ""
 
 
-def _letter_columns(rows: Sequence[tuple[int, list[str]]], table: _Table) -> dict[str, int]:
+def _letter_columns(rows: Sequence[tuple[int, list[str]]], names: Sequence[str]) -> dict[str, int]:
     """Columns whose fields are letters of hemispheres."""
     found: dict[str, int] = {}
-    for at, name in enumerate(table.names):
+    for at, name in enumerate(names):
         letters = {cells[at].strip().upper() for _, cells in rows if at < len(cells)} - {""}
+        # Directions of travel have these letters, too.
+        named = len(letters) == 1 or re.search(r"^(n_?s|e_?w)|lat|lon|lng|hemi", name)
         for key, sides in (("lat", {"N", "S"}), ("lon", {"E", "W"})):
-            named = re.search(
-                r"^(n_?s|e_?w)|lat|lon|lng|hemi", name
-            )  # directions of travel have these letters, too
-            if letters and letters <= sides and (named or len(letters) == 1):
+            if letters and letters <= sides and named:
                 found.setdefault(key, at)
     return found if "lon" in found else {}
 
@@ -295,95 +263,81 @@ def _letter_columns(rows: Sequence[tuple[int, list[str]]], table: _Table) -> dic
 def _read_table(
     path: Path, table: _Table, lines: Sequence[bytes], log_s: tuple[float, float] | None
 ) -> tuple[list[Fix], list[Problem]]:
-    columns, scale = table.columns, table.scale
+    columns = table.columns
     if columns["time"] < 0 and columns["date"] < 0:
-        raise InputError(
-            "has latitudes and longitudes, but no column of times",
-            "name the times 'time' or 'timestamp' in the header, as 2026-05-14T09:00:10Z",
-            path,
-        )
-    rows = list(_rows(lines[table.header :], table.header, table.delimiter))
-    letters = _letter_columns(rows, table)
-    formats, chosen = _time_formats([_time(cells, columns) for _, cells in rows], log_s, path)
-    fixes, zones = [], _Zones(path, formats)
-    shift_s = _LEAP_S * (scale == "GPS")
-    for number, cells in rows:
+        remedy = "name the times 'time' or 'timestamp' in the header, as 2026-05-14T09:00:10Z"
+        raise InputError("has latitudes and longitudes, but no column of times", remedy, path)
+    decoded = ((number, decode_line(raw)) for number, raw in enumerate(lines[table.header :], table.header + 1))
+    rows = [
+        (number, _split(line, table.delimiter))
+        for number, line in decoded
+        if line.strip() and not line.lstrip().startswith(("%", "#"))
+    ]
+    letters = _letter_columns(rows, table.names)
+    texts = [
+        (number, cells, {key: cells[at].strip() if 0 <= at < len(cells) else "" for key, at in columns.items()})
+        for number, cells in rows
+    ]
+    formats, chosen = _time_formats([_time(text) for _, _, text in texts], log_s, path)
+    fixes, times = [], _Times(path, formats)
+    shift_s = _LEAP_S * (table.scale == "GPS")
+    for number, cells, text in texts:
         if any(cell.strip() for cell in cells[len(table.names) :]):
             remedy = "give each column a name; write decimal points, or semicolons between the columns"
             message = f"has {len(cells)} fields, the header names {len(table.names)}"
             raise InputError([Mistake(message, remedy, path, number)])
-        text = {key: cells[at].strip() if 0 <= at < len(cells) else "" for key, at in columns.items()}
         if re.fullmatch(r"\d{3,4}", text["date"]) and (of_week_s := read_number(text["time"])) is not None:
             stamp_s = _GPS_EPOCH_S + 7 * DAY_S * int(text["date"]) + of_week_s - shift_s
         else:
-            stamp_s = zones.stamp_s(_time(cells, columns), number, bool(scale)) - shift_s
-        decimal: Decimal = "comma" if table.delimiter == ";" and "," in text["lat"] + text["lon"] else "auto"
-        latitude, longitude = (
-            _coordinate(key, text, cells, table, letters, decimal, path, number) for key in ("lat", "lon")
-        )
-        altitude = read_number(text["alt"].replace(",", ".") if table.delimiter == ";" else text["alt"])
-        quality = read_number(text["quality"])
-        if quality is not None and table.rtklib:
-            quality = _GGA_OF_RTKLIB.get(int(quality), -1)
-        status = None if quality is None else STATUS_OF_QUALITY.get(int(quality))
-        state = text["state"].lower()
-        if quality is not None and status is None:
-            why = NoPlace.QUALITY_UNKNOWN if quality else NoPlace.NO_FIX
-            fixes.append(Fix.without_place(stamp_s, why, f"quality {text['quality']}"))
-            continue
-        if state in _NO_FIX or (state == "0" and table.zero_is_no_fix):
-            fixes.append(Fix.without_place(stamp_s, NoPlace.NO_FIX, f"{text['state']!r}"))
-            continue
-        sds = [read_number(text[key]) for key in ("sdn", "sde")]
-        sd_m = math.hypot(sds[0], sds[1]) / math.sqrt(2) if sds[0] is not None and sds[1] is not None else NAN
-        if (rms_m := read_number(text["hrms"])) is not None:
-            sd_m = rms_m / math.sqrt(2)
-        fix = _fix(stamp_s, latitude, longitude, altitude, sd_m)
-        if quality is not None and status is not None and fix.no_place is None:
-            fix = replace(fix, status=status, quality=int(quality))
-        fixes.append(fix)
-    _require_times(fixes, path)
-    zones.require_one_shift(fixes)
-    if scale == "GPS":
+            stamp_s = times.stamp_s(_time(text), number, bool(table.scale)) - shift_s
+        sides = {key: cells[at].strip() if 0 <= (at := letters.get(key, -1)) < len(cells) else side
+                 for key, side in table.sides.items()}  # fmt: skip
+        fixes.append(_fix_of_row(stamp_s, text, sides, table, path, number))
+    times.check(fixes)
+    if table.scale == "GPS":
         message = f"the times are GPS time: {_LEAP_S:g} leap seconds are taken off for UTC"
-        zones.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", path)))
-    return fixes, [*chosen, *zones.problems]
+        times.problems.append(Problem(Kind.ASSUMED_TIME, Mistake(message, "", path)))
+    return fixes, [*chosen, *times.problems]
 
 
-def _coordinate(
-    key: str,
-    text: Mapping[str, str],
-    cells: Sequence[str],
-    table: _Table,
-    letters: Mapping[str, int],
-    decimal: Decimal,
-    path: Path,
-    line: int,
-) -> float | None:
-    """Latitude or longitude of a row [deg], ``None`` if it is empty."""
-    if not text[key]:
-        return None
-    name, limit = ("latitude", 90.0) if key == "lat" else ("longitude", 360.0)
-    at = letters.get(key, -1)
-    side = cells[at].strip() if 0 <= at < len(cells) else table.sides[key]
-    said = " ".join(filter(None, (text[key], text[f"{key}_min"], text[f"{key}_sec"])))
-    value = read_coordinate(
-        f"{said} {side}" if side and said[-1:].upper() not in "NSEW" else said, decimal=decimal
-    )
-    if value is None or abs(value) > limit:
-        remedy = "give decimal degrees, such as 53.2680 and -0.5245"
-        packed = read_coordinate(f"{said} {side}".strip(), packed=True, decimal=decimal)
-        if packed is not None and abs(packed) <= limit:
-            remedy += f"; read as degrees and minutes, as NMEA writes them, it is {packed:.5f}"
-        raise InputError([Mistake(f"{said[:40]!r} is no {name} in degrees", remedy, path, line)])
-    return value
+def _fix_of_row(
+    stamp_s: float, text: Mapping[str, str], sides: Mapping[str, str], table: _Table, path: Path, line: int
+) -> Fix:
+    points = {
+        key: text[key].replace(",", ".") if table.delimiter == ";" else text[key] for key in ("lat", "lon", "alt")
+    }
+    degrees: dict[str, float | None] = {}
+    for key, name, limit in (("lat", "latitude", 90.0), ("lon", "longitude", 360.0)):
+        said, side = points[key], sides[key]
+        value = read_coordinate(f"{said} {side}" if side and said[-1:].upper() not in "NSEW" else said)
+        if said and (value is None or abs(value) > limit):
+            packed = read_coordinate(f"{said} {side}".strip(), packed=True)
+            known = packed is not None and abs(packed) <= limit
+            also = f"; read as degrees and minutes, as NMEA writes them, it is {packed:.5f}" if known else ""
+            raise InputError([Mistake(f"{text[key][:40]!r} is no {name} in degrees", _DEGREES + also, path, line)])
+        degrees[key] = value
+    state, quality = text["state"].lower(), read_number(text["quality"])
+    if quality is not None and table.rtklib:
+        quality = _GGA_OF_RTKLIB.get(int(quality), -1)
+    status = None if quality is None else STATUS_OF_QUALITY.get(int(quality))
+    if quality is not None and status is None:
+        why = NoPlace.QUALITY_UNKNOWN if quality else NoPlace.NO_FIX
+        return Fix.without_place(stamp_s, why, f"quality {text['quality']}")
+    if state in _NO_FIX or (state == "0" and table.names[table.columns["state"]] in _ZERO_IS_NO_FIX):
+        return Fix.without_place(stamp_s, NoPlace.NO_FIX, f"{text['state']!r}")
+    rms_m, north_m, east_m = (read_number(text[key]) for key in ("hrms", "sdn", "sde"))
+    if rms_m is None and north_m is not None and east_m is not None:
+        rms_m = math.hypot(north_m, east_m)
+    sd_m = NAN if rms_m is None else rms_m / math.sqrt(2)
+    fix = _fix(stamp_s, degrees["lat"], degrees["lon"], read_number(points["alt"]), sd_m)
+    if status is None or quality is None or fix.no_place is not None:
+        return fix
+    return replace(fix, status=status, quality=int(quality))
 
 
-def _time(cells: Sequence[str], columns: Mapping[str, int]) -> str:
+def _time(text: Mapping[str, str]) -> str:
     """Date and time of a row."""
-    date, time = (
-        cells[columns[key]].strip() if 0 <= columns[key] < len(cells) else "" for key in ("date", "time")
-    )
+    date, time = text["date"], text["time"]
     return time if re.search(r"\d[-/.]\d+[-/.]\d", time) else " ".join(filter(None, (date, time)))
 
 
@@ -395,26 +349,18 @@ def _time_formats(
     if not texts or not re.match(r"\d{1,2}[-/. ][\dA-Za-z]{1,3}[-/. ]\d{2,4}\b", texts[0]):
         return [], []
     readings = {tuple(read_time(text, [one]) for text in texts): one for one in likely_time_formats(texts[0])}
-    fitting = [one for times, one in readings.items() if None not in times]
+    fitting = {one: times for times, one in readings.items() if None not in times}
     if len(fitting) < 2:
-        return fitting, []
-    if log_s is not None:
-        near = [
-            one
-            for one in fitting
-            if any(log_s[0] - DAY_S <= (read_time(text, [one]) or 0.0) <= log_s[1] + DAY_S for text in texts)
-        ]
-        if len(near) == 1:
-            words = "day before month" if near[0].index("%d") < near[0].index("%m") else "month before day"
-            message = f"dates such as {texts[0][:40]!r} are read with the {words}, which is the date of the log"
-            return near, [Problem(Kind.ASSUMED_TIME, Mistake(message, "", path))]
-    both = " or ".join(f"{utc_text(read_time(texts[0], [one]) or 0.0)[:10]}" for one in fitting[:2])
+        return list(fitting), []
+    near = [
+        one
+        for one, times in fitting.items()
+        if log_s is not None and any(log_s[0] - DAY_S <= (time or 0.0) <= log_s[1] + DAY_S for time in times)
+    ]
+    if len(near) == 1:
+        words = "day before month" if near[0].index("%d") < near[0].index("%m") else "month before day"
+        message = f"dates such as {texts[0][:40]!r} are read with the {words}, which is the date of the log"
+        return near, [Problem(Kind.ASSUMED_TIME, Mistake(message, "", path))]
+    both = " or ".join(utc_text(times[0] or 0.0)[:10] for times in list(fitting.values())[:2])
     message = f"dates such as {texts[0][:40]!r} have two meanings: {both}"
     raise InputError(message, "write times as 2026-05-14T09:00:10Z", path)
-
-
-def _rows(lines: Sequence[bytes], header: int, delimiter: str) -> Iterator[tuple[int, list[str]]]:
-    for number, raw in enumerate(lines, header + 1):
-        line = decode_line(raw)
-        if line.strip() and not line.lstrip().startswith(("%", "#")):
-            yield number, _split(line, delimiter)

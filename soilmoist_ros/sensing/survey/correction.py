@@ -135,12 +135,10 @@ def _lacking(record: LoggerRecord, settings: CorrectionSettings) -> list[str]:
 
 
 def unusual_factors(factors: Mapping[str, tuple[float, float]]) -> list[str]:
-    """Doubts about factors of corrections that are far from 1.
+    """Doubts about factors of corrections that are far from 1: least and greatest factor by name.
 
     >>> unusual_factors({"f_intensity": (9.8, 10.1)})[0].split(":")[0]
     'the factor of the incoming neutrons is 9.80 to 10.10'
-
-    :param factors: least and greatest factor by its name, such as ``f_humidity``
     """
     reasons = {
         "f_humidity": "humidity: check the units of temperature and humidity, and reference_gm3",
@@ -156,10 +154,7 @@ def unusual_factors(factors: Mapping[str, tuple[float, float]]) -> list[str]:
 
 
 def unusual_pressure(pressure_hpa: float, site: Site) -> str:
-    """Doubt about a mean air pressure that does not fit the altitude of the site; empty for a usual one.
-
-    :param pressure_hpa: mean air pressure [hPa], NaN if unknown
-    """
+    """Doubt about a mean air pressure [hPa] that does not fit the altitude of the site; empty for a usual one."""
     place = site.corrections.place or site.location
     if place is None or place.altitude_m is None:
         return ""

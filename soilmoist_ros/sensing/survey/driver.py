@@ -49,13 +49,10 @@ _LINK_LEVELS = {
 class DriverSettings:
     """Addresses and limits of a driver.
 
-    :param logger_uri: address of the logger
-    :param logger_format: name of a logger format, or path of a YAML file
     :param gnss_uri: address of the GNSS receiver; empty if the fixes have another source
     :param silence_limit_s: time without a byte after which a link reconnects [s]; for the logger 3.5 record
         periods if these are longer
     :param fix_wait_s: maximum time that a record waits for a fix [s]
-    :param arms: where antenna and sensor sit on the robot
     """
 
     logger_uri: str
@@ -70,9 +67,6 @@ class DriverSettings:
 class Batch:
     """Data since the last step, in order of arrival.
 
-    :param logger_lines: lines of the logger
-    :param gnss_lines: lines of the receiver
-    :param fixes: epochs of the receiver, with and without a fix
     :param readings: raw records, for their weather
     :param records: corrected, geo-tagged records
     :param more: whether more lines are waiting
@@ -91,7 +85,6 @@ class Batch:
 class Driver:
     """Reads the devices in background threads; all other work runs in the caller's thread.
 
-    :param frame: plane of the coordinates
     :param now_s: time, if known [s since 1970 UTC]; dates the recordings of receivers that send no date
     :raises InputError: if a setting is invalid
     """
@@ -109,9 +102,8 @@ class Driver:
         self._heard_s = math.inf  # monotonic time at which bytes of the logger were seen first
 
     def start(self, wake: Callable[[], None]) -> None:
-        """Start reading.
+        """Start reading; ``wake`` is called from threads when lines wait for :meth:`step`.
 
-        :param wake: called from threads when lines wait for :meth:`step`
         :raises InputError: if a recording cannot be read
         """
 
@@ -130,10 +122,7 @@ class Driver:
         self._readers = {}
 
     def step(self, now_s: float) -> Batch:
-        """Process the lines that have arrived.
-
-        :param now_s: time, zero if unknown [s since 1970 UTC]
-        """
+        """Process the lines that have arrived until a time [s since 1970 UTC], zero if unknown."""
         self._awake.clear()
         # Waits use monotonic time, because simulated time jumps before all lines have arrived.
         steady_s = time.monotonic()
@@ -160,10 +149,7 @@ class Driver:
         return [placed if (placed := self.doubts.placed(record)).quarantine else record for record in ready]
 
     def health(self, now_s: float) -> list[Health]:
-        """State of all parts.
-
-        :param now_s: time [s since 1970 UTC]
-        """
+        """State of all parts at a time [s since 1970 UTC]."""
         if not self._readers:
             return [Health("driver", Level.STALE, "not active: nothing is read")]
         links = {name: reader.status for name, reader in self._readers.items()}
@@ -322,10 +308,7 @@ def _doubt(stream: SensorStream) -> tuple[Level, str] | None:
 
 
 def _header_fault(stream: SensorStream) -> str:
-    """What to do about a header that may be out of date, empty if the logger has sent its own.
-
-    Lines whose columns were exchanged fit it, too.
-    """
+    """Remedy for a header that may be out of date: lines whose columns were exchanged fit it, too; else empty."""
     header = stream.parser.earlier_header
     if header is None:
         return ""
@@ -422,11 +405,9 @@ def _number(value: float, digits: int) -> str:
 
 
 def logger_fault(parts: Iterable[Health], namespace: str) -> str | None:
-    """What a driver reports about its logger, as one line; empty if nothing is wrong.
+    """Report of the driver in a namespace about its logger; empty if nothing is wrong, ``None`` without a driver.
 
     :param parts: states of health with the full names of their nodes
-    :param namespace: namespace of the driver
-    :returns: ``None`` if no part is of a driver in this namespace
     """
     wanted = [
         part

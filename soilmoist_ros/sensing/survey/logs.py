@@ -40,13 +40,10 @@ _CHANGED = re.compile(r"corr|smooth|mov_?avg|filtered|norm")
 
 @dataclass(frozen=True, repr=False)
 class SurveyRecords:
-    """The processed logs of one survey.
+    """The processed logs of one survey: good and quarantined records, corrected and geo-tagged, in order of time.
 
-    :param records: good records, corrected and geo-tagged, in order of time
-    :param frame: plane of the coordinates
     :param problems: faults of all records that were dropped, or kept with a note
     :param tube_share: share of each tube in the rate of the whole sensor, shape (tubes,)
-    :param quarantined: bad records in order of time, each with its reason
     """
 
     records: tuple[CountRecord, ...]
@@ -82,10 +79,7 @@ class SurveyRecords:
 
 @dataclass(frozen=True)
 class _Entry:
-    """A record and its log.
-
-    :param clock_ahead_s: logger's clock minus GNSS time [s], 0 if unknown
-    """
+    """A record, its log, and the logger's clock minus GNSS time [s], 0 if unknown."""
 
     log: LogFile
     record: LoggerRecord
@@ -102,8 +96,6 @@ def process_logs(
 ) -> SurveyRecords:
     """Correct and geo-tag the records of one probe.
 
-    :param logs: parsed logs, in any order
-    :param site: corrections and tubes
     :param frame: plane of the coordinates; centred on the mean position if ``None``
     :param track: positions of a separate GNSS receiver; if ``None``, the positions in the logs are used
     :param arms: where antenna and sensor sit on the robot
@@ -145,7 +137,6 @@ def process_logs(
 def why_unplaced(records: Sequence[LoggerRecord], track: Track, clock_known: bool = False) -> Mistake | None:
     """Reason why positions of a separate receiver are not those of records, ``None`` if they are.
 
-    :param records: records of a log, at least one
     :param clock_known: whether it was stated which time the logger's clock shows
     """
     first, last = (pick(records, key=lambda record: record.stamp_s) for pick in (min, max))
@@ -194,13 +185,10 @@ class CalibrationCounts:
     """What a probe counted during a calibration.
 
     :param raw_counts: raw counts of the good records
-    :param effective_exposure_s: effective exposure of the good records [s]
-    :param records: number of good records
     :param left_out: number of records that were quarantined or cannot be corrected
     :param pressure_hpa: mean air pressure [hPa], NaN if unknown
     :param humidity_gm3: mean absolute humidity [g/m^3], NaN if unknown
     :param first_s: stamp of the first record [s since 1970-01-01 UTC], NaN without records
-    :param last_s: stamp of the last record [s since 1970-01-01 UTC], NaN without records
     :param factors: least and greatest factor of each correction [-], by its name
     :param reason: most frequent reason of the records that are left out, with an example
     """
@@ -241,10 +229,8 @@ class CalibrationCounts:
 def calibration_counts(
     logs: Sequence[LogFile], site: Site, start_s: float = -math.inf, end_s: float = math.inf
 ) -> CalibrationCounts:
-    """Counts and weather of the good records for a calibration, with or without a position.
+    """Counts and weather of the good records between two times, with or without a position.
 
-    :param start_s: time after which records count [s since 1970-01-01 UTC]
-    :param end_s: time up to which records count
     :raises InputError: if the logs are of different probes, or no good record lies between the times
     """
     everything = [entry.record for entry in _in_order_of_time(logs)]

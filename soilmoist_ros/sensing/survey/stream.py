@@ -60,11 +60,7 @@ class ProblemCount:
 class SensorStream:
     """Feeds lines to a survey, and collects statistics for diagnostics.
 
-    :param site: corrections and tubes
-    :param frame: plane of the coordinates
-    :param logger: format of the logger, or name of the format
     :param fix_wait_s: maximum time that a record waits for a fix [s]
-    :param arms: where antenna and sensor sit on the robot
     :raises InputError: if format, tube shares or neutron-monitor file are invalid
     """
 
@@ -198,10 +194,7 @@ class SensorStream:
 
     @property
     def record_period_s(self) -> float:
-        """Usual time between records [s], nominal for the first ones; zero if unknown. Called from any thread.
-
-        The nominal period of a format may be that of another set-up.
-        """
+        """Usual time between records [s], nominal for the first ones; zero if unknown. Called from any thread."""
         return self._period_s or self.parser.period_s or 0.0
 
     @property
@@ -225,15 +218,7 @@ class SensorStream:
 
 
 class FaultyLines:
-    """Lines of a logger since its last record, by what is wrong with them.
-
-    Attributes
-    ----------
-    lines : int
-        number of lines
-    lost : Counter[Kind]
-        number of lines and records that were dropped, by kind of problem
-    """
+    """Lines of a logger since its last record, and what was dropped of them by kind of problem."""
 
     def __init__(self) -> None:
         self.lines = 0

@@ -49,14 +49,11 @@ MAX_ALTITUDE_AGE_S = 300.0  # maximum time between a record and a position that 
 
 @dataclass(frozen=True)
 class _Waiting:
-    """A corrected record that waits for its position.
+    """A corrected record that waits for its position, since a monotonic time [s].
 
     :param recorded: the same with the counts of bad tubes
     :param raw: the uncorrected record
-    :param interval_s: duration of the counting interval [s]
     :param clock_ahead_s: logger's clock minus GNSS time [s]
-    :param since_s: start of the wait, monotonic time [s]
-    :param path: file of the record
     """
 
     record: CountRecord
@@ -84,16 +81,12 @@ class Survey:
     >>> survey.take_ready()
     [CountRecord(2024-05-01 10:00:10Z, x=0.0 m, y=0.0 m, 11 counts, 1.10 counts/s)]
 
-    :param site: corrections and tubes
-    :param frame: plane in which the records are placed
     :param ahead: all records in order of time, if known in advance; tube shares, weather and positions then use
         later records, too
     :param track: positions of a separate receiver, if known in advance
     :param tubes: number of tubes, if known in advance
     :param fix_wait_s: maximum time that a record waits for a fix [s]
-    :param arms: where antenna and sensor sit on the robot
     :param keep_unplaced: whether a record without a position is returned with NaN coordinates, or dropped
-    :param on_problem: called with each problem
     :raises InputError: if the tube shares or the neutron-monitor file of the site cannot be used
     """
 
@@ -161,11 +154,9 @@ class Survey:
 
         A bad record is corrected as far as possible, and quarantined.
 
-        :param record: the raw record
         :param now_s: monotonic time [s]
         :param clock_ahead_s: logger's clock minus GNSS time [s], 0 if unknown
         :param unused_tubes: indices of the tubes that the format leaves out
-        :param path: file of the record, for messages
         """
         original, checked = record, self.checks.check(record, unused_tubes)
         record = checked.record
@@ -335,10 +326,7 @@ class Survey:
 class SurveyPlaces:
     """Positions of a separate receiver, else those in the log, else the location of the site.
 
-    :param site: location of a stationary probe
-    :param track: positions of a separate receiver, if known in advance
-    :param arms: where antenna and sensor sit on the robot
-    :param grows: whether records come one by one, so that early positions may be forgotten
+    If records come one by one (``grows``), early positions may be forgotten.
     """
 
     def __init__(self, site: Site, track: Track | None, arms: LeverArms, grows: bool) -> None:

@@ -38,10 +38,6 @@ FILES = {
     "letters in the header": "time,lat (N),lon (W),alt\n2026-05-14T09:00:00Z,53.268,0.5245,31.5\n",
     "degrees and minutes": "time,lat,lon,alt\n"
     "2026-05-14T09:00:00Z,53\N{DEGREE SIGN}16.08'N,0\N{DEGREE SIGN}31.47'W,31.5\n",
-    "columns of minutes": "time,lat_deg,lat_min,lon_deg,lon_min,side,alt\n"
-    "2026-05-14T09:00:00Z,53,16.08,0,31.47,W,31.5\n",
-    "RTKLIB, degrees and minutes": "%  GPST  latitude(d'\") longitude(d'\") height(m) Q ns sdn(m) sde(m)\n"
-    "2026/05/14 09:00:18.000   53 16 04.80000   -0 31 28.20000   31.5   1  18   0.006   0.008\n",
 }
 NO_ZONE = ("day before month", "month before day")
 
@@ -88,7 +84,8 @@ def test_times_without_a_zone_are_said_once_and_rows_without_a_place_are_no_fix(
         ),
         ("time,lat,lon,latitude\n2026-05-14T09:00:00Z,53.2,-0.5,54.2\n", "several columns .*: lat, latitude"),
         ("time,lat,lon\n2026-05-14T09:00:00Z,53,268,-0,5245\n", "track:2: has 5 fields, the header names 3"),
-        ("time,lat_deg,lat_min,lon\n2026-05-14T09:00:00Z,53,61.0,0\n", r"'53 61.0' is no latitude"),
+        ("time,lat_deg,lat_min,lon\n2026-05-14T09:00:00Z,53,16.0,0\n", "minutes in columns of their own lat_min"),
+        ("%  GPST  latitude(d'\") longitude(d'\") height(m) Q\n", "degrees and minutes in columns of their own"),
         ("<gpx><trk><trkpt lat='53' lon='0'/></trk></gpx>", "has 1 points, but not one time"),
         ("time,lat,lon\n,53,0\n", "has 1 points, but not one time"),
         (
