@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Addresses of sources."""
 
-import itertools
 import os
 import random
 import socket
@@ -99,21 +98,6 @@ def test_a_line_of_a_megabyte_without_an_end_is_noise_within_bounded_memory():
         assert status.n_bytes == 1_000_000 + len(b"a\ntail\nb\n")
 
 
-def test_any_byte_is_accepted():
-    garbage = bytes(byte for byte in range(256) if byte not in b"\r\n")
-    with ScriptedServer(sends(garbage, b"\n\n\r\n", b"\x00\n")) as server, opened(server.uri) as source:
-        assert read(source, 2) == [garbage, b"\x00"]
-
-
-@pytest.mark.slow
-def test_pauses_grow_if_a_server_hangs_up_at_once():
-    with ScriptedServer(lambda client: None) as server, opened(server.uri, Retry(0.1, 60.0)) as source:
-        read_until(source, lambda: source.status.attempts == 4)
-        assert source.read_line(0.1) is None
-        assert source.status.attempts == 4  # the next pause is at least 0.4 s
-        assert server.clients <= 4
-
-
 def test_refused_connections_and_unknown_names_are_reported_and_retried():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
@@ -163,38 +147,12 @@ def test_a_link_waits_for_the_next_record_of_a_slow_logger():
     assert source.status.state is LinkState.CONNECTED
 
 
-def test_pauses_do_not_grow_while_a_device_that_is_there_sends_nothing():
-    source, lines = SlowLogger(900.0).listen(Retry(), 30 * 86_400.0)  # of an unknown period
-    assert source.status.attempts <= 1
-    assert lines >= 0.97 * 30 * 96  # each pause is half a second at most in 35 s
-
-
 @given(st.integers(1, 10_000), st.integers())
 def test_pauses_grow_but_are_bounded(attempts, seed):
     retry = Retry(first_s=0.5, max_s=15.0)
     pause_s = retry.pause_s(attempts, random.Random(seed))
     full_s = min(15.0, 0.5 * 2.0 ** min(attempts - 1, 20))
     assert full_s / 2 <= pause_s <= full_s
-
-
-def test_the_next_attempt_waits_for_its_pause():
-    ticks = itertools.count()
-    attempts = []
-
-    def clock():
-        return next(ticks) * 0.25
-
-    def connect():
-        attempts.append(clock())
-        raise ConnectionRefusedError("refused")
-
-    source = ReconnectingSource("x", connect, Retry(1.0, 8.0), clock, random.Random(1))
-    while len(attempts) < 12:
-        assert source.read_line(0.251) is None
-    pauses = [after - before for before, after in itertools.pairwise(attempts)]
-    assert all(0.5 <= pause <= 9.5 for pause in pauses)
-    assert pauses[0] <= 2.5
-    assert min(pauses[3:]) >= 4.0
 
 
 def test_datagrams_are_lines_with_or_without_their_ends():
@@ -310,15 +268,6 @@ def test_lines_of_several_senders_without_a_list_are_a_warning(port):
         assert f"such as udp://127.0.0.1:{port}?from=127.0.0.2" in part.message
 
 
-def test_a_listener_at_one_address_does_not_hear_what_is_sent_to_another(port):
-    with opened(f"udp://127.0.0.2:{port}", RETRY) as source:
-        listening(source)
-        send(b"to 1\n", port, "127.0.0.1", to="127.0.0.1")
-        send(b"to 2\n", port, "127.0.0.1", to="127.0.0.2")
-        assert read(source, 1) == [b"to 2"]
-        assert source.status.n_lines == 1
-
-
 def test_links_by_one_network_interface(port):
     with opened(f"udp://0.0.0.0:{port}?interface=lo", RETRY) as source:
         listening(source)
@@ -326,25 +275,6 @@ def test_links_by_one_network_interface(port):
         assert read(source, 1) == [b"here"]
     with ScriptedServer(sends(b"a\n")) as server, opened(f"{server.uri}?interface=lo") as source:
         assert read(source, 1) == [b"a"]
-
-
-def test_datagrams_of_another_network_interface_are_not_heard(port):
-    others = [name for _, name in socket.if_nameindex() if name != "lo"]
-    if not others:
-        pytest.skip("this machine has a single network interface")
-    with opened(f"udp://0.0.0.0:{port}?interface={others[0]}", RETRY) as source:
-        listening(source)
-        send(b"by lo\n", port, "127.0.0.1")
-        assert source.read_line(0.1) is None
-        assert source.status.n_bytes == 0
-
-
-@pytest.mark.parametrize("kind", ["tcp", "udp"])
-def test_an_interface_that_is_missing_is_named_and_awaited(kind, port):
-    with opened(f"{kind}://127.0.0.1:{port}?interface=usb7", RETRY) as source:
-        read_until(source, lambda: source.status.attempts >= 3)
-        assert source.status.state is LinkState.CONNECTING
-        assert "there is no network interface 'usb7'; there are: " in source.status.last_error
 
 
 @pytest.mark.parametrize("index", [OSError("no such interface"), 99])

@@ -17,7 +17,6 @@ from soilmoist_ros.sensing.gnss import (
     NoPlace,
     clock_words,
     covariance_of_ellipse,
-    horizontal_sd,
 )
 from soilmoist_ros.sensing.records import Position
 
@@ -27,15 +26,6 @@ def test_error_ellipse_at_an_angle_has_its_axes() -> None:
     direction = np.array([math.sin(math.radians(30)), math.cos(math.radians(30)), 0])
     np.testing.assert_allclose(matrix @ direction, 9 * direction)
     np.testing.assert_allclose(np.linalg.eigvalsh(matrix), [1, 4, 9])
-
-
-def test_the_standard_deviation_of_a_coordinate_is_hdop_times_range_error_over_root_two() -> None:
-    assert horizontal_sd(4, 1.0) == pytest.approx(DEFAULT_UERE_M[4] / math.sqrt(2))
-
-
-@pytest.mark.parametrize(("quality", "hdop"), [(0, 1.0), (7, 1.0), (1, 0.0), (1, 100.0), (1, math.nan)])
-def test_without_a_figure_the_error_is_unknown(quality, hdop) -> None:
-    assert math.isnan(horizontal_sd(quality, hdop))
 
 
 def test_every_quality_with_a_fix_has_a_range_error() -> None:
@@ -101,13 +91,6 @@ def test_another_time_base_is_named_with_both_times(shift_s, message, remedy):
     assert message in why.message
     assert "the records from 2026-05-14 09:00:00 to 2026-05-14 10:00:00 (UTC)" in why.message
     assert re.search(remedy, why.remedy)
-
-
-def test_a_remedy_includes_the_shift_that_was_given():
-    shifted = heard(T0 + 4 * HOUR, T0 + 5 * HOUR)
-    shifted.shifted_s = 2 * HOUR
-    why = shifted.why_not_at(T0, T0 + HOUR, clock_known=True)
-    assert why.remedy == "if it is the positions: --gnss-shift -2h"
 
 
 def test_local_time_that_overlaps_is_asked_for_unless_the_clock_is_known():

@@ -13,11 +13,6 @@ NAN = math.nan
 MAX_LINE = 115
 
 
-def test_an_unknown_name_is_refused() -> None:
-    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
-        _ = sensing.nothing
-
-
 @pytest.mark.parametrize(
     ("thing", "text"),
     [

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Notation of one file: separator, decimal sign, coordinates, order of day and month; formats that fit a header."""
+"""Notation of a file: separator, decimal sign, coordinates, order of day and month; formats that fit a header."""
 
 from __future__ import annotations
 

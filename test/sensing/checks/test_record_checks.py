@@ -13,7 +13,7 @@ from soilmoist_ros.sensing.checks.record_checks import Dispersion, RecordChecks,
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import NAN, CountRecord, LoggerRecord, Position
+from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
 from soilmoist_ros.sensing.survey.survey import Survey
 
 
@@ -67,19 +67,6 @@ def test_noise_of_the_whole_sensor_is_not_believed_because_it_lasts():
     assert found(log(counts, speed_mps=1.0)) == list(range(200, 260))
 
 
-def test_no_soil_is_drier_than_dry():
-    assert found(log([60, 400, 60]), n0_cps=6.0) == [1]
-    assert found(log([60, 70, 80]), n0_cps=6.0) == []
-
-
-def test_quarantined_records_are_no_reference():
-    checks = TotalChecks()
-    bad = CountRecord(1.7e9, 0.0, 0.0, 0.0, 9000, 10.0, 10.0, quarantine="stuck_tube")
-    assert checks.check(bad) == []
-    assert all(checks.check(record) == [] for record in log([40] * 10))
-    assert checks.recorded.index > 1000 * checks.used.index + 1000
-
-
 def test_the_index_of_dispersion_is_1_for_counts_whose_mean_changes_slowly():
     rng = np.random.default_rng(5)
     mean = 700 * np.exp(0.3 * np.sin(np.arange(4000) / 100))
@@ -101,14 +88,6 @@ def test_a_log_that_scatters_more_than_counting_statistics_is_reported():
     assert checks.recorded.index == pytest.approx(5.0, rel=0.3)
     assert "the index of dispersion is" in finding.message
     assert not finding.bad
-
-
-def test_unknown_places_and_other_places_are_no_pairs():
-    dispersion = Dispersion()
-    for record in [*log([40, 900, 40, 800], speed_mps=10.0), CountRecord(1.8e9, NAN, NAN, NAN, 9, 10.0, 10.0)]:
-        dispersion.add(record)
-    assert dispersion.pairs == 0
-    assert np.isnan(dispersion.index)
 
 
 # Checks ----------------------------------------------------------------------------------------------------------

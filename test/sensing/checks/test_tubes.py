@@ -8,8 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.checks.tubes import RunningShares, TubeChecks, combine_tubes, tube_shares
 from soilmoist_ros.sensing.problems import Kind
@@ -64,27 +62,6 @@ def test_a_tube_that_leaves_its_share_is_masked_and_returns_when_it_is_well(tube
     assert [bad for bad in found[400 + within : 500] if bad != {1: kind}] == []
     assert not any(found[600:])
     assert {tube for bad in found for tube in bad} == {1}
-
-
-@pytest.mark.parametrize("factor", [0.0, 8.0])
-def test_a_tube_that_was_bad_early_and_for_long_returns(factor):
-    counts = draw(700)
-    good = counts[40:500, 1].copy()
-    counts[40:500, 1] = np.random.default_rng(3).poisson(factor * good.mean(), 460)
-    found = check(counts)
-    assert sum(1 in bad for bad in found[60:500]) >= 435
-    assert not any(found[560:])
-
-
-@pytest.mark.slow
-def test_the_share_is_not_poisoned_by_bad_counts():
-    counts = draw(600)
-    clean, dirty = TubeChecks(12), TubeChecks(12)
-    check(counts, checks=clean)
-    counts[300:, 7] *= 50
-    check(counts, checks=dirty)
-    np.testing.assert_allclose(dirty.shares, clean.shares, rtol=0.1)
-    assert dirty.rate_cps == pytest.approx(clean.rate_cps, rel=0.1)
 
 
 def test_a_stuck_tube_is_found_by_its_number_alone_even_without_another_tube():
@@ -166,14 +143,6 @@ def test_a_missing_tube_takes_its_share_of_the_exposure() -> None:
     assert combine_tubes(record([4, NAN], (10.0, NAN)), [0.25, 0.75]) == (4, 2.5)
 
 
-def test_unequal_live_times() -> None:
-    assert combine_tubes(record([4, 6], (10.0, 20.0)), [0.5, 0.5]) == (10, 15.0)
-
-
-def test_a_tube_without_a_share_is_left_out() -> None:
-    assert combine_tubes(record([4, 99, 6]), [0.5, 0.0, 0.5]) == (10, 10.0)
-
-
 @pytest.mark.parametrize(
     ("counts", "live", "shares"),
     [
@@ -187,11 +156,6 @@ def test_a_tube_without_a_share_is_left_out() -> None:
 def test_nothing_usable(counts, live, shares) -> None:
     with pytest.raises(ValueError, match="tube"):
         combine_tubes(record(counts, live), shares)
-
-
-def test_shares_of_complete_records_are_the_tubes_parts_of_all_counts() -> None:
-    shares = tube_shares([record([10, 30]), record([20, 40])])
-    np.testing.assert_allclose(shares, [0.3, 0.7], rtol=1e-12)
 
 
 def test_shares_are_not_biased_by_tubes_that_fail_where_it_is_wet() -> None:
@@ -212,38 +176,6 @@ def test_rate_is_unbiased_and_poisson_with_tubes_missing() -> None:
     assert raw.sum() / exposure.sum() == pytest.approx(5.0, rel=0.003)
     standardised = (raw - 5.0 * exposure) / np.sqrt(5.0 * exposure)
     assert standardised.var() == pytest.approx(1.0, abs=0.04)
-
-
-def test_a_dead_tube_has_no_share() -> None:
-    assert tube_shares([record([10, NAN, 10], (10.0, NAN, 10.0)), record([10, 0, 10])])[1] == 0
-
-
-@pytest.mark.slow
-@settings(deadline=None)
-@given(
-    st.lists(
-        st.lists(st.one_of(st.just(NAN), st.integers(0, 1000)), min_size=3, max_size=3), min_size=1, max_size=20
-    )
-)
-def test_shares_add_up_to_one(counts) -> None:
-    try:
-        shares = tube_shares([record(row) for row in counts])
-    except ValueError:
-        return
-    assert np.isfinite(shares).all()
-    assert shares.sum() == pytest.approx(1)
-
-
-def test_running_shares_are_those_of_the_records_so_far() -> None:
-    rng = np.random.default_rng(4)
-    shares = rng.dirichlet(np.full(12, 400.0))
-    running = RunningShares()
-    for one in simulate(rng, shares, np.full(600, 6.0), live_s=10.0):
-        running.update(one)
-    estimate = running.update(record([NAN, *[5.0] * 11], (NAN, *[10.0] * 11)))
-    assert estimate.sum() == pytest.approx(1)
-    assert estimate[0] == pytest.approx(shares[0], rel=0.15)
-    assert np.corrcoef(estimate, shares)[0, 1] > 0.5
 
 
 def test_a_tube_that_is_left_out_on_purpose_has_no_share() -> None:

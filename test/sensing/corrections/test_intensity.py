@@ -43,19 +43,6 @@ def test_the_scaled_factors_agree_with_crnpy(latitude, altitude, rigidity, hawdo
         assert [corrections.f_intensity(rate) for rate in (140.0, 160.0)] == pytest.approx(answers, rel=1e-12)
 
 
-def test_the_monitor_itself_and_no_scaling_keep_the_ratio() -> None:
-    for scaling in ("none", "hawdon2014", "mcjannet2023"):
-        scale = intensity_scale(scaling, JUNGFRAUJOCH, JUNGFRAUJOCH)
-        assert Corrections(reference_intensity=150.0, intensity_scale=scale).f_intensity(148.2) == 150.0 / 148.2
-
-
-def test_impossible_scales_and_intensities_are_refused() -> None:
-    with pytest.raises(ValueError, match="differ too much"):
-        intensity_scale("hawdon2014", CosmicPlace(17.0, 1000.0), CosmicPlace(0.1, 1000.0))
-    with pytest.raises(ValueError, match="far too low"):
-        Corrections(reference_intensity=150.0, intensity_scale=1.3).f_intensity(20.0)
-
-
 # Cutoff rigidity -------------------------------------------------------------------------------------------------
 
 
@@ -185,14 +172,6 @@ def test_an_export_has_intervals_that_begin_at_their_time(tmp_path) -> None:
     assert monitor.at(NOON + 3 * HOUR + 1) is None
 
 
-def test_the_page_of_the_database_is_read_like_its_export(tmp_path) -> None:
-    page = f"<html><body><pre><code>{HEAD}{ROWS}</code></pre><br>Total records</body></html>\n"
-    exported = read_neutron_monitor(write(tmp_path, HEAD + ROWS))
-    saved = read_neutron_monitor(write(tmp_path, page))
-    assert np.array_equal(saved.stamp_s, exported.stamp_s)
-    assert np.array_equal(saved.rate, exported.rate)
-
-
 def test_without_averaging_the_resolution_is_the_original_one(tmp_path) -> None:
     head = HEAD.replace("Yes / 1 hour", "No").replace("RCORR_E\n", "1HCOR_E\n")
     monitor = read_neutron_monitor(write(tmp_path, head + ROWS))
@@ -291,22 +270,6 @@ def test_files_that_cannot_serve_say_why(tmp_path, text, message) -> None:
         read_neutron_monitor(write(tmp_path, text))
 
 
-def test_a_file_of_another_station_is_refused(tmp_path) -> None:
-    with pytest.raises(InputError, match="is of the station JUNG, not of KIEL"):
-        read_neutron_monitor(write(tmp_path, HEAD + ROWS), "KIEL")
-
-
-def test_bad_rows_are_named(tmp_path) -> None:
-    path = write(tmp_path, "2018-05-01 12:00:00;150\n2018-05-01 13:00:00;-3\n2018-05-01 14:00:00;abc\n")
-    with pytest.raises(InputError) as caught:
-        read_neutron_monitor(path)
-    assert [mistake.line for mistake in caught.value.mistakes] == [2, 3]
-    with pytest.raises(InputError, match="cannot be read"):
-        read_neutron_monitor(tmp_path / "missing.csv")
-    with pytest.raises(InputError, match="not a regular file"):
-        read_neutron_monitor(Path("/dev/null"))
-
-
 @pytest.mark.parametrize(
     "rows",
     [
@@ -341,8 +304,3 @@ def test_the_corrected_type_of_an_export_of_several_types_is_read(tmp_path) -> N
         read_neutron_monitor(
             write(tmp_path, head.replace("RCORR_E\n", "\n") + "2018-05-01 12:00:00;130.0;980.0\n")
         )
-
-
-def test_a_time_that_cannot_be_read_is_not_a_missing_row(tmp_path) -> None:
-    with pytest.raises(InputError, match=r":15: the time '5/1/2018 13:00' cannot be read -> write times as"):
-        read_neutron_monitor(write(tmp_path, HEAD + "2018-05-01 12:00:00;150.0\n5/1/2018 13:00;151.0\n"))

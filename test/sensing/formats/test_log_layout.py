@@ -6,14 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.sensing.formats.log_layout import MissingColumnsError, build_layout, plain_name
+from soilmoist_ros.sensing.formats.log_layout import MissingColumnsError, build_layout
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 
 ROVER = load_logger_format("hydroinnova_rover")
-
-
-def test_names_are_compared_without_case_blanks_and_punctuation() -> None:
-    assert plain_name(" N1ET_sec ") == plain_name("n1etsec") == "n1etsec"
 
 
 def test_live_time_of_a_pair_of_tubes() -> None:

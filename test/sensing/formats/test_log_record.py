@@ -7,7 +7,6 @@ import math
 from soilmoist_ros.sensing.formats.log_layout import build_layout
 from soilmoist_ros.sensing.formats.log_record import FieldReader
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat
-from soilmoist_ros.sensing.problems import Kind
 
 FORMAT = LoggerFormat.model_validate(
     {
@@ -60,9 +59,3 @@ def test_a_missing_tube_is_nan_and_a_value_slightly_above_saturation_is_saturati
     assert math.isnan(record.tube_counts[1])
     assert math.isnan(record.tube_live_s[1])
     assert record.relative_humidity == 1.0
-
-
-def test_a_western_longitude_at_an_eastern_site_is_no_position():
-    reading = read(side="east", lon="-97.4")
-    assert reading.record.position is None
-    assert notes(reading) == [Kind.BAD_POSITION]

@@ -3,16 +3,11 @@
 
 from __future__ import annotations
 
-from zoneinfo import ZoneInfo
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soilmoist_ros.sensing.formats.log_values import (
-    COMMON_TIME_FORMATS,
-    canonical,
-    converter,
     decode_line,
     likely_time_formats,
     nmea_checksum,
@@ -82,15 +77,6 @@ def test_checksum_of_a_known_sentence() -> None:
     assert strip_checksum(b"ab") is None
 
 
-@settings(deadline=None)
-@given(st.binary())
-def test_bytes_never_raise(data) -> None:
-    lines, _ = split_lines(data)
-    for line in lines:
-        decode_line(line)
-        strip_checksum(line)
-
-
 @pytest.mark.parametrize(
     ("text", "formats", "stamp_s"),
     [
@@ -119,15 +105,6 @@ def test_likely_time_formats(text, formats) -> None:
 
 
 @settings(deadline=None)
-@given(st.text(max_size=40), st.sampled_from(["auto", "point", "comma"]), st.booleans())
-def test_no_text_makes_the_readers_raise(text, decimal, packed) -> None:
-    read_number(text, decimal)
-    read_coordinate(text, packed, decimal)
-    likely_time_formats(text)
-    read_time(text, [*COMMON_TIME_FORMATS, "excel_days", "unix_ms"], ZoneInfo("Europe/Berlin"), 1.5e9)
-
-
-@settings(deadline=None)
 @given(st.floats(-89.99, 89.99), st.booleans())
 def test_coordinates_of_receivers_and_of_maps_agree(value, lettered) -> None:
     minutes = round((abs(value) % 1) * 60, 4)
@@ -138,14 +115,6 @@ def test_coordinates_of_receivers_and_of_maps_agree(value, lettered) -> None:
 
 
 # Units -----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("text", "value", "hpa"),
-    [("mm Hg", 760, 1013.25), ("Torr", 760, 1013.25), ("[inHg]", 29.92, 1013.2), ("kPa", 101.325, 1013.25)],
-)
-def test_pressures_of_weather_stations(text, value, hpa):
-    assert converter("pressure", canonical(text))(value) == pytest.approx(hpa, abs=0.05)
 
 
 @pytest.mark.parametrize(

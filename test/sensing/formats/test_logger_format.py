@@ -22,13 +22,6 @@ record_period: {default_s: 60}
 """
 
 
-def test_shipped_formats_are_valid() -> None:
-    names = logger_names()
-    assert {"hydroinnova_rover", "hydroinnova_crs1000", "thorvald_crs", "finapp", "styx"} <= set(names)
-    for name in names:
-        assert load_logger_format(name).title
-
-
 @pytest.mark.slow
 def test_every_key_is_described() -> None:
     def described(model):
@@ -50,13 +43,6 @@ def test_every_key_is_described() -> None:
                     walk(part)
 
     walk(LoggerFormat)
-
-
-def test_a_user_file_is_a_format(tmp_path) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_text(MINIMAL)
-    assert load_logger_format(path) == load_logger_format(str(path))
-    assert load_logger_format(path).time.marks == "end"
 
 
 @pytest.fixture
@@ -97,11 +83,6 @@ def test_an_installed_package_adds_a_format(tmp_path, caplog) -> None:
     log.write_text("my_time,my_counts\n2024-05-01T10:00:00Z,7\n")
     assert detect_format(log).title == "mine"
     assert read_log(log, "my_path").records[0].tube_counts == (7,)
-
-
-def test_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"hydroinnova_crs1000.*did you mean 'hydroinnova_rover'"):
-        load_logger_format("hydroinova_rover")
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import math
-import tracemalloc
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -12,9 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.foundation.errors import InputError, Mistake
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.checks.tubes import combine_tubes, tube_shares
-from soilmoist_ros.sensing.formats.log_layout import Header
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import (
     REMEMBERED_RECORDS,
@@ -127,27 +125,6 @@ def test_a_log_without_signs_needs_a_side(roving_record) -> None:
     with pytest.raises(InputError, match="'longitude: west'"):
         rover_log(roving_record, "signed")
     assert rover_log(roving_record, "east").records[-1].position.longitude_deg == 97.43415
-
-
-def test_format_of_the_real_log_is_detected(roving_record) -> None:
-    assert detect_format(roving_record) == FORMATS["hydroinnova_rover"]
-
-
-@pytest.mark.slow
-@settings(deadline=None)
-@given(st.data())
-def test_damaged_real_lines_never_raise(data) -> None:
-    good = [*ROVER_HEADER.splitlines(), line(), line(time="2024/05/01 10:01:00", number="8")]
-    damaged = []
-    for one in good:
-        text = bytearray(one)
-        for _ in range(data.draw(st.integers(0, 3))):
-            place = data.draw(st.integers(0, len(text)))
-            text[place : place + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))
-        damaged.append(bytes(text))
-    parser = RecordParser(FORMATS["hydroinnova_rover"], "west")
-    for one in damaged:
-        check_record(parser.feed(one, complete=data.draw(st.booleans())))
 
 
 # ---------------------------------------------------------------- arbitrary bytes
@@ -286,28 +263,6 @@ def test_a_live_parser_knows_its_latest_records_and_a_file_all_of_them() -> None
     assert [one.kind for one in log.problems].count(Kind.DUPLICATE) == 1
 
 
-@pytest.mark.slow
-def test_the_memory_of_a_live_parser_does_not_grow() -> None:
-    rover = FORMATS["hydroinnova_rover"]
-    parser = RecordParser(rover, "east", on_problem=lambda problem: None, remembered=100)
-    lines = [*ROVER_HEADER.splitlines(), *lines_of_days(1000)]
-    for one in lines[:400]:
-        parser.feed(one)
-    tracemalloc.start()
-    before, _ = tracemalloc.get_traced_memory()
-    for one in lines[400:]:
-        parser.feed(one)
-    after, _ = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert after - before < 30_000  # all 600 need 100,000 bytes
-
-
-def test_same_time_and_other_counts_are_kept() -> None:
-    records, problems = rover(line(), line(n1="41"))
-    assert len(records) == 2
-    assert kinds(problems) == [Kind.SAME_TIME]
-
-
 def test_clock_backwards_is_kept() -> None:
     records, problems = rover(line(), line(time="2024/05/01 09:00:00", number="8", gps="0090000"))
     assert len(records) == 2
@@ -359,40 +314,8 @@ def test_an_earlier_header_is_used_until_the_logger_sends_one() -> None:
     assert later.header.names == ("RecordNum", "Date Time(UTC)", "N1Cts", "N1ETsec", "GpsUTC", "LatDec", "LongDec")
 
 
-def test_an_earlier_header_without_the_columns_needed_is_not_used() -> None:
-    _, later = after_a_restart()
-    parser = RecordParser(FORMATS["hydroinnova_rover"], "east")
-    parser.use_header(Header(("RecordNum", "P4_mb")))
-    assert parser.earlier_header is None
-    assert parser.layout is None
-    known = later.layout
-    later.use_header(Header(("RecordNum", "P4_mb")))
-    assert later.layout is known
-    assert RecordParser(FORMATS["styx"]).header is None  # its columns are always the same
-
-
-def test_header_without_the_columns_needed() -> None:
-    parser = RecordParser(FORMATS["hydroinnova_rover"], "east")
-    parser.feed(b"//RecordNum,Date Time(UTC),P4_mb")
-    assert parser.feed(b"1,2024/05/01 10:00:00,980") is None
-    assert kinds(parser.problems) == [Kind.BAD_HEADER, Kind.NO_HEADER]
-
-
-def test_column_of_a_quantity_is_missing() -> None:
-    parser = RecordParser(FORMATS["hydroinnova_crs1000"])
-    parser.feed(b"//RecordNum,Date Time(UTC),T1_C,RH1,N1Cts,N1ET_sec,")
-    assert parser.feed(b"38, 2023/05/31 23:39:00, 9.1, 47.6, 1225, 1200") is not None
-    assert kinds(parser.problems) == [Kind.MISSING_COLUMN]
-
-
-def test_unknown_side_of_greenwich() -> None:
-    with pytest.raises(InputError, match="use signed, east or west"):
-        RecordParser("thorvald_crs", "left")  # type: ignore[arg-type]
-
-
 # Log file --------------------------------------------------------------------------------------------------------
 
-THORVALD = load_logger_format("thorvald_crs")
 CRS1000 = load_logger_format("hydroinnova_crs1000")
 ROVER_HEAD = b"""\
 //Hydroinnova CRS Probe Filename: 1.KSU
@@ -439,13 +362,6 @@ def test_unreadable_files(tmp_path, data, message, remedy) -> None:
     assert mistake.path == path
 
 
-def test_missing_file_and_folder(tmp_path) -> None:
-    with pytest.raises(InputError, match="there is no such file"):
-        read_log(tmp_path / "none.log", "thorvald_crs")
-    with pytest.raises(InputError, match="is a folder"):
-        read_log(tmp_path, "thorvald_crs")
-
-
 def test_wrong_format_names_the_columns_and_the_right_format(tmp_path) -> None:
     header = b"//Hydroinnova CRS-1000 Data\n\n//RecordNum,Date Time(UTC),P1_mb,P4_mb,T1_C,RH1,N1Cts,N1ET_sec,\n"
     path = write(tmp_path, header + b"\n38, 2023/05/31 23:39:00, 970.7, 974.2, 9.1, 47.6, 1225, 1200\n")
@@ -483,11 +399,6 @@ def test_truncated_last_line(tmp_path, kept) -> None:
     assert log.records_lost == 1
 
 
-def test_last_line_without_an_end_is_kept_if_nothing_of_use_can_be_cut(tmp_path) -> None:
-    log = read_log(write(tmp_path, ROVER_HEAD + rover_line()), "hydroinnova_rover", "east")
-    assert len(log.records) == 1
-
-
 def test_last_line_without_an_end_is_dropped_if_its_last_number_may_be_cut(tmp_path) -> None:
     header = b"//RecordNum,Date Time(UTC),P4_mb,T1_C,RH1,N1Cts,N1ET_sec\n"
     rows = b"1, 2023/05/31 23:39:00, 974.2, 9, 47, 1225, 1200\n2, 2023/05/31 23:59:00, 974.2, 9, 47, 1225, 120"
@@ -500,17 +411,3 @@ def test_remarks_and_end_marks_are_no_problem(tmp_path) -> None:
     parser_lines = [b"# written by a test", *format_header().encode().splitlines(), b"\x1a"]
     path = write(tmp_path, b"\n".join(parser_lines) + b"\n")
     assert read_log(path, "thorvald_crs").problems == ()
-
-
-@pytest.mark.slow
-@settings(deadline=None)
-@given(st.binary(max_size=300))
-def test_any_file_is_read_or_refused(tmp_path_factory, data) -> None:
-    path = tmp_path_factory.mktemp("any") / "x.log"
-    path.write_bytes(data)
-    mistakes: tuple[Mistake, ...] = ()
-    try:
-        read_log(path, THORVALD)
-    except InputError as error:
-        mistakes = error.mistakes
-    assert all(mistake.path == path and mistake.remedy for mistake in mistakes)

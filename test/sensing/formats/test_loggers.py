@@ -7,13 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.formats import log_values as units
 from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
-from soilmoist_ros.sensing.formats.logger_reader import LogFile, RecordParser, detect_format, read_log
-from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
+from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, read_log
 from soilmoist_ros.sensing.problems import Kind
-from soilmoist_ros.sensing.records import LoggerRecord
 
 
 def write(tmp_path: Path, data: bytes) -> Path:
@@ -85,11 +81,6 @@ def test_styx_counts_are_recovered_from_rate_and_stamps(tmp_path) -> None:
     assert log.records[0].pressure_hpa == pytest.approx(1001.005)
 
 
-def test_styx_external_pressure_is_in_hpa(tmp_path) -> None:
-    path = write(tmp_path, (styx_row(1714557600, 0.25, external="1003.4") + "\n").encode())
-    assert read_log(path, "styx").records[0].pressure_hpa == 1003.4
-
-
 def test_rate_is_not_multiplied_over_a_lost_line(tmp_path) -> None:
     rows = [styx_row(1714557600, 0.25), "broken", styx_row(1714557600 + 1800, 0.25)]
     log = read_log(write(tmp_path, "\n".join(rows).encode() + b"\n"), "styx")
@@ -122,57 +113,6 @@ def mine(**changes) -> LoggerFormat:
         "humidity": {"sensors": [{"column": "h", "unit": "fraction"}]},
     }
     return LoggerFormat.model_validate({**settings, **changes})
-
-
-def test_a_user_format() -> None:
-    parser = RecordParser(mine())
-    parser.feed(b"Day;Clock;c1;c2;p;t;h")
-    record = parser.feed(b"01.05.2018;16:04;7;8;98.1;68;0.5")
-    assert record is not None
-    assert record.stamp_s == 1525184040.0  # end of the interval, UTC
-    assert record.tube_live_s == (600, 600)
-    assert record.pressure_hpa == pytest.approx(981)
-    assert record.temperature_degc == pytest.approx(20)
-    assert record.relative_humidity == 0.5
-    assert parser.problems == []
-
-
-def test_blanks_as_delimiter_and_kelvin() -> None:
-    logger = mine(
-        delimiter="whitespace",
-        time={"columns": ["time"], "formats": ["unix_s"]},
-        temperature={"sensors": [{"column": "t", "unit": "K"}]},
-    )
-    parser = RecordParser(logger)
-    parser.feed(b" time   c1    t")
-    record = parser.feed(b" 1525184048   7 293.15 ")
-    assert record is not None
-    assert record.temperature_degc == pytest.approx(20)
-
-
-def test_no_live_time_at_all() -> None:
-    logger = mine(record_period={"header_key": "period"})
-    parser = RecordParser(logger)
-    parser.feed(b"Day;Clock;c1;p;t;h")
-    assert parser.feed(b"01.05.2018;16:04;7;98.1;68;0.5") is None
-    assert kinds(parser.problems) == [Kind.NO_LIVE_TIME]
-
-
-def test_a_log_of_the_robot(tmp_path) -> None:
-    records = [
-        LoggerRecord(1714557600.0 + 10 * i, (float(i % 5),) * 12, (10.0,) * 12, 1e3, 20.0, 0.5) for i in range(50)
-    ]
-    text = "\n".join([format_header("A1"), *(format_record(record) for record in records)]) + "\n"
-    path = write(tmp_path, text.encode())
-    log = read_log(path, "thorvald_crs")
-    assert [record.tube_counts for record in log.records] == [record.tube_counts for record in records]
-    assert (log.problems, log.serial, log.period_s) == ((), "A1", 10)
-    assert detect_format(path) == load_logger_format("thorvald_crs")
-
-
-def test_nothing_fits(tmp_path) -> None:
-    with pytest.raises(InputError, match="has no known logger format"):
-        detect_format(write(tmp_path, b"a,b\n1,2\n"))
 
 
 # Toa5 ------------------------------------------------------------------------------------------------------------
@@ -274,44 +214,3 @@ def test_the_clock_of_the_site_has_priority() -> None:
     assert logger.on_clock(None) is logger
     assert logger.on_clock(-6.0).time.utc_offset_hours == -6.0
     assert logger.time.utc_offset_hours == 0.0
-
-
-def test_a_quoted_csv_of_another_logger(tmp_path) -> None:
-    logger = LoggerFormat.model_validate(
-        {
-            "title": "mine",
-            "source": "a test",
-            "delimiter": "semicolon",
-            "header": {},
-            "time": {"columns": ["time"], "formats": ["iso8601"]},
-            "counts": {"columns": ["n"]},
-            "record_period": {"default_s": 600},
-        }
-    )
-    path = tmp_path / "a.csv"
-    path.write_text('"time";"note; free";"n"\n"2021-09-22 12:00";"rain; ""heavy""";"7"\n')
-    (record,) = read_log(path, logger).records
-    assert record.tube_counts == (7,)
-
-
-def test_units_are_known_by_their_spellings() -> None:
-    assert [units.canonical(text) for text in ("°C", "[hPa]", "millibar", "%", "kPa", "bogus")] == [
-        "degC",
-        "hPa",
-        "mbar",
-        "percent",
-        "kPa",
-        "",
-    ]
-
-
-def test_one_live_time_holds_for_all_tubes(tmp_path) -> None:
-    path = tmp_path / "table.dat"
-    head = [
-        '"TOA5","a","b","1","os","p","s","t"',
-        '"TIMESTAMP","N1Cts","N2Cts","N1ET_sec"',
-        '"TS","","",""',
-        '"","Tot","Tot",""',
-    ]
-    path.write_text("\n".join([*head, *(f'"2024-05-01 0{hour}:00:00",900,880,3598' for hour in range(3))]) + "\n")
-    assert [record.tube_live_s for record in read_log(path).records] == [(3598.0, 3598.0)] * 3

@@ -193,11 +193,6 @@ def test_a_time_zone_by_name_in_autumn_and_in_spring(tmp_path) -> None:
     ]  # fmt: skip
 
 
-def test_an_unknown_time_zone_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"there is no time zone 'Europe/Berlni'.*did you mean 'Europe/Berlin'"):
-        table(time={"columns": ["day"], "formats": ["iso8601"], "zone": "Europe/Berlni"})
-
-
 @pytest.mark.parametrize(
     ("unit", "value", "counts"),
     [("counts_per_hour", "1648.779197", 1649), ("counts_per_minute", "27.5", 1650), ("counts", "1,650", 1650)],
@@ -207,23 +202,6 @@ def test_rates_and_empty_columns_at_the_end(tmp_path, unit, value, counts) -> No
     rows = [f"2019-05-31 {hour:02d}:00,{quoted},,," for hour in range(20)]
     log = read(tmp_path, "\n".join(["day,N,,,", *rows]) + "\n", table(counts={"columns": ["N"], "unit": unit}))
     assert [one.tube_counts[0] for one in log.records] == [counts] * 20
-
-
-def test_the_remedy_fits_the_fault(tmp_path) -> None:
-    with pytest.raises(InputError) as caught:
-        read(tmp_path, "day,N,p\n2019-05-31 20:00,1648.78,1000\n", table())
-    assert "1648.78 is not a whole number -> if it is a rate, write 'unit: counts_per_second" in str(caught.value)
-    with pytest.raises(InputError) as caught:
-        read(tmp_path, "day,N,p\n31.05.2019 20:00,1648,1000\n", table())
-    assert "-> if it is %d.%m.%Y %H:%M, add this to time.formats" in str(caught.value)
-    assert "known formats" not in str(caught.value)
-
-
-def test_units_under_the_header_headers_in_between_and_utf16(tmp_path) -> None:
-    rows = ["day,N,p", ",counts,kPa", "2024-05-01 00:00,1700,98.5", "day,N,p", "2024-05-01 01:00,1701,98.6"]
-    log = read(tmp_path, ("\r\n".join(rows) + "\r\n").encode("utf-16-le"), table())
-    assert [one.pressure_hpa for one in log.records] == [985.0, 986.0]
-    assert {problem.kind for problem in log.problems} == {Kind.OTHER_UNIT}
 
 
 def test_zero_bytes_of_a_power_cut_cost_the_damaged_lines_only(tmp_path) -> None:

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -63,13 +62,6 @@ def test_the_header_has_serial_number_and_period() -> None:
     assert not parser.problems
 
 
-def test_a_stream_is_understood_from_the_middle_and_after_a_new_header() -> None:
-    parser = RecordParser(FORMAT)
-    lines = [format_record(RECORD), format_header(), format_record(replace(RECORD, stamp_s=RECORD.stamp_s + 10))]
-    found = [parser.feed(line.encode()) for line in "\r\n".join(lines).splitlines()]
-    assert sum(record is not None for record in found) == 2
-
-
 @settings(deadline=None)
 @given(st.integers(0, 60), st.integers(1, 255))
 def test_one_changed_byte_is_always_found(place, change) -> None:
@@ -79,32 +71,6 @@ def test_one_changed_byte_is_always_found(place, change) -> None:
     assert parser.feed(bytes(line)) is None
     # If the first byte becomes #, the line is a remark and is not reported.
     assert [problem.kind for problem in parser.problems] == [Kind.CHECKSUM] or line.startswith(b"#")
-
-
-def test_dead_tube_is_an_empty_field() -> None:
-    counts = (NAN, *RECORD.tube_counts[1:])
-    line = format_record(replace(RECORD, tube_counts=counts))
-    assert ",55.20,,3," in line
-    parser = RecordParser(FORMAT)
-    read = parser.feed(line.encode())
-    assert read is not None
-    assert math.isnan(read.tube_counts[0])
-    assert math.isnan(read.tube_live_s[0])
-    assert [problem.kind for problem in parser.problems] == [Kind.MISSING_TUBE]
-
-
-@pytest.mark.parametrize(
-    "change", [{"tube_counts": (1.0,)}, {"tube_live_s": (1.0,) * 6 + (2.0,) * 6}, {"tube_live_s": (NAN,) * 12}]
-)
-def test_what_cannot_be_written(change) -> None:
-    with pytest.raises(ValueError, match="tubes"):
-        format_record(replace(RECORD, **change))
-
-
-@pytest.mark.parametrize("serial", ["", "a*b", "ä", " x", "a\nb"])
-def test_bad_serial_numbers(serial) -> None:
-    with pytest.raises(ValueError, match="serial"):
-        format_header(serial)
 
 
 @pytest.mark.parametrize("text", [b"www.usr.cn", b"\xff\x00hello\x07", b"12", b"#hb;", b"2024-05-01T10:00:00Z,"])

@@ -36,29 +36,11 @@ def test_mean_and_standard_error_of_cores(read):
     assert math.isnan(cores.depth_cm)
 
 
-def test_cores_are_read_from_a_file_with_an_end():
-    with pytest.raises(InputError, match="not a regular file -> check the path of the cores"):
-        read_soil_cores(Path("/dev/null"))
-
-
 def test_gravimetric_cores_take_a_density_from_the_core_or_the_site(read):
     text = "gravimetric_water;weight\n0.10;1\n0.20;3\n"
     assert mean_of_cores(read(text, 1.5)).vwc == pytest.approx(0.175 * 1.5)
     with pytest.raises(InputError, match="gravimetric water needs a bulk density"):
         read(text)
-
-
-def test_every_bad_cell_is_named(read):
-    with pytest.raises(InputError) as caught:
-        read("vwc,weight\n20,1\nabc,1\n0.2,-1\n,1\n0.2,1\n")
-    assert [(mistake.line, mistake.column) for mistake in caught.value.mistakes] == [
-        (2, "vwc"),
-        (3, "vwc"),
-        (4, "weight"),
-        (5, "vwc"),
-    ]
-    with pytest.raises(InputError, match="has no column 'vwc' or 'gravimetric_water', only: depth"):
-        read("depth\n3\n")
 
 
 @pytest.mark.parametrize(
@@ -148,16 +130,6 @@ def test_the_density_of_the_site_serves_where_the_cores_have_none():
     assert found.vwc != pytest.approx(
         mean_of_cores(unknown, "revised", Surroundings(bound_water=0.05)).vwc, abs=1e-4
     )
-
-
-def test_a_profile_below_the_reach_of_conventional_weights_does_not_count():
-    cores = [SoilCore(0.2, 1.4, 1.0, "a", 5.0, 5.0, 5.0), SoilCore(0.4, 1.4, 1.0, "b", 5.0, 90.0, 90.0)]
-    assert mean_of_cores(cores, "conventional").vwc == pytest.approx(0.2)
-
-
-def test_a_core_at_the_probe_weighs_as_one_at_half_a_metre():
-    rows = [[SoilCore(0.2, distance_m=near), SoilCore(0.4, distance_m=9.0)] for near in (0.0, 0.5)]
-    assert mean_of_cores(rows[0]).vwc == mean_of_cores(rows[1]).vwc
 
 
 @settings(max_examples=15)

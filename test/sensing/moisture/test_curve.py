@@ -3,11 +3,9 @@
 
 import json
 import math
-import pickle
 from dataclasses import replace
 from pathlib import Path
 
-import mpmath
 import numpy as np
 import pytest
 from crnpy import crnpy
@@ -19,9 +17,7 @@ from soilmoist_ros.sensing.moisture.curve import (
     MAX_HUMIDITY_GM3,
     PARAMETER_SETS,
     CalibrationCurve,
-    MoistureCurve,
     UniversalCurve,
-    soil_limits,
 )
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.records import LoggerRecord
@@ -34,11 +30,6 @@ def test_vwc_agrees_with_an_independent_implementation():
     rate = np.linspace(2.4, 6.0, 50)
     expected = crnpy.counts_to_vwc(rate, N0=6.0, Wlat=0.03, Wsoc=0.01, bulk_density=1.4)
     np.testing.assert_allclose(CURVE.vwc(rate), expected, rtol=1e-12)
-
-
-@given(st.floats(0.0, 0.9))
-def test_vwc_and_rate_are_inverse(vwc):
-    assert CURVE.vwc(CURVE.rate_cps(vwc)) == pytest.approx(vwc, abs=1e-9)
 
 
 def test_slope_is_the_derivative():
@@ -64,22 +55,6 @@ def test_third_order_standard_deviation_agrees_with_an_independent_implementatio
     np.testing.assert_allclose(dry.vwc_sd(counts, np.sqrt(counts), order=3), expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("rate", "sd"), [(3.6, 0.1), (3.2, 0.4), (2.6, 0.3)])
-def test_third_order_variance_is_that_of_the_cubic_expansion_of_the_curve(rate, sd):
-    """mpmath expands the curve; Gauss-Hermite quadrature of the variance is exact for cubic polynomials."""
-
-    def desilets(n):
-        return 1.4 * (0.0808 / (n / 6.0 - 0.372) - 0.115 - 0.04)
-
-    with mpmath.workdps(40):
-        coefficients = [float(c) for c in mpmath.taylor(desilets, rate, 3)]
-    nodes, weights = np.polynomial.hermite_e.hermegauss(8)
-    values = np.polynomial.polynomial.polyval(sd * nodes, coefficients)
-    weights /= weights.sum()
-    variance = weights @ (values - weights @ values) ** 2
-    assert CURVE.vwc_sd(rate, sd, order=3) ** 2 == pytest.approx(variance, rel=1e-9)
-
-
 def test_rates_without_a_soil_moisture_are_not_valid_and_give_nan():
     rates = [CURVE.lowest_rate_cps - 1e-9, CURVE.lowest_rate_cps - 1e-15, 0.0, -1.0, 4.0]
     np.testing.assert_array_equal(CURVE.valid(rates)[[0, 2, 3, 4]], [False, False, False, True])
@@ -99,11 +74,6 @@ def test_values_that_cannot_be_are_refused():
 
 
 # Soil limits -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("density", "pores"), [(1.325, 0.5), (1.59, 0.4), (0.265, 0.9), (2.65, 0.0), (2.7, 0.0)])
-def test_the_pores_are_what_the_minerals_leave(density, pores):
-    assert soil_limits(density) == pytest.approx((0.0, pores))
 
 
 # Universal -------------------------------------------------------------------------------------------------------
@@ -172,20 +142,6 @@ def test_third_order_uncertainty_is_that_of_many_draws():
         CURVE_UNIVERSAL.vwc_sd(rate, sd, order=2)
 
 
-def test_the_expansion_has_the_derivatives_of_the_inverse_curve():
-    vwc, sd = CURVE_UNIVERSAL.vwc_and_sd(2.5, 0.1)
-    step = 1e-3
-    first, second, third = (
-        float(np.asarray(weights) @ CURVE_UNIVERSAL.vwc(2.5 + step * np.arange(-2, 3)) / step**order)
-        for order, weights in enumerate(
-            [[1 / 12, -2 / 3, 0, 2 / 3, -1 / 12], [0, 1, -2, 1, 0], [-0.5, 1, 0, -1, 0.5]], 1
-        )
-    )
-    variance = (first * 0.1) ** 2 + (second**2 / 2 + first * third) * 0.1**4 + 5 / 12 * third**2 * 0.1**6
-    assert sd == pytest.approx(math.sqrt(variance), rel=1e-3)
-    assert vwc == CURVE_UNIVERSAL.vwc(2.5)
-
-
 def test_humidity_is_corrected_once_and_exactly_at_the_typical_moisture():
     """Counts at 14 g/m3 are corrected to 8 g/m3; the curve at 8 g/m3 gives the moisture back."""
     site = Site(
@@ -201,31 +157,6 @@ def test_humidity_is_corrected_once_and_exactly_at_the_typical_moisture():
     assert humid > 13
     assert record.f_humidity > 1.03
     assert site.curve.vwc(record.corrected_rate) == pytest.approx(0.25, abs=1e-12)
-
-
-@pytest.mark.parametrize(("away_gm3", "bound"), [(5.0, 0.003), (-5.0, 0.003), (10.0, 0.006)])
-def test_the_second_order_error_away_from_the_typical_moisture(away_gm3, bound):
-    vwc = np.linspace(0.05, 0.40, 36)
-    curve = UniversalCurve(6.0, 1.4, humidity_gm3=10.0)
-    there = curve.humidity_gm3 + away_gm3
-    corrected = replace(curve, humidity_gm3=there).rate_cps(vwc) / curve.humidity_response(0.20, there)
-    error = np.abs(curve.vwc(corrected) - vwc)
-    assert 0.5 * bound < error.max() <= bound
-    assert error[np.argmin(np.abs(vwc - 0.20))] < 1e-12
-
-
-def test_the_linear_factor_can_be_kept_with_the_universal_curve():
-    corrections = {"pressure": None, "humidity": {"method": "linear", "reference_gm3": 8.0}}
-    soil, calibration = {"bulk_density_gcm3": 1.4}, {"n0_cps": 6.0, "curve": "universal"}
-    site = Site(corrections=corrections, soil=soil, calibration=calibration)
-    humid = absolute_humidity_gm3(25.0, 0.6)
-    assert site.corrections_parameters.f_humidity(25.0, 0.6) == pytest.approx(1 + 0.0054 * (humid - 8.0))
-
-
-def test_both_curves_satisfy_the_protocol_and_name_themselves():
-    curves: list[MoistureCurve] = [CURVE_UNIVERSAL, CalibrationCurve(6.0, 1.4)]
-    assert [curve.parameters["curve"] for curve in curves] == ["universal", "desilets"]
-    assert pickle.loads(pickle.dumps(CURVE_UNIVERSAL)) == CURVE_UNIVERSAL
 
 
 @pytest.mark.parametrize(

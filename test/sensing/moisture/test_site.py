@@ -45,41 +45,6 @@ def test_all_mistakes_are_named_at_once_with_line_key_and_suggestion(tmp_path):
     assert "either as 'constant' or as 'file'" in str(caught.value)
 
 
-def test_corrections_can_be_switched_off(tmp_path):
-    path = tmp_path / "site.yaml"
-    path.write_text("corrections: {pressure: null, humidity: null}\n")
-    site = load_site(path)
-    assert site.corrections.pressure is None
-    assert site.corrections_parameters.f_humidity(30.0, 1.0) == 1.0
-
-
-def test_a_map_of_moisture_needs_soil_and_calibration(tmp_path):
-    path = tmp_path / "site.yaml"
-    path.write_text("soil: {bulk_density_gcm3: 1.4}\n")
-    assert load_site(path).curve is None
-    path.write_text("soil: {bulk_density_gcm3: 1.4}\ncalibration: {n0_cps: 6}\n")
-    curve = load_site(path).curve
-    assert curve is not None
-    assert curve.n0_cps == 6.0
-
-
-def test_intensity_file_is_relative_to_the_site_file(tmp_path):
-    path = tmp_path / "site.yaml"
-    path.write_text("corrections: {intensity: {reference: 150, file: monitor.csv}}\n")
-    intensity = load_site(path).corrections.intensity
-    assert intensity is not None
-    assert intensity.file == tmp_path / "monitor.csv"
-
-
-def test_an_illustrative_calibration_has_a_key(tmp_path, caplog):
-    path = tmp_path / "site.yaml"
-    path.write_text("calibration: {n0_cps: 6, illustrative: true, note: a guess}\n")
-    assert load_site(path).calibration.illustrative
-    path.write_text("calibration: {n0_cps: 6, illustrative: false, note: not illustrative}\n")
-    assert not load_site(path).calibration.illustrative
-    assert not caplog.records
-
-
 def test_the_word_in_the_note_of_an_old_file_is_read_with_a_warning(tmp_path, caplog):
     path = tmp_path / "site.yaml"
     path.write_text("calibration: {n0_cps: 6, note: 'illustrative: no cores'}\n")
@@ -98,15 +63,6 @@ def test_limits_for_irrigation_come_in_pairs(tmp_path, text, mistake):
     path = tmp_path / "site.yaml"
     path.write_text(f"irrigation:\n  {text}\n" if ":" in text and "{" not in text else f"irrigation: {text}\n")
     with pytest.raises(InputError, match=mistake):
-        load_site(path)
-
-
-def test_the_time_zone_of_the_field_has_a_known_name(tmp_path):
-    path = tmp_path / "site.yaml"
-    path.write_text("time_zone: Europe/London\n")
-    assert load_site(path).time_zone == "Europe/London"
-    path.write_text("time_zone: Lincoln\n")
-    with pytest.raises(InputError, match="there is no time zone 'Lincoln'; write it as in Europe/Berlin"):
         load_site(path)
 
 
@@ -173,11 +129,6 @@ CURVES = pytest.mark.parametrize("unit_curve", [UNIT, UniversalCurve(1.0, 1.4, 0
 def test_calibration_closes(unit_curve):
     n0 = estimate_n0(4.0, 0.04, 0.22, 0.01, unit_curve).n0_cps
     assert replace(unit_curve, n0_cps=n0).vwc(4.0) == pytest.approx(0.22, abs=1e-12)
-
-
-def test_a_single_core_has_no_standard_error():
-    estimate = estimate_n0(4.0, 0.04, 0.2, math.nan, UNIT)
-    assert estimate.n0_sd_cps == estimate.from_counting_cps > 0
 
 
 @CURVES

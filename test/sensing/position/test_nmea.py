@@ -97,13 +97,6 @@ def test_a_fix_comes_without_delay_once_the_sentences_are_known() -> None:
     assert parser.flush() is None
 
 
-@pytest.mark.parametrize("talker", ["GP", "GN", "GL", "GA", "GB"])
-def test_talkers(talker) -> None:
-    (fix,), _ = parse(sentence(f"{talker}RMC,100000,A,5231.1,S,01324.6,W,,,010524,,,A"))
-    assert fix.position.latitude_deg == pytest.approx(-52.51833333)
-    assert fix.position.longitude_deg == pytest.approx(-13.41)
-
-
 @pytest.mark.parametrize(
     ("quality", "status"),
     [
@@ -123,40 +116,10 @@ def test_status(quality, status) -> None:
     assert fix.covariance_kind is CovarianceKind.APPROXIMATED
 
 
-@pytest.mark.parametrize(
-    "lines",
-    [
-        (rmc(status="V", lat=",", lon=",", mode="N"), gga(lat=",", lon=",", quality="0", hdop="99.9")),
-        (rmc(), gga(quality="0")),
-        (rmc(), gga(quality="7")),
-        (rmc(status="V"), gga()),
-        (rmc(lat=",", lon=","), gga(lat=",", lon=",")),
-        (rmc(lat="9531.1,N"), gga(lat="9531.1,N")),
-    ],
-)
-def test_no_fix(lines) -> None:
-    (fix,), _ = parse(*lines)
-    assert fix.status is FixStatus.NO_FIX
-    assert math.isnan(fix.position.latitude_deg)
-    assert fix.stamp_s == stamp("2024-05-01 10:00:00")
-
-
 def test_error_ellipse_in_east_and_north() -> None:
     (fix,), _ = parse(rmc(), gga(quality="4"), gst(ellipse="0.04,0.01,90.0"))
     np.testing.assert_allclose(fix.covariance_m2, np.diag([0.04**2, 0.01**2, 0.05**2]), atol=1e-12)
     assert fix.covariance_kind is CovarianceKind.KNOWN
-
-
-def test_standard_deviations_without_an_ellipse() -> None:
-    (fix,), _ = parse(rmc(), gga(), gst(ellipse=",,", axes="0.02,0.03,0.05"))
-    np.testing.assert_allclose(fix.covariance_m2, np.diag([0.03**2, 0.02**2, 0.05**2]))
-    assert fix.covariance_kind is CovarianceKind.DIAGONAL_KNOWN
-
-
-def test_a_fix_without_figures_has_an_unknown_error() -> None:
-    (fix,), _ = parse(rmc())
-    assert fix.covariance_kind is CovarianceKind.UNKNOWN
-    assert math.isnan(fix.position.horizontal_sd_m)
 
 
 def test_midnight_between_the_sentences() -> None:
@@ -169,13 +132,6 @@ def test_midnight_between_the_sentences() -> None:
     ]
     fixes, _ = parse(*lines)
     assert [fix.stamp_s - stamp("2024-01-01 00:00:00") for fix in fixes] == [-1, 0, 1]
-
-
-def test_no_date_yet() -> None:
-    fixes, problems = parse(gga("100000"), gga("100001"), rmc("100001"))
-    assert math.isnan(fixes[0].stamp_s)
-    assert fixes[1].stamp_s == stamp("2024-05-01 10:00:01")
-    assert problems == [Kind.NO_DATE]
 
 
 @pytest.mark.parametrize(
@@ -213,16 +169,6 @@ def test_a_broken_sentence_before_a_whole_one() -> None:
     assert problems == []
 
 
-def test_the_checksum_is_optional_if_wanted() -> None:
-    assert parse(rmc()[:-3], require_checksum=False)[0]
-
-
-@settings(deadline=None)
-@given(st.lists(st.binary(max_size=120)))
-def test_any_bytes_never_raise(lines) -> None:
-    parse(*lines, require_checksum=False)
-
-
 @pytest.mark.slow
 @settings(deadline=None)
 @given(
@@ -255,16 +201,6 @@ def test_file(tmp_path) -> None:
     assert [(problem.kind, problem.mistake.line, problem.mistake.path) for problem in problems] == [
         (Kind.UNREADABLE, 2, path)
     ]
-
-
-@pytest.mark.parametrize("data", [b"", b"a,b,c\n1,2,3\n", b"$GPGGA,1*00\n"])
-def test_files_without_sentences(tmp_path, data) -> None:
-    path = tmp_path / "a.nmea"
-    path.write_bytes(data)
-    with pytest.raises(InputError, match=r"is empty|has no NMEA sentence|is a table without"):
-        read_positions(path)
-    with pytest.raises(InputError, match="no such file"):
-        read_positions(tmp_path / "b.nmea")
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 """Lever arms: the heading from positions, and places of the sensor that are right in any heading."""
 
 import math
-import tracemalloc
 
 import numpy as np
 import pytest
@@ -35,14 +34,6 @@ def test_linear_between_two_fixes() -> None:
     assert position.horizontal_sd_m == 0.05
 
 
-def test_too_long_a_gap() -> None:
-    track = Track(LINE)
-    assert track.at(5.0, 9.0) is None
-    assert track.at(0.4, 9.0) == LINE[0].position
-    assert track.at(9.7, 9.0) == LINE[1].position
-    assert track.at(0.6, 9.0) is None
-
-
 @pytest.mark.parametrize(
     ("stamp_s", "found"), [(-0.5, 0), (10.5, 1), (-0.6, None), (10.6, None), (math.nan, None)]
 )
@@ -50,23 +41,10 @@ def test_outside(stamp_s, found) -> None:
     assert Track(LINE).at(stamp_s, 60.0) == (None if found is None else LINE[found].position)
 
 
-def test_order_doubles_and_invalid_fixes_do_not_matter() -> None:
-    odd = [fix(5.0, status=FixStatus.NO_FIX), fix(math.nan), fix(5.0, math.nan), fix(10.0, 0.0)]
-    track = Track([LINE[1], *odd, LINE[0]])
-    assert len(track) == 2
-    assert track.at(2.5, 10.0) == Track(LINE).at(2.5, 10.0)
-
-
 def test_across_180_degrees() -> None:
     track = Track([fix(0.0, longitude=179.8), fix(10.0, longitude=-179.8)])
     assert track.at(2.5, 10).longitude_deg == pytest.approx(179.9)
     assert track.at(7.5, 10).longitude_deg == pytest.approx(-179.9)
-
-
-def test_unknown_altitude_and_sd_stay_unknown() -> None:
-    position = Track([fix(0.0, altitude=math.nan, sd=math.nan), fix(1.0)]).at(0.5, 10.0)
-    assert math.isnan(position.altitude_m)
-    assert math.isnan(position.horizontal_sd_m)
 
 
 @settings(deadline=None)
@@ -93,27 +71,6 @@ def test_a_growing_track_starts_again_when_the_receiver_corrects_its_clock() -> 
     track.add(1e9, LINE[0].position)
     track.add(5.0, LINE[1].position)
     assert (len(track), track.fixed_s) == (1, 5.0)
-
-
-def test_only_the_latest_positions_are_remembered() -> None:
-    track = Track(max_positions=10)
-    for second in range(1000):
-        track.add(float(second), fix(0.0, 50 + second / 1000).position)
-    assert 10 <= len(track) <= 20
-    assert track.at(999.0, 1.0).latitude_deg == pytest.approx(50.999)
-    assert track.at(0.0, 1.0) is None
-
-
-def test_a_long_track_needs_little_memory_and_knows_its_oldest_positions() -> None:
-    tracemalloc.start()
-    before, _ = tracemalloc.get_traced_memory()
-    track = Track(max_positions=2000)
-    for second in range(3999):
-        track.add(float(second), fix(0.0, 50 + second / 1000, 13 + second / 1000, second / 7, second / 3).position)
-    needed, _ = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert (needed - before) / len(track) < 100  # a position as an object needs 200 bytes
-    assert track.at(0.5, 1.0).latitude_deg == pytest.approx(50.0005)
 
 
 # Lever arms ------------------------------------------------------------------------------------------------------
@@ -162,12 +119,6 @@ def test_a_record_is_where_the_sensor_is(antenna, sensor, heading):
     assert not [problem for problem in problems if problem.kind is Kind.NO_HEADING]
 
 
-def test_without_lever_arms_no_bit_changes():
-    plain, _, _ = surveyed(LeverArms(), 0.7)
-    middle = position(5 * math.cos(0.7), 5 * math.sin(0.7))
-    assert (plain[0].x_m, plain[0].y_m) == tuple(FRAME.to_local(middle.latitude_deg, middle.longitude_deg)[0])
-
-
 def test_without_a_heading_the_place_is_the_antennas_and_it_is_noted():
     problems = []
     survey = Survey(SITE, FRAME, arms=LeverArms(sensor_m=(2.0, 0.0)), on_problem=problems.append)
@@ -178,14 +129,6 @@ def test_without_a_heading_the_place_is_the_antennas_and_it_is_noted():
     assert (record.x_m, record.y_m) == pytest.approx((7.0, 8.0))
     assert [problem.kind for problem in problems] == [Kind.NO_HEADING]
     assert not problems[0].lost
-
-
-def test_a_probe_at_a_fixed_location_is_where_the_site_file_says():
-    site = Site(corrections=SITE.corrections, location={"latitude_deg": 52.0, "longitude_deg": 13.0})
-    survey = Survey(site, FRAME, arms=LeverArms(sensor_m=(2.0, 0.0)))
-    survey.take_record(LoggerRecord(1010.0, (5.0,), (10.0,)))
-    (record,) = survey.take_ready()
-    assert (record.x_m, record.y_m) == pytest.approx((0.0, 0.0))
 
 
 def test_the_heading_is_kept_while_the_robot_stands_in_the_noise_of_its_fixes():
@@ -199,32 +142,6 @@ def test_the_heading_is_kept_while_the_robot_stands_in_the_noise_of_its_fixes():
     assert course.at(499.0) == pytest.approx(math.pi / 2, abs=0.05)
     assert course.at(1.0) == pytest.approx(math.pi / 2, abs=1e-3)
     assert math.isnan(course.at(0.5))
-
-
-def test_poor_fixes_need_longer_steps():
-    course = Course()
-    course.add(0.0, position(0.0, 0.0, 2.0))
-    course.add(1.0, position(5.0, 0.0, 2.0))
-    assert math.isnan(course.at(1.0))
-    course.add(2.0, position(7.0, 0.0, 2.0))
-    assert course.at(2.0) == pytest.approx(0.0, abs=1e-3)
-
-
-def test_a_course_across_the_date_line_and_its_limit():
-    course = Course(max_headings=5)
-    for number in range(40):
-        course.add(float(number), Position(0.0, (179.9998 + number * 1e-5 + 180) % 360 - 180))
-    assert course.at(39.0) == pytest.approx(0.0, abs=1e-6)
-    assert len(course._stamps) <= 10
-
-
-def test_arms_from_parameters():
-    arms = LeverArms.of({"antenna_x_m": 0.5, "sensor_y_m": -1, "field": "x"})
-    assert arms == LeverArms((0.5, 0.0), (0.0, -1.0))
-    assert LeverArms.of({}) == LeverArms()
-    assert arms.base_from_antenna(math.pi / 2) == pytest.approx((0.0, -0.5))
-    assert arms.base_from_antenna(math.nan) is None
-    assert LeverArms(sensor_m=(0.0, -1.0)).base_from_antenna(math.nan) == (0.0, 0.0)
 
 
 # Checked track ---------------------------------------------------------------------------------------------------

@@ -5,11 +5,8 @@
 import math
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.gnss import FixStatus
 from soilmoist_ros.sensing.position.track_file import read_positions
 from soilmoist_ros.sensing.problems import Kind
 
@@ -150,25 +147,3 @@ def test_the_log_decides_between_day_and_month(tmp_path):
         fixes, problems = read_positions(path, (log_s, log_s + 60.0))
         assert [fix.stamp_s for fix in fixes] == [log_s, log_s + 1]
         assert words in problems[0].mistake.message
-
-
-@settings(deadline=None, max_examples=200)
-@given(
-    st.sampled_from(
-        [b"", b"<gpx><trkpt ", b"time,lat,lon\n", b"lat;lon;unix\n", b"%  GPST latitude(deg) longitude(deg)\n"]
-    ),
-    st.one_of(
-        st.binary(max_size=200),
-        st.lists(
-            st.sampled_from([b"1", b"2026-05-14", b"\n", b",", b";", b" ", b"9e99", b"-5", b'"', b"$GPGGA,"])
-        ).map(b"".join),
-    ),
-)
-def test_any_bytes_are_read_or_refused(tmp_path_factory, head, rest):
-    path = tmp_path_factory.getbasetemp() / "any.track"
-    path.write_bytes(head + rest)
-    try:
-        fixes, _ = read_positions(path, (T0, T0 + 60.0))
-    except InputError:
-        return
-    assert all(math.isnan(fix.position.latitude_deg) == (fix.status is FixStatus.NO_FIX) for fix in fixes)

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
@@ -21,14 +20,10 @@ from soilmoist_ros.sensing.survey.correction import (
     correct_record,
     counting_interval_s,
     place_record,
-    position_gap_s,
 )
 
 NAN = math.nan
 ONE = np.array([1.0])
-INTENSITY = Site(
-    corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 100}}
-)
 
 
 def record(stamp_s: float, live_s: float = 10.0, pressure_hpa: float = 1000.0) -> LoggerRecord:
@@ -41,15 +36,6 @@ def test_the_exposure_is_divided_by_the_product_of_the_factors() -> None:
     assert found.effective_exposure_s == pytest.approx(10.0 / (found.f_pressure * found.f_humidity))
     assert (found.raw_counts, found.exposure_s) == (50, 10.0)
     assert math.isnan(found.x_m)
-
-
-def test_the_intensity_is_constant_or_that_of_the_monitor_at_the_time() -> None:
-    monitor = NeutronMonitor(np.array([0.0, 100.0]), np.array([100.0, 200.0]))
-    assert correct_record(record(50.0), INTENSITY, 75.0, ONE).f_intensity == 2.0
-    assert correct_record(record(50.0), INTENSITY, monitor, ONE).f_intensity == 1.0
-    with pytest.raises(UnusableRecordError, match=r"the neutron monitor.*has no rate at this time") as caught:
-        correct_record(record(101.0), INTENSITY, monitor, ONE)
-    assert caught.value.kind is Kind.NO_CORRECTION
 
 
 @pytest.mark.parametrize(
@@ -81,10 +67,6 @@ def test_the_interval_begins_at_the_record_before_up_to_one_and_a_half_live_time
     assert counting_interval_s(record(100.0 + since_s), record(100.0)) == pytest.approx(interval_s)
 
 
-def test_positions_are_interpolated_over_three_intervals_and_at_least_five_seconds() -> None:
-    assert (position_gap_s(10.0), position_gap_s(1.0)) == (30.0, 5.0)
-
-
 # Weather ---------------------------------------------------------------------------------------------------------
 
 
@@ -103,12 +85,6 @@ def pressure(series: WeatherSeries, stamp_s: float) -> float:
     return series.filled(air(stamp_s, NAN)).pressure_hpa
 
 
-def test_a_short_gap_is_interpolated_and_a_long_one_is_not() -> None:
-    assert pressure(series_of([air(0.0), air(1200.0, 1010.0)]), 600.0) == pytest.approx(1005.0)
-    assert math.isnan(pressure(series_of([air(0.0), air(10_000.0, 1010.0)]), 5000.0))
-    assert math.isnan(pressure(series_of([air(0.0, NAN), air(20.0, NAN)]), 10.0))
-
-
 def test_gaps_of_a_logger_that_writes_every_hour_are_some_records_long() -> None:
     def hourly(hour: float, pressure_hpa: float = NAN) -> LoggerRecord:
         return LoggerRecord(3600 * hour, (700.0,), (3600.0,), pressure_hpa, 20.0, 0.5)
@@ -124,19 +100,6 @@ def test_at_the_end_the_last_value_serves_for_half_the_gap() -> None:
     series = series_of([air(0.0)])
     assert pressure(series, MAX_WEATHER_GAP_S / 2) == 1000.0
     assert math.isnan(pressure(series, MAX_WEATHER_GAP_S / 2 + 1))
-
-
-def test_values_of_a_clock_that_was_set_back_are_forgotten() -> None:
-    series = series_of([air(0.0, 990.0), air(5000.0, 1010.0), air(100.0, 995.0)])
-    assert pressure(series, 110.0) == 995.0
-
-
-def test_only_the_latest_values_are_remembered() -> None:
-    series = WeatherSeries(max_values=3)
-    for second in range(100):
-        series.add(air(float(second), 1000.0 + second))
-    assert pressure(series, 99.5) == 1099.0
-    assert pressure(series, 0.0) > 1090.0
 
 
 @given(

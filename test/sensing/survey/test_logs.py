@@ -13,12 +13,11 @@ import pytest
 from crnpy import crnpy
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing.checks.weather import unlikely_weather
 from soilmoist_ros.sensing.clock_drift import ClockDrift
 from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
-from soilmoist_ros.sensing.moisture.site import Site, load_site
+from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import Track
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
@@ -160,22 +159,6 @@ def test_a_log_without_any_position_says_so(tmp_path):
     assert "a.log" in text
 
 
-def test_records_without_a_position_are_lost_and_counted(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0 * k, 5.0 + k % 2) for k in range(1, 40)])
-    survey = process_logs([log], NO_CORRECTIONS, track=track((0, 50.0), (100, 50.001)))
-    lost = [problem for problem in survey.problems if problem.lost]
-    assert len(survey.records) + len(lost) == 39
-    assert {problem.kind for problem in lost} == {Kind.NO_POSITION}
-    assert 9 <= len(survey.records) <= 11
-
-
-def test_logs_of_two_probes_are_refused(tmp_path):
-    logs = [write_log(tmp_path / f"{name}.log", [record(10.0)], serial=name) for name in ("p1", "p2")]
-    with pytest.raises(InputError, match="was written by probe p1") as caught:
-        process_logs(logs, NO_CORRECTIONS)
-    assert [mistake.path.name for mistake in caught.value.mistakes] == ["p1.log", "p2.log"]
-
-
 def test_two_files_of_one_probe_join_in_order_of_time_and_without_repeats(tmp_path):
     first = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
     second = write_log(tmp_path / "b.log", [record(20.0), record(30.0)])
@@ -215,25 +198,6 @@ def test_a_dead_tube_changes_the_exposure_not_the_rate(tmp_path):
     assert late == pytest.approx(10.0 * 11 / 12, rel=0.03)
     rate = survey.raw_counts[-150:].sum() / late.sum()
     assert rate == pytest.approx(6.0, rel=0.03)
-
-
-def test_intensity_comes_from_a_neutron_monitor_file(tmp_path):
-    (tmp_path / "monitor.csv").write_text("2024-05-01 00:00:00;100\n2024-05-01 01:00:00;100\n")
-    (tmp_path / "site.yaml").write_text(
-        "corrections: {pressure: null, humidity: null, intensity: {reference: 150, file: monitor.csv}}\n"
-    )
-    site = load_site(tmp_path / "site.yaml")
-    log = write_log(tmp_path / "a.log", [record(10.0), record(7200.0)])
-    survey = process_logs([log], site, track=track((0, 50.0), (7200, 50.0)))
-    assert [r.f_intensity for r in survey.records] == [1.5]
-    assert [p.kind for p in survey.problems if p.lost] == [Kind.NO_CORRECTION]
-
-
-def test_counts_for_a_calibration_need_no_position(tmp_path):
-    log = write_log(tmp_path / "a.log", [record(10.0), record(20.0)])
-    counted = calibration_counts([log], NO_CORRECTIONS)
-    assert (counted.raw_counts, counted.effective_exposure_s, counted.records) == (120, 20.0, 2)
-    assert (counted.rate_cps, counted.rate_sd_cps) == (6.0, pytest.approx(math.sqrt(120) / 20))
 
 
 def test_only_records_between_two_times_count_for_a_calibration(tmp_path):
@@ -294,12 +258,6 @@ def test_the_tube_that_is_left_out_counts_more(tmp_path, second, n_doubts):
     assert all("tube 2, which the format leaves out, counts 1.96 times what tube 1" in one for _, one in found)
 
 
-def test_a_repeated_record_counts_once_in_the_tube_that_is_left_out(tmp_path):
-    rows = "".join(f"{n}, 2018/01/08 {n:02d}:03:00, 1000, 9, 80, 91, 178, 900, 900\n" for n in range(8))
-    (found,) = doubts(tmp_path, CRS1000 + rows + rows)
-    assert "tube 2, which the format leaves out, counts 1.96 times what tube 1" in found[1]
-
-
 @pytest.mark.parametrize(
     ("name", "factor", "why"),
     [("neutrons", 60, "all are multiples of 60"), ("neutrons/h", 1, "so the header says"), ("neutrons", 1, "")],
@@ -312,20 +270,3 @@ def test_counts_that_are_a_rate(tmp_path, name, factor, why):
     found = doubts(tmp_path, text, logger=form.model_copy(update={"counts": counts}))
     assert [kind for kind, _ in found] == [Kind.NOT_COUNTS] * bool(why)
     assert all(why in text and "write 'unit: counts_per_hour' below 'counts'" in text for _, text in found)
-
-
-def test_corrected_counts_are_doubted_though_they_are_whole(tmp_path):
-    form = load_logger_format("finapp")
-    form = form.model_copy(update={"counts": form.counts.model_copy(update={"columns": ["CTS_MOD_CORR"]})})
-    text = night(f"28 {hour:02d}" for hour in range(9)).replace("neutrons", "CTS_MOD_CORR")
-    (found,) = doubts(tmp_path, text, logger=form)
-    assert "by their name, CTS_MOD_CORR are corrected or smoothed: they would be corrected twice" in found[1]
-
-
-@pytest.mark.parametrize(("humidity", "doubt"), [(9.7, "if it is absolute humidity"), (55, "")])
-def test_air_that_is_too_dry_for_a_survey(tmp_path, humidity, doubt):
-    path = tmp_path / "some.csv"
-    rows = "".join(f"2023-10-28 {hour:02d}:00:00,1700,3600,1000,{humidity}\n" for hour in range(12))
-    path.write_text(FINAPP.replace(")\n", "),ur(%)\n") + rows)
-    found = unlikely_weather(read_log(path).records)
-    assert [doubt in one.remedy for one in found] == [True] * bool(doubt)

@@ -12,10 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soilmoist_ros.foundation.errors import InputError, Level
+from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.sensing.corrections.intensity import LatestIntensity
-from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import read_log
 from soilmoist_ros.sensing.formats.robot_logger import format_header, format_record
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
@@ -28,7 +27,7 @@ from soilmoist_ros.sensing.survey.driver import NO_RECORD_S, logger_fault, recor
 from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.sensing.survey.stream import SensorStream
 from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S, MAX_FIXES
-from soilmoist_ros.simulation.robot.virtual_devices import nmea_sentences, sentences_without_fix
+from soilmoist_ros.simulation.robot.virtual_devices import sentences_without_fix
 from virtual_survey import START_S, write_survey
 
 NAN = math.nan
@@ -174,22 +173,6 @@ def test_no_record_is_lost_and_their_order_remains_whatever_comes_when(data):
 
 
 @pytest.mark.slow
-@given(st.lists(st.binary(max_size=80), max_size=10))
-def test_no_line_can_bring_it_down_and_each_loss_is_counted(lines):
-    live = survey()
-    for text in lines:
-        live.take_logger_line(text, 0.0)
-        live.take_nmea_line(text)
-    live.take_logger_line(line(record(1)), 0.0)
-    live.take_fix(fix(6.0))
-    assert len(live.take_ready(0.0)) == 1
-    problems = live.logger_problems
-    remarks = [text for text in lines if text.strip(b"\r\n").lstrip().startswith(b"#") and b"*" not in text]
-    empty = [text for text in lines if not text.strip(b"\r\n").strip(b" \t\x03\x04\x1a")]
-    assert problems.losses == len(lines) - len(remarks) - len(empty)
-
-
-@pytest.mark.slow
 def test_a_record_that_comes_hours_late_finds_its_place():
     live, one_m = survey(), fix(0.0, 1.0).position.longitude_deg - FRAME.to_geographic((0.0, 0.0))[0][1]
     for second in range(3 * MAX_FIXES):
@@ -224,46 +207,6 @@ def test_missing_weather_is_that_of_before_but_not_of_long_ago():
     assert "there is no air pressure" in str(live.logger_problems.last_loss)
 
 
-@pytest.mark.slow
-def test_the_loggers_own_positions_serve_as_from_a_file(roving_record):
-    """A real log: positions at the middle of the interval; without a logged position the record has none."""
-    path = roving_record
-    site = Site(longitude="west", corrections={"pressure": None, "humidity": None})
-    logger = load_logger_format("hydroinnova_rover")
-    log = read_log(path, logger, "west")
-    wanted = process_logs([log], site).records
-    frame = process_logs([log], site).frame
-    live = SensorStream(site, frame, logger)
-    found = []
-    for text in path.read_bytes().splitlines():
-        live.take_logger_line(text, 0.0)
-        found += live.take_ready(0.0)
-    found += live.take_ready(9.0)
-    assert len(found) == len(log.records)
-    placed = {one.stamp_s: one for one in found if not math.isnan(one.x_m)}
-    assert len(placed) >= 0.98 * len(wanted)
-    far_m = [
-        math.hypot(placed[one.stamp_s].x_m - one.x_m, placed[one.stamp_s].y_m - one.y_m)
-        for one in wanted
-        if one.stamp_s in placed
-    ]
-    assert sorted(far_m)[int(0.98 * len(far_m))] < 1e-6
-    assert [one.raw_counts for one in wanted] == [
-        one.raw_counts for one in found if one.stamp_s in {w.stamp_s for w in wanted}
-    ]
-
-
-def test_intensity_comes_from_outside_if_it_is_good():
-    site = Site(corrections={"pressure": None, "humidity": None, "intensity": {"reference": 150, "constant": 150}})
-    live = survey(site)
-    latest = live.survey.latest_intensity = LatestIntensity()
-    assert [latest.take(rate, 0.0) for rate in (NAN, -1.0, 0.0, math.inf)] == [False] * 4
-    live.take_logger_line(line(record(1)), 0.0)
-    assert latest.take(100.0, 0.0)
-    live.take_logger_line(line(record(2)), 0.0)
-    assert [one.f_intensity for one in live.take_ready(9.0)] == [1.0, 1.5]
-
-
 def test_intensity_from_outside_is_that_of_the_site_again_when_it_is_too_old():
     intensity = {"reference": 150, "constant": 150, "max_gap_hours": 2}
     live = survey(Site(corrections={"pressure": None, "humidity": None, "intensity": intensity}))
@@ -274,24 +217,6 @@ def test_intensity_from_outside_is_that_of_the_site_again_when_it_is_too_old():
     latest.take(75.0, 12_300.0)
     live.take_logger_line(line(record(3)), 12_300.0)
     assert [one.f_intensity for one in live.take_ready(2e4)] == [1.5, 1.5, 1.0, 2.0]
-
-
-def test_a_tube_that_is_missing_from_the_start_has_the_share_of_the_others():
-    live = survey()
-    broken = {"tube_counts": (NAN, *[5.0] * 11), "tube_live_s": (NAN, *[10.0] * 11)}
-    live.take_logger_line(line(record(1, **broken)), 0.0)
-    [one] = live.take_ready(9.0)
-    assert one.raw_counts == 55
-    assert one.exposure_s == pytest.approx(10 * 11 / 12, rel=0.01)
-
-
-def test_tube_shares_of_the_site_file_must_fit_the_logger():
-    with pytest.raises(InputError, match="has 2 values, but the logger has 12 tubes"):
-        survey(UNCORRECTED.model_copy(update={"tube_shares": [0.5, 0.5]}))
-    live = survey(UNCORRECTED.model_copy(update={"tube_shares": [2.0] + [1.0] * 11}))
-    broken = {"tube_counts": (NAN, *[5.0] * 11), "tube_live_s": (NAN, *[10.0] * 11)}
-    live.take_logger_line(line(record(1, **broken)), 0.0)
-    assert live.take_ready(9.0)[0].exposure_s == pytest.approx(10 * 11 / 13)
 
 
 def test_clocks_are_compared_by_the_line_that_came_fastest():
@@ -349,25 +274,6 @@ def test_a_clock_that_is_set_is_reported_where_the_lines_have_no_gnss_time():
         assert live.logger_problems.noted[Kind.CLOCK_OFFSET] == (number > 12)
 
 
-def test_the_rate_of_records_is_by_the_loggers_time():
-    live = survey()
-    assert math.isnan(live.record_rate_hz)
-    for number in (1, 2, 3):
-        live.take_logger_line(line(record(number)), 0.0)
-    assert live.record_rate_hz == pytest.approx(0.1)
-
-
-def test_sentences_without_a_fix_and_without_a_date():
-    live = survey()
-    gga = nmea_sentences(T0 + 5, Position(50.0, 10.0, 30.0, 0.02))[1].encode()
-    later = nmea_sentences(T0 + 6, Position(50.0, 10.0, 30.0, 0.02))[1].encode()
-    live.take_nmea_line(gga, T0 + 3600)
-    assert live.take_nmea_line(later, T0 + 3600).stamp_s == T0 + 5
-    for text in sentences_without_fix(T0 + 7) + sentences_without_fix(T0 + 8):
-        live.take_nmea_line(text.encode())
-    assert live.last_fix.status is FixStatus.NO_FIX
-
-
 # No record -------------------------------------------------------------------------------------------------------
 
 BEGIN = 1.78e9
@@ -411,18 +317,6 @@ def test_a_logger_without_one_valid_record_is_an_error_with_a_remedy(lines, said
     assert part.level is Level.ERROR
     assert "has not sent one valid record" in part.message
     assert said in part.message
-
-
-def test_lines_without_a_checksum_show_that_the_format_is_another_one():
-    part = health([b"12,34,56", b"12,34,57"])
-    assert "no checksum, unlike those of" in part.message
-    assert part.values["last line with: wrong checksum"] == "12,34,57"
-
-
-def test_a_logger_that_has_just_begun_is_no_error_yet():
-    assert health(HEADER, heard_s=5.0).level is Level.STALE
-    assert health(WRONG_SUM, heard_s=5.0).level is Level.WARN
-    assert health([], n_bytes=0).level is Level.STALE
 
 
 def test_a_logger_that_falls_silent_after_bad_lines_says_what_was_wrong_with_them():

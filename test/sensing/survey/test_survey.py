@@ -106,15 +106,6 @@ def test_values_after_a_record_serve_it_when_all_records_are_known():
     assert [(problem.kind, problem.mistake.line) for problem in problems] == [(Kind.NO_CORRECTION, 1)]
 
 
-def test_a_record_without_a_place_is_kept_or_lost_by_choice():
-    for keep in (True, False):
-        problems = []
-        survey = Survey(UNCORRECTED, FRAME, keep_unplaced=keep, on_problem=problems.append)
-        survey.take_record(record(10.0))
-        assert len(survey.take_ready()) == keep
-        assert [(problem.kind, problem.lost) for problem in problems] == [(Kind.NO_POSITION, not keep)]
-
-
 def test_the_middle_of_the_interval_is_joined_by_gnss_time():
     survey = Survey(UNCORRECTED, FRAME, track=Track([fix(float(s)) for s in range(100)]))
     survey.take_record(record(50.0), clock_ahead_s=20.0)
@@ -135,11 +126,6 @@ def test_own_positions_from_before_the_clock_was_set_back_are_not_used(back_s):
         survey.take_record(record(10.0 * number + ahead_s, position=place, record_number=number), 10.0 * number)
         x_m += [one.x_m for one in survey.take_ready(10.0 * number + 5.0)]
     assert np.abs(np.array(x_m) - (10.0 * np.arange(1, 121) - 5.0)).max() < 10.0
-
-
-def test_logs_without_a_count_are_refused():
-    with pytest.raises(ValueError, match="nothing was counted"):
-        Survey(UNCORRECTED, FRAME, [record(10.0, tube_counts=(0.0,) * 12)])
 
 
 def intensities(ages_s, **intensity):
@@ -165,8 +151,3 @@ def test_an_old_intensity_from_outside_is_better_than_a_file_that_ends_before_th
     assert intensities(hours, file=str(path), max_gap_hours=8) == wanted[:2] + wanted[:1]
     path.write_text("".join(f"2024-05-01 {hour:02}:00:00;75\n" for hour in range(9, 18)))
     assert intensities(hours, file=str(path)) == wanted
-
-
-def test_an_intensity_from_outside_counts_for_an_hour_though_no_gap_of_the_file_is_filled():
-    found = intensities((0.5, 10.0, 3599.0, 3601.0), constant=150, max_gap_hours=0)
-    assert found == [([1.5], False), ([1.5], False), ([1.5], False), ([1.0], False)]
