@@ -380,25 +380,22 @@ def recorder_health(
     """
     limit_s = max(left_bytes, 0.0) / state.rate_bps if state.rate_bps > 0 else math.inf
     full_s = free_bytes / state.rate_bps if free_bytes is not None and state.rate_bps > 0 else math.inf
-    if state.problem or state.gone:
-        level, message = Level.ERROR, state.problem or state.gone
-    elif not state.recording:
-        level, message = Level.WARN, "not recording"
-    elif free_bytes is not None and free_bytes < low_disk_bytes:
-        level, message = Level.WARN, f"only {free_bytes / 1e6:.0f} MB left on the disk"
-    elif full_s < full_soon_s:
-        level, message = Level.WARN, f"the disk will be full in {full_s / 60:.0f} min"
-    elif limits:
-        level, message = Level.WARN, limits
-    elif limit_s < full_soon_s:
-        level, message = Level.WARN, f"the recordings will reach keep_gb in {limit_s / 60:.0f} min"
-    elif state.dropped:
-        level, message = Level.WARN, f"{state.dropped} messages lost: the disk is too slow"
-    elif lost:
-        topics = ", ".join(f"{count} of {name}" for name, count in sorted(lost.items()))
-        level, message = Level.WARN, f"messages lost on the way to the recorder: {topics}"
-    else:
-        level, message = Level.OK, "recording"
+    topics = ", ".join(f"{count} of {name}" for name, count in sorted(lost.items()))
+    warnings = (
+        (not state.recording, "not recording"),
+        (
+            free_bytes is not None and free_bytes < low_disk_bytes,
+            f"only {(free_bytes or 0) / 1e6:.0f} MB left on the disk",
+        ),
+        (full_s < full_soon_s, f"the disk will be full in {full_s / 60:.0f} min"),
+        (bool(limits), limits),
+        (limit_s < full_soon_s, f"the recordings will reach keep_gb in {limit_s / 60:.0f} min"),
+        (state.dropped > 0, f"{state.dropped} messages lost: the disk is too slow"),
+        (bool(lost), f"messages lost on the way to the recorder: {topics}"),
+    )
+    warning = next((message for is_so, message in warnings if is_so), "")
+    level = Level.ERROR if state.problem or state.gone else Level.WARN if warning else Level.OK
+    message = state.problem or state.gone or warning or "recording"
     values = {
         "bag": str(state.bag or ""),
         "messages": str(state.messages),
@@ -417,45 +414,16 @@ def recorder_health(
     return Health("bag", level, message, values)
 
 
-class _Publishers:
-    """Next numbers of the publishers of a topic.
-
-    :param count: how many there are
-    """
-
-    def __init__(self, count: int) -> None:
-        self.count = count
-        self._next: list[int] = []  # the last entry has come last
-        self._followed: list[bool] = []
-        """True if the very next number has come after each since the last one was new. All have: these are all the
-        publishers, each with one entry; so is a single one at once."""
-
-    def missing(self, number: int) -> int:
-        """Messages that are missing before this one."""
-        below = max((one for one in self._next if one <= number), default=None)
-        all_known = len(self._next) == self.count and (self.count == 1 or all(self._followed))
-        if below == number or (all_known and below is not None):
-            at = self._next.index(below)
-            del self._next[at], self._followed[at]
-            self._append(number + 1, followed=True)
-            return number - below
-        if all_known:  # somebody has begun to count again
-            self._next, self._followed = [], []
-        self._followed = [False] * len(self._next)
-        self._append(number + 1, followed=False)
-        return 0
-
-    def _append(self, number: int, followed: bool) -> None:
-        self._next = [*self._next, number][-self.count :]
-        self._followed = [*self._followed, followed][-self.count :]
-
-
 class SequenceGaps:
-    """Counts messages that their publishers numbered and that never came.
+    """Counts messages that their publisher numbered and that never came.
 
-    A message does not say which publisher of its topic has sent it. It counts for the publisher whose next number
-    is equal or the nearest below it, so the count is not too high. With several publishers, gaps count as soon as
-    each has sent two messages in succession.
+    A message does not say which publisher of its topic has sent it, so only topics with one publisher count.
+
+    >>> gaps = SequenceGaps()
+    >>> for number in (7, 8, 11, 1, 2):  # the publisher starts again after 11
+    ...     gaps.take("/counts", number)
+    >>> gaps.lost
+    {'/counts': 2}
 
     Attributes
     ----------
@@ -465,26 +433,18 @@ class SequenceGaps:
 
     def __init__(self) -> None:
         self.lost: dict[str, int] = {}
-        self._publishers: dict[str, _Publishers] = {}
+        self._next: dict[str, int] = {}
 
     def take(self, topic: str, number: int | None, publishers: int = 1) -> None:
-        """A message has come.
-
-        >>> gaps = SequenceGaps()
-        >>> for number in (7, 8, 11, 1, 2):  # the publisher starts again after 11
-        ...     gaps.take("/counts", number)
-        >>> gaps.lost
-        {'/counts': 2}
+        """Note a message.
 
         :param topic: its topic
         :param number: its number, which grows by 1 with each message of the publisher; ``None`` if unknown
         :param publishers: publishers of the topic now
         """
-        if number is None:
+        due = self._next.pop(topic, None)
+        if number is None or publishers != 1:
             return
-        known = self._publishers.get(topic)
-        if known is None or known.count != publishers:
-            known = self._publishers[topic] = _Publishers(publishers)
-        missing = known.missing(number)
-        if missing:
-            self.lost[topic] = self.lost.get(topic, 0) + missing
+        self._next[topic] = number + 1
+        if due is not None and number > due:
+            self.lost[topic] = self.lost.get(topic, 0) + number - due

@@ -13,9 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import IO, Any, Final, Self, cast
+from typing import IO, Final, Self, cast
 
-from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from soilmoist_ros.foundation import InputError
@@ -84,8 +83,6 @@ class BagWriter:
         self._began_s = time.monotonic()
         self._finished = False
         self._unflushed = False
-        self._new: list[Schema | Channel] = []
-        self._new_at = 0
 
     @property
     def extent(self) -> Extent:
@@ -129,7 +126,6 @@ class BagWriter:
         self._in_file[topic] += 1
         self._extent = self._extent.with_message(log_ns)
         self._unflushed = True
-        self._describe_again()
         if self._file.waiting >= _WRITE_AT:
             self._file.write_out()
 
@@ -142,7 +138,6 @@ class BagWriter:
         if self._unflushed:
             self._mcap.flush()  # type: ignore[no-untyped-call]
             self._unflushed = False
-            self._describe_again()
         self._file.sync()
         if self._finished:  # the rest of a split
             self._sums[self.path.name] = self._file.checksum
@@ -244,27 +239,16 @@ class BagWriter:
             text = definition.text.encode()
             number = self._mcap.register_schema(definition.type_name, definition.encoding, text)
             self._schemas[definition.type_name] = number
-            self._new.append(Schema(id=number, data=text, encoding=definition.encoding, name=definition.type_name))
         metadata = {
             "offered_qos_profiles": to_yaml([qos.to_dict() for qos in topic.offered]).strip(),
             "topic_type_hash": definition.type_hash,
         }
         schema = self._schemas[definition.type_name]
         channel = self._mcap.register_channel(topic.name, "cdr", schema, metadata)
-        self._new.append(Channel(channel, topic.name, "cdr", metadata, schema))
-        self._new_at = self._file.tell()
         self._channels[topic] = channel
         self._counts.setdefault(topic, 0)
         self._in_file[topic] = 0
         return channel
-
-    def _describe_again(self) -> None:
-        """Describe new topics in a second chunk: damage of the first would make their messages unreadable."""
-        if self._new and self._file.tell() > self._new_at:
-            chunk = cast("Any", self._mcap)._Writer__chunk_builder  # the library describes a topic once only
-            for description in self._new:
-                description.write(chunk.record_writer)
-            self._new.clear()
 
 
 def is_being_written(path: Path) -> bool:

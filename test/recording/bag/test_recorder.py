@@ -10,8 +10,6 @@ import time
 
 import pytest
 from bags import NOTES, PRESSURE, START_NS, number_message, text_message
-from hypothesis import given
-from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
@@ -87,16 +85,6 @@ def test_messages_reach_the_disk_without_being_asked(make, tmp_path):
     recorder.put(NOTES, START_NS, START_NS, DATA)
     path = tmp_path / "run" / "run_0.mcap"
     wait_for(lambda: path.exists() and [m.data for m in McapScan(path).messages()] == [DATA])
-
-
-def test_nothing_is_taken_before_the_start_and_after_the_stop(make):
-    recorder = make()
-    assert not recorder.put(NOTES, START_NS, START_NS, DATA)
-    recorder.start()
-    assert recorder.put(NOTES, START_NS, START_NS, DATA)
-    recorder.stop()
-    assert not recorder.put(NOTES, START_NS, START_NS, DATA)
-    assert not recorder.state.recording
 
 
 def test_each_start_makes_a_bag_of_its_own(make, tmp_path):
@@ -227,16 +215,6 @@ def test_a_stop_while_the_disk_is_full_says_what_is_lost(make, tmp_path, monkeyp
     assert bag_info(state.bag).extent.messages == 5
 
 
-def test_times_that_the_middleware_does_not_know_are_those_of_now(make, tmp_path):
-    recorder = make()
-    recorder.start()
-    before = time.time_ns()
-    recorder.put(NOTES, 0, -5, DATA)
-    recorder.stop()
-    [stamp] = stamps(tmp_path / "run")
-    assert before <= stamp <= time.time_ns()
-
-
 def test_a_second_recorder_of_the_same_name_is_refused_while_the_first_records(make, tmp_path):
     first, second = make(), make()
     first.start()
@@ -255,13 +233,6 @@ def test_a_second_recorder_of_the_same_name_is_refused_while_the_first_records(m
 def test_names_that_are_no_folder_names_are_refused(name):
     with pytest.raises(InputError, match="not a valid name"):
         check_name(name)
-
-
-def test_an_unnamed_bag_has_the_name_of_its_time(tmp_path):
-    check_name("")
-    bag = next_bag(tmp_path, "", "jazzy")
-    bag.close()
-    assert bag.folder.name.startswith(time.strftime("run_%Y-", time.gmtime()))
 
 
 def test_bags_are_numbered_and_numbers_and_times_are_no_losses(tmp_path):
@@ -303,37 +274,12 @@ def test_health_names_what_never_came():
     assert health.message == "messages lost on the way to the recorder: 2 of /counts"
 
 
-@pytest.mark.slow
-@given(
-    st.lists(st.lists(st.booleans(), min_size=3, max_size=60), min_size=1, max_size=5),
-    st.booleans(),
-    st.integers(),
-)
-def test_lost_messages_of_several_publishers(arrived, apart, seed):
-    """Streams of numbers in any order, with gaps after the first three."""
-    rng, gaps = random.Random(seed), SequenceGaps()
-    streams = []
-    for publisher, those in enumerate(arrived):
-        first = 1000 * rng.randrange(1, 9) + 200 * publisher if apart else 7
-        numbers = [first + number for number in range(len(those)) if number < 3 or (those[number] and apart)]
-        streams.append([*numbers, first + len(those)] if apart else numbers)
-    for turn in range(3):  # everybody is heard before messages are lost
-        for numbers in streams:
-            gaps.take("/t", numbers[turn], len(streams))
-    lost = sum(numbers[-1] - numbers[0] + 1 - len(numbers) for numbers in streams)
-    rests = [numbers[3:] for numbers in streams]
-    while any(rests):
-        gaps.take("/t", rng.choice([rest for rest in rests if rest]).pop(0), len(streams))
-    assert gaps.lost.get("/t", 0) == lost
-
-
-def test_a_publisher_that_is_late_or_silent_is_no_gap():
+def test_gaps_of_several_publishers_are_not_told_from_their_turns():
     gaps = SequenceGaps()
-    for number in (500, 501, 503, 504, 9000, 9001, 505, 9002, 507):
+    for number in (1, 7, 2, 9):
         gaps.take("/t", number, 2)
-    assert gaps.lost == {"/t": 1}
-    for number in (508, 9003, 9007, 3):  # one publisher has gone, another one has begun
-        gaps.take("/t", number, 3)
+    for number in (11, 12, 14):
+        gaps.take("/t", number)
     assert gaps.lost == {"/t": 1}
 
 
@@ -437,33 +383,6 @@ def test_a_bag_in_several_files_is_one_bag_for_every_reader(make, tmp_path, limi
     assert bag_info(bag).problems == ()
     assert subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=bag).returncode == 0
     assert recover_bag(bag, tmp_path / "again").extent.messages == sent
-
-
-@pytest.mark.slow
-def test_a_split_that_the_disk_refuses_loses_nothing(make, tmp_path, monkeypatch):
-    full = threading.Event()
-    real = os.write
-
-    def write(descriptor, data):
-        if full.is_set():
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return real(descriptor, data)
-
-    monkeypatch.setattr(os, "write", write)
-    recorder = make(file_bytes=2000.0)
-    recorder.start()
-    for number in range(300):
-        recorder.put(NOTES, START_NS + number, START_NS, text_message(str(number) * 40))
-        if number % 100 == 50:
-            full.set()
-        if number % 100 == 70:
-            wait_for(lambda: recorder.state.problem)
-            full.clear()
-        time.sleep(0.001)
-    state = recorder.stop()
-    assert (state.messages, state.dropped, state.problem, state.gone) == (300, 0, "", "")
-    assert sorted(stamps(tmp_path / "run")) == list(range(START_NS, START_NS + 300))
-    assert bag_info(tmp_path / "run").problems == ()
 
 
 @pytest.mark.parametrize("closed", [True, False])

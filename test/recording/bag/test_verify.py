@@ -365,8 +365,7 @@ def heads(data):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("closed", [True, False])
-def test_a_flipped_bit_outside_of_chunks_invents_nothing_and_costs_one_chunk(tmp_path, closed):
+def test_a_flipped_bit_outside_of_chunks_invents_nothing_and_costs_one_chunk(tmp_path):
     # Unlike in small bags, a wrong length leads to a place within the file, and numbers of channels to channels.
     sample, random_ = Sample(tmp_path / "large"), random.Random(1)
     writer = BagWriter(sample.folder)
@@ -377,14 +376,11 @@ def test_a_flipped_bit_outside_of_chunks_invents_nothing_and_costs_one_chunk(tmp
         sample.messages.append((topic.name, START_NS + number, data))
         if number % 3 == 2:
             writer.flush()
-    if closed:
-        writer.close()
-    else:
-        writer.abandon()
+    writer.close()
     whole = sample.path.read_bytes()
     path = tmp_path / "damaged_0.mcap"
     places = list(heads(whole))
-    for _ in range(600):
+    for _ in range(300):
         damaged = bytearray(whole)
         place = random_.choice(places)
         damaged[place] ^= 1 << random_.randrange(8)
