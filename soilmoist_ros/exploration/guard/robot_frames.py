@@ -12,12 +12,12 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import pairwise
 from statistics import median
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, PlaneMove, fit_move, move_between
 from soilmoist_ros.mapping import Field
@@ -25,6 +25,7 @@ from soilmoist_ros.sensing import NO_ARMS, UNKNOWN_COVARIANCE, Covariance, Fix, 
 
 # Frames that a robot publishes ----------------------------------------------------------------------------------
 
+Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 """Components x, y, z, w."""
@@ -48,16 +49,12 @@ class Transform:
 
 @dataclass(frozen=True, slots=True)
 class FramePose:
-    """Pose of a frame in another, seen from above.
-
-    :param age_s: age of the oldest transform in it [s]: since its stamp or its arrival, whichever is longer; 0 if
-        all are static
-    """
+    """Pose of a frame in another, seen from above."""
 
     x_m: float  # x of its origin [m]
     y_m: float  # y of its origin [m]
     yaw_rad: float  # direction of its x axis, counter-clockwise [rad]
-    age_s: float
+    age_s: float  # age of its oldest transform, by stamp or arrival, whichever is longer [s]; 0 if all are static
 
 
 class TransformTree:
@@ -70,56 +67,43 @@ class TransformTree:
         return len(self._above)
 
     def add(self, transforms: Iterable[Transform], now_s: float) -> None:
-        """Take in transforms; one that is older than the last of its frame, or impossible, is ignored.
-
-        :param now_s: time of the arrival [s]
-        """
+        """Take in transforms at a time [s]; impossible ones and those older than the last of a frame are ignored."""
         for new in transforms:
             numbers = (*new.translation_m, *new.rotation)
             if not all(map(math.isfinite, numbers)) or not any(new.rotation) or new.parent == new.child:
                 continue
             last = self._above.get(new.child)
-            if last is not None and not new.static and 0 < last[0].stamp_s - new.stamp_s < CLOCK_JUMP_S:
-                continue
-            self._above[new.child] = (new, min(new.stamp_s, now_s) if new.stamp_s > 0 else now_s)
+            if last is None or new.static or not 0 < last[0].stamp_s - new.stamp_s < CLOCK_JUMP_S:
+                self._above[new.child] = (new, min(new.stamp_s, now_s) if new.stamp_s > 0 else now_s)
 
     def pose(self, frame: str, within: str, now_s: float) -> FramePose | None:
-        """Newest pose of a frame in another; ``None`` if they are not connected.
-
-        :param frame: name of the frame, such as ``base_link``
-        :param within: name of the other frame, such as ``map``
-        :param now_s: time [s]
-        """
+        """Newest pose of a frame, such as ``base_link``, in another at a time [s]; ``None`` if not connected."""
         down, up = self._roots(frame), self._roots(within)
         common = next((name for name in down if name in up), None)
         if common is None:
             return None
         place, turn, oldest_s = down[common]
         origin, other_turn, other_s = up[common]
-        back = _conjugate(other_turn)
-        x, y, _ = _rotated(back, (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2]))
+        back = other_turn.inv()
+        x, y, _ = back.apply(place - origin).tolist()
         age_s = now_s - min(oldest_s, other_s)
-        return FramePose(x, y, _yaw(_product(back, turn)), 0.0 if math.isinf(age_s) else max(age_s, 0.0))
+        yaw_rad = float((back * turn).as_euler("ZYX")[0])
+        return FramePose(x, y, yaw_rad, 0.0 if math.isinf(age_s) else max(age_s, 0.0))
 
     def gap(self, frame: str, within: str) -> str:
         """Reason why a frame has no pose in another, in words."""
         known = {name for above, _ in list(self._above.values()) for name in (above.parent, above.child)}
-        for name in (frame, within):
-            if name not in known:
-                return f"TF has no frame {name}"
-        return f"TF does not connect {frame} with {within}"
+        unknown = [name for name in (frame, within) if name not in known]
+        return f"TF has no frame {unknown[0]}" if unknown else f"TF does not connect {frame} with {within}"
 
-    def _roots(self, frame: str) -> dict[str, tuple[Vector, Quaternion, float]]:
+    def _roots(self, frame: str) -> dict[str, tuple[Array, Rotation, float]]:
         """Pose of a frame in itself and in every frame above, and the time of its oldest transform [s]."""
-        place: Vector = (0.0, 0.0, 0.0)
-        turn, oldest_s = _STILL, math.inf
+        place, turn, oldest_s = np.zeros(3), Rotation.identity(), math.inf
         found = {frame: (place, turn, oldest_s)}
         while (above := self._above.get(frame)) is not None and above[0].parent not in found:
             link, time_s = above
-            rotation = _unit(link.rotation)
-            x, y, z = _rotated(rotation, place)
-            shift = link.translation_m
-            place, turn = (x + shift[0], y + shift[1], z + shift[2]), _product(rotation, turn)
+            rotation = Rotation.from_quat(link.rotation)
+            place, turn = rotation.apply(place) + link.translation_m, rotation * turn
             oldest_s = oldest_s if link.static else min(oldest_s, time_s)
             frame = link.parent
             found[frame] = (place, turn, oldest_s)
@@ -129,39 +113,6 @@ class TransformTree:
 def yaw_rotation(yaw_rad: float) -> Quaternion:
     """Quaternion of a turn about the vertical [rad]."""
     return (0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2))
-
-
-def _unit(rotation: Quaternion) -> Quaternion:
-    length = math.hypot(*rotation)
-    x, y, z, w = rotation
-    return x / length, y / length, z / length, w / length
-
-
-def _conjugate(rotation: Quaternion) -> Quaternion:
-    x, y, z, w = rotation
-    return -x, -y, -z, w
-
-
-def _product(first: Quaternion, second: Quaternion) -> Quaternion:
-    """The turn ``second``, then the turn ``first``."""
-    ax, ay, az, aw = first
-    bx, by, bz, bw = second
-    return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
-
-
-def _rotated(rotation: Quaternion, place: Vector) -> Vector:
-    x, y, z, _ = _product(_product(rotation, (*place, 0.0)), _conjugate(rotation))
-    return x, y, z
-
-
-def _yaw(rotation: Quaternion) -> float:
-    x, y, z, w = rotation
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 # Comparison of TF and fixes -------------------------------------------------------------------------------------
@@ -190,7 +141,7 @@ _DIRECTIONS = ("east", "north-east", "north", "north-west", "west", "south-west"
 
 
 class Agreement(StrEnum):
-    """True if TF and fixes agree."""
+    """Result of a comparison of TF and fixes."""
 
     UNKNOWN = "unknown"
     AGREE = "agree"
@@ -239,14 +190,11 @@ class FrameCheck:
         self.move = move or PlaneMove()
         self._pairs: deque[_Pair] = deque(maxlen=PAIRS)
         self._apart: deque[_Pair] = deque(maxlen=MAX_FITTED)
-        self._known: tuple[tuple[object, ...], FrameVerdict] | None = None
 
     def add(self, now_s: float, fix_m: Place, tf_m: Place, delay_s: float = 0.0) -> None:
-        """Add a pair.
+        """Add places of the robot's base: by the fix in the field's plane, by TF in the navigation's frame [m].
 
         :param now_s: time of both [s]
-        :param fix_m: place of the robot's base by the fix, in the plane of the field [m]
-        :param tf_m: place of the robot's base by TF, in the frame of the navigation [m]
         :param delay_s: largest time between the measurements of the two [s]
         """
         if not all(map(math.isfinite, (*fix_m, *tf_m))):
@@ -263,31 +211,24 @@ class FrameCheck:
     def verdict(self, now_s: float) -> FrameVerdict:
         """Compare the latest pairs."""
         pairs = [pair for pair in self._pairs if now_s - pair.now_s <= PAIR_LIFE_S]
-        compared = (self.move, *pairs)
-        if self._known is None or self._known[0] != compared:  # words about a datum take milliseconds
-            self._known = compared, self._compare(pairs)
-        return self._known[1]
-
-    def _compare(self, pairs: list[_Pair]) -> FrameVerdict:
         if len(pairs) < MIN_PAIRS:
-            return FrameVerdict(
-                Agreement.UNKNOWN, f"not checked yet: {len(pairs)} pairs of TF and fix of {MIN_PAIRS}"
-            )
+            message = f"not checked yet: {len(pairs)} pairs of TF and fix of {MIN_PAIRS}"
+            return FrameVerdict(Agreement.UNKNOWN, message)
         back = self.move.inverse
         found = np.array([back.place(pair.tf_m) for pair in pairs]) - [pair.fix_m for pair in pairs]
         east_m, north_m = np.median(found, axis=0).tolist()
         delay_s = max(LATENCY_S, median(pair.delay_s for pair in pairs))
         limit_m = self._limit_m + delay_s * _speed_mps(pairs)
         away_m = math.hypot(east_m, north_m)
-        if away_m <= limit_m:
-            message = f"TF and fix agree within {away_m:.1f} m (limit {limit_m:.1f} m)"
-            return FrameVerdict(Agreement.AGREE, message, east_m, north_m, limit_m, len(pairs))
-        message = (
-            f"TF places the robot {away_m:.1f} m {direction(east_m, north_m)} of its fix "
-            f"({east_m:.1f} m east, {north_m:.1f} m north; limit {limit_m:.1f} m): "
-            f"{self._remedy(found, (east_m, north_m))}"
-        )
-        return FrameVerdict(Agreement.DISAGREE, message, east_m, north_m, limit_m, len(pairs))
+        agreement, message = Agreement.AGREE, f"TF and fix agree within {away_m:.1f} m (limit {limit_m:.1f} m)"
+        if away_m > limit_m:
+            agreement = Agreement.DISAGREE
+            message = (
+                f"TF places the robot {away_m:.1f} m {direction(east_m, north_m)} of its fix "
+                f"({east_m:.1f} m east, {north_m:.1f} m north; limit {limit_m:.1f} m): "
+                f"{self._remedy(found, (east_m, north_m))}"
+            )
+        return FrameVerdict(agreement, message, east_m, north_m, limit_m, len(pairs))
 
     def fitted(self) -> PlaneMove | None:
         """Move from the field's plane to the navigation's frame that explains the pairs.
@@ -303,9 +244,8 @@ class FrameCheck:
         errors_m = np.hypot(*(move.places(fix) - tf).T)
         good = errors_m <= 3 * np.median(errors_m) + 1e-3
         move, error_m = fit_move(fix[good], tf[good])
-        return (
-            move if error_m <= max(self._limit_m, LATENCY_S) and max(np.ptp(tf[good], axis=0)) >= BASE_M else None
-        )
+        fits = error_m <= max(self._limit_m, LATENCY_S) and max(np.ptp(tf[good], axis=0)) >= BASE_M
+        return move if fits else None
 
     def _remedy(self, found: NDArray[np.float64], offset_m: Place) -> str:
         move = self.fitted()
@@ -332,11 +272,7 @@ def direction(east_m: float, north_m: float) -> str:
 
 
 def datum_text(frame: LocalFrame, move: PlaneMove) -> str:
-    """Datum of a navigation's frame as the parameter ``navigation_datum`` takes it.
-
-    :param frame: plane of the field
-    :param move: plane of the field to the frame of the navigation
-    """
+    """Datum of a navigation's frame, by a move from the field's plane, as the parameter takes it."""
     latitude, longitude = frame.to_geographic([move.inverse.place((0.0, 0.0))])[0].tolist()
     text = f"{latitude:.7f},{longitude:.7f}"
     unturned = move_between(frame, LocalFrame(latitude, longitude))
@@ -367,18 +303,10 @@ def parse_datum(text: str, field: LocalFrame, about_m: Place = (0.0, 0.0)) -> Pl
 
 def _speed_mps(pairs: list[_Pair]) -> float:
     """Median speed between consecutive pairs, the lower of those by TF and by fix [m/s]."""
-    steps = [(one, other) for one, other in pairwise(pairs) if other.now_s > one.now_s]
-    speeds = [
-        median(
-            [
-                math.dist(getattr(one, name), getattr(other, name)) / (other.now_s - one.now_s)
-                for one, other in steps
-            ]
-        )
-        for name in ("fix_m", "tf_m")
-        if steps
-    ]
-    return min([*speeds, MAX_SPEED_MPS]) if speeds else 0.0
+    times_s = np.diff([pair.now_s for pair in pairs])
+    moved = (np.diff([getattr(pair, name) for pair in pairs], axis=0) for name in ("fix_m", "tf_m"))
+    speeds = [float(np.median(np.hypot(*each.T) / times_s)) for each in moved]
+    return min([*speeds, MAX_SPEED_MPS])
 
 
 # The robot between the two planes -------------------------------------------------------------------------------
@@ -394,8 +322,6 @@ ASKED_M: Final = np.array([(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)])
 ASK_NEAR_M: Final = 500.0
 """Distance from the field at which the answers of the datum service are exact enough [m]."""
 _KEPT_FIXES: Final = 100
-
-_LEVELS = {Agreement.AGREE: Level.OK, Agreement.UNKNOWN: Level.OK, Agreement.DISAGREE: Level.ERROR}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -466,10 +392,7 @@ class RobotFrames:
         return f"the navigation's datum: a datum service, or {BASE_M:.0f} m driven by hand with TF and fixes"
 
     def take_transforms(self, transforms: Iterable[Transform], now_s: float) -> None:
-        """Take in transforms of TF.
-
-        :param now_s: time of the arrival [s]
-        """
+        """Take in transforms of TF at a time [s]."""
         self._tree.add(transforms, now_s)
 
     def take_fix(self, fix: Fix, now_s: float) -> RobotPose | None:
@@ -485,7 +408,9 @@ class RobotFrames:
             return None
         self._track.add(now_s, fix.position)
         tf = self._tf(now_s)
-        yaw_rad = self._heading(tf, now_s)
+        yaw_rad = self._track.course.at(now_s)
+        if tf is not None and self.move is not None:
+            yaw_rad = self.move.inverse.heading(tf.yaw_rad)
         east_m, north_m = self._settings.arms.base_from_antenna(yaw_rad) or (0.0, 0.0)
         place = (x + east_m, y + north_m)
         if tf is not None:
@@ -494,7 +419,11 @@ class RobotFrames:
             if self.move is None and self._settings.datum == ROBOT and (found := self._check.fitted()) is not None:
                 self._use(found)
         if tf is not None and self.move is not None:
-            self._judge(self._check.verdict(now_s))
+            verdict = self._check.verdict(now_s)
+            if verdict.agreement is Agreement.AGREE:
+                self._agreed, self._disagreed = True, ""
+            elif verdict.agreement is Agreement.DISAGREE:
+                self._disagreed = verdict.message
         self._unchecked = self._doubt(tf, now_s)
         return RobotPose(place, yaw_rad, fix.covariance_m2)
 
@@ -506,43 +435,34 @@ class RobotFrames:
         """
         self._map_fault = ""
         own, navigation = (name.strip("/") for name in (self._settings.frame, self._settings.navigation_frame))
-        if (named := frame.strip("/")) not in ("", navigation):
-            apart = self.move is None or not self.move.is_identity
-            if named != own or apart:
-                who = f"the field's, {own!r}, and navigation_frame is" if named == own else "navigation_frame is"
-                self._map_fault = (
-                    f"the navigation's map is in the frame {frame!r}, but {who} {navigation!r}: set "
-                    "navigation_frame to the frame of the map, or correct 'parent' in its transformation"
-                )
-                return
+        named, apart = frame.strip("/"), self.move is None or not self.move.is_identity
+        if named not in ("", navigation) and (named != own or apart):
+            who = f"the field's, {own!r}, and navigation_frame is" if named == own else "navigation_frame is"
+            self._map_fault = (
+                f"the navigation's map is in the frame {frame!r}, but {who} {navigation!r}: set "
+                "navigation_frame to the frame of the map, or correct 'parent' in its transformation"
+            )
+            return
         if datum is None:
             if self._settings.datum == MAP:
-                self._map_fault = (
-                    "a datum in the navigation's map (origin, or datum_latitude and datum_longitude, in its meta)"
-                )
+                what = "a datum in the navigation's map"
+                self._map_fault = f"{what} (origin, or datum_latitude and datum_longitude, in its meta)"
             return
         try:
             move = move_between(self._frame, datum, about_m=self._centre_m)
         except ValueError as error:
             self._map_fault = f"the navigation's map is not of this field: {error}"
             return
-        if self._settings.datum == MAP:
-            if self.move is None:
-                self._use(move)
-            elif math.dist(move.place(self._centre_m), self.move.place(self._centre_m)) > self._settings.limit_m:
-                self._map_fault = (
-                    f"the datum {datum_text(self._frame, move)} of the navigation's map was {self._datum} before: "
-                    "start the planner again"
-                )
-        elif self._settings.datum == FIELD:
-            (x, y), (field_x, field_y) = move.place(self._centre_m), self._centre_m
-            away_m = math.dist((x, y), (field_x, field_y))
-            if away_m > self._settings.limit_m:
-                where = f"{away_m:.1f} m {direction(field_x - x, field_y - y)} of the field's"
-                self._map_fault = (
-                    f"the datum {datum_text(self._frame, move)} of the navigation's map lies {where}: "
-                    "set navigation_datum: map"
-                )
+        place, known, limit_m = move.place(self._centre_m), self.move, self._settings.limit_m
+        text = f"the datum {datum_text(self._frame, move)} of the navigation's map"
+        if self._settings.datum == MAP and known is None:
+            self._use(move)
+        elif self._settings.datum == MAP and known is not None:
+            if math.dist(place, known.place(self._centre_m)) > limit_m:
+                self._map_fault = f"{text} was {self._datum} before: start the planner again"
+        elif self._settings.datum == FIELD and (away_m := math.dist(place, self._centre_m)) > limit_m:
+            where = direction(self._centre_m[0] - place[0], self._centre_m[1] - place[1])
+            self._map_fault = f"{text} lies {away_m:.1f} m {where} of the field's: set navigation_datum: map"
 
     def take_datum_answers(self, latitude_longitude_deg: Sequence[Place]) -> bool:
         """Take in what the datum service says of the places :data:`ASKED_M` about :attr:`ask_about_m`.
@@ -598,21 +518,21 @@ class RobotFrames:
 
     def _verdict(self, now_s: float) -> tuple[FrameVerdict, Level]:
         """The comparison, or why there is none."""
-        settings = self._settings
+        names = self._settings.base_frame, self._settings.navigation_frame
+        pose, level = self._tree.pose(*names, now_s), Level.WARN
         if not len(self._tree):
-            return FrameVerdict(Agreement.UNKNOWN, "not checked: no TF"), Level.OK
-        pose = self._tree.pose(settings.base_frame, settings.navigation_frame, now_s)
-        if pose is None:
-            gap = self._tree.gap(settings.base_frame, settings.navigation_frame)
-            return FrameVerdict(Agreement.UNKNOWN, f"not checked: {gap}"), Level.WARN
-        if pose.age_s > MAX_TF_AGE_S:
-            return FrameVerdict(Agreement.UNKNOWN, f"not checked: TF is {pose.age_s:.0f} s old"), Level.WARN
-        verdict = self._check.verdict(now_s)
-        return verdict, _LEVELS[verdict.agreement]
+            why, level = "no TF", Level.OK
+        elif pose is None:
+            why = self._tree.gap(*names)
+        elif pose.age_s > MAX_TF_AGE_S:
+            why = f"TF is {pose.age_s:.0f} s old"
+        else:
+            verdict = self._check.verdict(now_s)
+            return verdict, Level.ERROR if verdict.agreement is Agreement.DISAGREE else Level.OK
+        return FrameVerdict(Agreement.UNKNOWN, f"not checked: {why}"), level
 
     def _tf(self, now_s: float) -> FramePose | None:
-        settings = self._settings
-        pose = self._tree.pose(settings.base_frame, settings.navigation_frame, now_s)
+        pose = self._tree.pose(self._settings.base_frame, self._settings.navigation_frame, now_s)
         return pose if pose is not None and pose.age_s <= MAX_TF_AGE_S else None
 
     def _doubt(self, tf: FramePose | None, now_s: float) -> str:
@@ -620,19 +540,6 @@ class RobotFrames:
         if self._agreed or (tf is None and not self._disagreed):
             return ""
         return f"agreement of TF and fixes ({self._disagreed or self._check.verdict(now_s).message})"
-
-    def _judge(self, verdict: FrameVerdict) -> None:
-        match verdict.agreement:
-            case Agreement.AGREE:
-                self._agreed, self._disagreed = True, ""
-            case Agreement.DISAGREE:
-                self._disagreed = verdict.message
-
-    def _heading(self, tf: FramePose | None, now_s: float) -> float:
-        """Heading in the plane of the field: by TF, else from the last fixes; NaN if unknown [rad]."""
-        if tf is not None and self.move is not None:
-            return self.move.inverse.heading(tf.yaw_rad)
-        return self._track.course.at(now_s)
 
     def _use(self, move: PlaneMove) -> None:
         self.move = self._check.move = move
