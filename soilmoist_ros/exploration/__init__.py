@@ -107,7 +107,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.navigation.goal_client import failure as failure
     from soilmoist_ros.exploration.navigation.goal_client import progress as progress
     from soilmoist_ros.exploration.navigation.navigator import Ended as Ended
-    from soilmoist_ros.exploration.navigation.navigator import FramedNavigator as FramedNavigator
     from soilmoist_ros.exploration.navigation.navigator import Navigator as Navigator
     from soilmoist_ros.exploration.navigation.pose_client import CancelAll as CancelAll
     from soilmoist_ros.exploration.navigation.pose_client import PoseClient as PoseClient
@@ -185,7 +184,7 @@ __getattr__, __dir__, __all__ = open_door(
         "mission.types": "Alarm Changes MAX_UNTIL_SD MissionEnd MissionRules MissionStatus OTHER_ROBOT OnSilence PUBLISHED_MIN_LAST_DWELL_S Phase Polygons READY Response TRIGGERS Verb",
         "mission.visit": "Visit VisitEnd",
         "navigation.goal_client": "ACTIVE ActionStatus CancelSent ENDED GoalClient GoalLimits Listed Request SendGoal failure progress",
-        "navigation.navigator": "Ended FramedNavigator Navigator",
+        "navigation.navigator": "Ended Navigator",
         "navigation.pose_client": "CancelAll PoseClient PoseRequest SendPose drivers",
         "navigation.track": "Track",
         "planning.dwell": "DWELL_RULES DwellRule Optimal dwell_rule parse_dwell",

@@ -20,7 +20,6 @@ from soilmoist_ros.exploration import (
     TRIGGERS,
     EmergencyTopic,
     ExplorerSettings,
-    FramedNavigator,
     MissionClock,
     MissionControl,
     MissionJournal,
@@ -90,13 +89,14 @@ class Planner(Node):
         )
         self._control = MissionControl(
             setup,
-            lambda report: FramedNavigator(make_navigator(self, self._values, report), self._frames.robot),
+            partial(make_navigator, self, self._values),
             self._outputs,
             MissionJournal(self._stored.journal),
             clock=self._mission_clock(),
             watch=make_watch(self._values),
             mission=self._stored.mission,
             team=make_team(self._values),
+            frames=self._frames.robot,
         )
         self._autostart = self._values.flag("autostart") and self._stored.starts
         if self._stored.mission is not None:

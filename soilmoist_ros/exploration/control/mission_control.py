@@ -37,6 +37,7 @@ from soilmoist_ros.exploration.control.team import SHUT_IN, Passing, Team, pendi
 from soilmoist_ros.exploration.control.watching import Watching
 from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.fence import Fence
+from soilmoist_ros.exploration.guard.robot_frames import RobotFrames
 from soilmoist_ros.exploration.guard.watch import Watch
 from soilmoist_ros.exploration.mission.events import (
     RESTART,
@@ -62,14 +63,14 @@ from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import SDS, Mission
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
-from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator
+from soilmoist_ros.exploration.navigation.navigator import Ended, Navigator, in_frame
 from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
 from soilmoist_ros.exploration.planning.properties import correction_factor
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.learned_motion import LearnedMotion
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel_graph import TravelGraph
-from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, other_datum
+from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, PlaneMove, other_datum
 from soilmoist_ros.mapping import Changing, Field, Samples, VariogramFit
 from soilmoist_ros.sensing import CountRecord, Doubt, Fix, Heard, PlaceFix, none_since
 
@@ -135,6 +136,7 @@ class MissionControl:
     :param executor: where stops are chosen; its own thread if ``None``
     :param watch: what is watched, by which limits; causes that others find are reported to it
     :param team: the other robots on the field
+    :param frames: knows the frame of the navigation; ``None`` for the plane of the field
     """
 
     def __init__(
@@ -148,6 +150,7 @@ class MissionControl:
         team: Team | None = None,
         mission: Mission | None = None,
         executor: Executor | None = None,
+        frames: RobotFrames | None = None,
     ) -> None:
         self.watch, self.team = watch or Watch(), team or Team()
         self._watching, self._passing = Watching(self.watch), Passing(self.team)
@@ -167,6 +170,7 @@ class MissionControl:
         self._choice: Choice | None = None
         self._learned = LearnedMotion(settings.motion, settings.learn_travel)
         self._record_stamp_s = self._shown_stamp_s = self._shown_place_s = -math.inf
+        self._frames = frames
         self.navigator = make_navigator(self.ended)
 
     def _start(self, mission: Mission) -> None:
@@ -248,9 +252,14 @@ class MissionControl:
             "the time (is /clock published?)": self._clock.now_s() <= 0,
             self._current.waiting_for: self._access is None,
             f"a position{f' ({self._no_place})' if self._no_place else ''}": self._feed.place is None,
-            self.navigator.waiting_for: bool(self.navigator.waiting_for),
+            self._waiting_for: bool(self._waiting_for),
         }
         return tuple(what for what, lacks in missing.items() if lacks)
+
+    @property
+    def _waiting_for(self) -> str:
+        """What is missing of the navigation or its frame; empty if nothing is."""
+        return (self._frames.waiting_for if self._frames else "") or self.navigator.waiting_for
 
     @property
     def dangers(self) -> str:
@@ -389,7 +398,9 @@ class MissionControl:
             self._current.moved(place, self._mission.rules.arrival_radius_m)
         self._watching.moved(place, sd_m)
         if self._feed.place_age_s <= MAX_AGE_S:  # where the robot was is no arrival, and no place to stop at
-            self.navigator.moved(place, now_s, sd_m)
+            move = PlaneMove() if self._frames is None else self._frames.move
+            if move is not None:
+                self.navigator.moved(move.place(place), now_s, sd_m)
 
     def battery(self, charge: float, voltage_v: float) -> None:
         """The state of the robot's battery: charge [0..1] and voltage [V], NaN if unknown."""
@@ -523,7 +534,7 @@ class MissionControl:
         """Let the watch judge; to be called several times a second of steady time."""
         now_s = self._clock.now_s()
         if now_s > 0:
-            doing = self._watching.doing(self._mission, self.navigator)
+            doing = self._watching.doing(self._mission, self.navigator, self._waiting_for)
             waits = Cause.OTHER_ROBOT in self.watch.on
             near = self.team.fault(self._feed.place, doing.driving, waits, now_s)
             rules, place = self._mission.current_rules, self._feed.place
@@ -593,7 +604,7 @@ class MissionControl:
     def health(self) -> list[Health]:
         """Health of what the mission depends on."""
         now_s = self._clock.now_s()
-        navigation = self.navigator.waiting_for
+        navigation = self._waiting_for
         there = Health("navigation", Level.OK, self.navigator.on_the_way or "there")
         if navigation:
             there = Health("navigation", self._severity, f"waiting for {navigation}")
@@ -679,8 +690,13 @@ class MissionControl:
             self._learned.set_off(self._clock.now_s(), way.corners)
             self.team.set_off()
             self._watching.sent(way)
-            nodes = tuple(map(self._reached, way.nodes))
-            self.navigator.go(goal.goal_id, self._reached(goal.stop), replace(way, nodes=nodes))
+            stop, way = self._reached(goal.stop), replace(way, nodes=tuple(map(self._reached, way.nodes)))
+            if self._frames is not None:
+                assert self._frames.move is not None, (
+                    "no mission starts before the frame of the navigation is known"
+                )
+                stop, way = in_frame(stop, way, self._frames.move)
+            self.navigator.go(goal.goal_id, stop, way)
 
     def _reached(self, stop: Stop) -> Stop:
         """The stop with the distance at which the mission takes the robot to be there, by the noise of now."""

@@ -129,8 +129,8 @@ class Watching:
             way = "forward" if event.step_s > 0 else "back"
             self._watch.note(Cause.CLOCK_STEP, f"the clock was set {way} by {abs(event.step_s):.0f} s")
 
-    def doing(self, mission: Mission, navigator: Navigator) -> Doing:
-        """What a mission and its navigation do now."""
+    def doing(self, mission: Mission, navigator: Navigator, waiting_for: str) -> Doing:
+        """What a mission and its navigation do now, and what is missing of the latter."""
         state, now_s = mission.state, mission.state.now_s or 0.0
         place = state.position
         if state.goal is None:
@@ -144,7 +144,7 @@ class Watching:
             near_corner=self._is_near_corner(mission.rules, place),
             still=(state.goal is None or state.goal.over) and watched,
             going_home=state.ended is not None or state.phase is Phase.RETURNING,
-            waiting_for=navigator.waiting_for,
+            waiting_for=waiting_for,
             other_client=navigator.other_client,
             feedback_age_s=navigator.feedback_age_s,
             time_left_s=max(0.0, mission.current_rules.budget_s - state.time_used_s),

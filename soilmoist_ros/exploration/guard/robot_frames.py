@@ -67,7 +67,7 @@ class TransformTree:
         return len(self._above)
 
     def add(self, transforms: Iterable[Transform], now_s: float) -> None:
-        """Take in transforms at a time [s]; impossible ones and those older than the last of a frame are ignored."""
+        """Take in transforms at a time [s]; impossible ones, and those older than the last of a frame, are not."""
         for new in transforms:
             numbers = (*new.translation_m, *new.rotation)
             if not all(map(math.isfinite, numbers)) or not any(new.rotation) or new.parent == new.child:
