@@ -18,8 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
-from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
+from urllib.parse import parse_qsl, unquote, urlsplit
 
 from soilmoist_ros.foundation import InputError, did_you_mean
 from soilmoist_ros.sensing.lines import (
@@ -39,12 +38,7 @@ EXAMPLES = {
     "file": "file:///home/robot/survey.log?speed=10",
 }
 """An example of each kind of address."""
-_OPTIONS: dict[str, tuple[str, ...]] = {
-    "tcp": ("interface",),
-    "udp": ("from", "interface"),
-    "serial": ("baud",),
-    "file": ("speed",),
-}
+_OPTIONS = {"tcp": ("interface",), "udp": ("from", "interface"), "serial": ("baud",), "file": ("speed",)}
 DEFAULT_BAUD = 115_200
 CHUNK = 65_536  # maximum number of bytes of one read; no datagram is larger
 RECEIVE_BUFFER = 1 << 20
@@ -66,7 +60,6 @@ def open_source(
     * ``serial:///dev/ttyUSB0?baud=115200`` opens a port,
     * ``file:///path?speed=10`` plays a recording at ten times its speed, with ``speed=0`` as fast as possible.
 
-    :param retry: pauses between attempts
     :param stamp_of: time of a recorded line; see :class:`RecordingSource`
     :param playback: shared by recordings that are played together
     :raises InputError: if the address is invalid, or a file cannot be read
@@ -76,44 +69,45 @@ def open_source(
         port = parts.port
     except ValueError as error:
         raise _bad(uri, str(error)) from None
-    if parts.scheme not in EXAMPLES:
-        kinds = f"{', '.join(EXAMPLES)}{did_you_mean(parts.scheme, EXAMPLES)}"
-        raise _bad(uri, f"must begin with one of: {kinds}" if parts.scheme else "has no kind before '://'")
-    options = _options(uri, parts)
-    if parts.scheme in ("tcp", "udp"):
+    kind = parts.scheme
+    if kind not in EXAMPLES:
+        kinds = f"{', '.join(EXAMPLES)}{did_you_mean(kind, EXAMPLES)}"
+        raise _bad(uri, f"must begin with one of: {kinds}" if kind else "has no kind before '://'")
+    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    for name in options:
+        if name not in _OPTIONS[kind]:
+            raise _bad(uri, f"has an unknown option {name!r}; there are: {', '.join(_OPTIONS[kind])}", kind)
+
+    def number(name: str, default: float, low: float) -> float:
+        try:
+            value = float(options.get(name, default))
+        except ValueError:
+            value = math.nan
+        if not (low <= value < 1e7):
+            raise _bad(uri, f"{name}={options[name]!r} is not a number of at least {low:g}", kind)
+        return value
+
+    if kind in ("tcp", "udp"):
         if not parts.hostname or not port:
-            raise _bad(uri, "lacks the host" if port else "lacks the port", [parts.scheme])
+            raise _bad(uri, "lacks the host" if port else "lacks the port", kind)
         if parts.path not in ("", "/"):
-            raise _bad(uri, f"has a path {parts.path!r}, which this kind does not have", [parts.scheme])
+            raise _bad(uri, f"has a path {parts.path!r}, which this kind does not have", kind)
         interface = options.get("interface", "")
-        if parts.scheme == "tcp":
+        if kind == "tcp":
             return ReconnectingSource(uri, partial(connect_tcp, parts.hostname, port, interface), retry)
         senders = Senders(parse_networks(uri, options["from"]) if "from" in options else ())
         connect = partial(bind_udp, parts.hostname, port, interface, senders)
         return ReconnectingSource(uri, connect, retry, senders=senders)
     if parts.netloc or not parts.path.startswith("/") or len(parts.path) < 2:
-        raise _bad(uri, "lacks the absolute path: mind the three slashes", [parts.scheme])
+        raise _bad(uri, "lacks the absolute path: mind the three slashes", kind)
     path = unquote(parts.path)
-    if parts.scheme == "file":
-        speed = _number(uri, options, "speed", 1.0, low=0.0)
-        return RecordingSource(Path(path), speed, stamp_of, playback)
-
-    baud = int(_number(uri, options, "baud", DEFAULT_BAUD, low=50.0))
-    return ReconnectingSource(uri, partial(open_serial, path, baud), retry)
-
-
-def _options(uri: str, parts: SplitResult) -> dict[str, str]:
-    known = _OPTIONS[parts.scheme]
-    options = dict(parse_qsl(parts.query, keep_blank_values=True))
-    for name in options:
-        if name not in known:
-            there_are = f"there are: {', '.join(known)}" if known else "there are none"
-            raise _bad(uri, f"has an unknown option {name!r}; {there_are}", [parts.scheme])
-    return options
+    if kind == "file":
+        return RecordingSource(Path(path), number("speed", 1.0, 0.0), stamp_of, playback)
+    return ReconnectingSource(uri, partial(open_serial, path, int(number("baud", DEFAULT_BAUD, 50.0))), retry)
 
 
 def parse_networks(uri: str, text: str) -> tuple[Network, ...]:
-    """Addresses and networks, separated by commas; none for an empty text.
+    """Addresses and networks, separated by commas.
 
     >>> [str(network) for network in parse_networks("udp://0.0.0.0:5000", "192.168.5.20,10.0.0.0/8")]
     ['192.168.5.20/32', '10.0.0.0/8']
@@ -129,37 +123,23 @@ def parse_networks(uri: str, text: str) -> tuple[Network, ...]:
         ) from None
 
 
-def _number(uri: str, options: dict[str, str], name: str, default: float, low: float) -> float:
-    try:
-        value = float(options.get(name, default))
-    except ValueError:
-        value = math.nan
-    if not (low <= value < 1e7):
-        raise _bad(uri, f"{name}={options[name]!r} is not a number of at least {low:g}", [urlsplit(uri).scheme])
-    return value
-
-
-def _bad(uri: str, message: str, kinds: list[str] | None = None) -> InputError:
-    examples = [EXAMPLES[kind] for kind in kinds or EXAMPLES]
+def _bad(uri: str, message: str, kind: str = "") -> InputError:
+    examples = [EXAMPLES[kind]] if kind else EXAMPLES.values()
     return InputError(f"the address {uri!r} {message}", f"write it like {' or '.join(examples)}")
 
 
 class Senders:
-    """Judges senders of datagrams by the networks that are allowed (all if empty), and counts those that are
-    refused.
-    """
+    """Judges senders of datagrams by the networks that are allowed (all if empty), and counts the refused ones."""
 
-    def __init__(self, allowed: Sequence[Network] = (), clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, allowed: Sequence[Network] = ()) -> None:
         self.allowed = tuple(allowed)
-        self.n_refused = 0
-        self.last_refused = ""
-        self._clock = clock
+        self.n_refused, self.last_refused = 0, ""
         self._heard_s: dict[str, float] = {}
 
     @property
     def recent(self) -> tuple[str, ...]:
         """Addresses of the last few senders whose datagrams were accepted in the last minute."""
-        now_s = self._clock()
+        now_s = time.monotonic()
         return tuple(sender for sender, at_s in self._heard_s.copy().items() if now_s - at_s <= RECENT_S)
 
     def accepts(self, sender: str) -> bool:
@@ -171,7 +151,7 @@ class Senders:
             return False
         if len(self._heard_s) >= MAX_SENDERS:
             del self._heard_s[next(iter(self._heard_s))]
-        self._heard_s[sender] = self._clock()
+        self._heard_s[sender] = time.monotonic()
         return True
 
     def _is_allowed(self, sender: str) -> bool:
@@ -181,7 +161,117 @@ class Senders:
         return any(address in network for network in self.allowed)
 
 
-def bind_to_interface(link: socket.socket, interface: str) -> int:
+@dataclass(frozen=True)
+class Connection:
+    """One connection over some transport.
+
+    :param receive: some bytes, ``None`` after a timeout [s]; raises ``OSError`` if the connection broke
+    :param close: closes it, and wakes a reader in another thread
+    :param datagrams: whether each piece contains whole lines; silence then does not indicate a broken connection
+    """
+
+    receive: Callable[[float], bytes | None]
+    close: Callable[[], None]
+    datagrams: bool = False
+
+
+def open_serial(device: str, baud: int) -> Connection:
+    """Open a port, 8 data bits, no parity, one stop bit.
+
+    :raises OSError: if there is no such device, or another program uses it
+    """
+    import serial  # only serial ports need this library
+
+    port = serial.Serial(device, baud, timeout=0, exclusive=True)
+
+    def receive(timeout_s: float) -> bytes | None:
+        descriptor = port.fileno()
+        ready, _, _ = select.select([descriptor], [], [], min(timeout_s, 0.5))  # closing does not wake it
+        if not ready:
+            return None
+        try:
+            data = os.read(descriptor, CHUNK)
+        except BlockingIOError:
+            return None
+        if not data:
+            raise ConnectionResetError("the device is gone: check the cable")
+        return data
+
+    return Connection(receive, port.close)
+
+
+def connect_tcp(host: str, port: int, interface: str = "") -> Connection:
+    """Connect to a server, by one network interface if it is named.
+
+    :raises OSError: if the name is unknown, the server refuses or does not answer, or there is no such interface
+    """
+    error = OSError("the name has no address")
+    for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+        link = socket.socket(family, kind, protocol)
+        try:
+            _bind_to_interface(link, interface)
+            link.settimeout(CONNECT_S)
+            link.connect(address)
+        except OSError as fault:
+            link.close()
+            error = fault
+            continue
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        if sys.platform == "linux":
+            # Detects a peer without power within about 15 s, regardless of the silence limit.
+            for option, value in ((socket.TCP_KEEPIDLE, 6), (socket.TCP_KEEPINTVL, 3), (socket.TCP_KEEPCNT, 3)):
+                link.setsockopt(socket.IPPROTO_TCP, option, value)
+        return Connection(partial(_receive_tcp, link), partial(_close_socket, link))
+    raise error
+
+
+def _receive_tcp(link: socket.socket, timeout_s: float) -> bytes | None:
+    try:
+        link.settimeout(timeout_s)
+        data = link.recv(CHUNK)
+    except (TimeoutError, BlockingIOError):
+        return None
+    if not data:
+        raise ConnectionResetError("the other side closed the connection")
+    return data
+
+
+def bind_udp(host: str, port: int, interface: str = "", senders: Senders | None = None) -> Connection:
+    """Listen for datagrams of one or more whole lines on an address of this machine, ``0.0.0.0`` for all.
+
+    :raises OSError: if the address or interface is not this machine's, or the port is in use
+    """
+    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+    bound, senders = socket.socket(family, kind, protocol), senders or Senders()
+    try:
+        index = _bind_to_interface(bound, interface)
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        bound.bind(address)
+    except OSError:
+        bound.close()
+        raise
+
+    def receive(timeout_s: float) -> bytes | None:
+        try:
+            bound.settimeout(timeout_s)
+            data, sender = bound.recvfrom(CHUNK)
+        except (TimeoutError, BlockingIOError):
+            # The socket stays bound to an adapter that was unplugged, also when it is plugged in again.
+            if interface and not _is_same_interface(interface, index):
+                raise ConnectionResetError(f"the network interface {interface!r} was unplugged") from None
+            return None
+        return data if senders.accepts(str(sender[0])) else None
+
+    return Connection(receive, partial(_close_socket, bound), datagrams=True)
+
+
+def _close_socket(link: socket.socket) -> None:
+    with contextlib.suppress(OSError):  # only this wakes a reader in another thread
+        link.shutdown(socket.SHUT_RDWR)
+    link.close()
+
+
+def _bind_to_interface(link: socket.socket, interface: str) -> int:
     """Let a socket send and receive by one network interface only; returns its index.
 
     :raises OSError: if there is no such interface, or the system does not permit it
@@ -195,156 +285,12 @@ def bind_to_interface(link: socket.socket, interface: str) -> int:
     return known[interface]
 
 
-def is_same_interface(interface: str, index: int) -> bool:
+def _is_same_interface(interface: str, index: int) -> bool:
     """True if an interface is there and not another one: an adapter that was unplugged gets another index."""
     try:
         return socket.if_nametoindex(interface) == index
     except OSError:
         return False
-
-
-class Connection(Protocol):
-    """One connection over some transport."""
-
-    datagrams: bool
-    """True if each piece contains whole lines; silence then does not indicate a broken connection."""
-
-    def receive(self, timeout_s: float) -> bytes | None:
-        """Some bytes, ``None`` after the timeout.
-
-        :raises OSError: if the connection broke or the other side closed it
-        """
-
-    def close(self) -> None:
-        """Close the connection; never raises."""
-
-
-class SerialConnection:
-    """An open serial port that does not block."""
-
-    datagrams = False
-
-    def __init__(self, port: Any) -> None:
-        self._port = port
-
-    def receive(self, timeout_s: float) -> bytes | None:
-        """Some bytes, ``None`` after the timeout."""
-        descriptor = self._port.fileno()
-        ready, _, _ = select.select([descriptor], [], [], min(timeout_s, 0.5))  # close() does not wake it
-        if not ready:
-            return None
-        try:
-            data = os.read(descriptor, CHUNK)
-        except BlockingIOError:
-            return None
-        if not data:
-            raise ConnectionResetError("the device is gone: check the cable")
-        return data
-
-    def close(self) -> None:
-        """Close the port."""
-        with contextlib.suppress(OSError):
-            self._port.close()
-
-
-def open_serial(device: str, baud: int) -> SerialConnection:
-    """Open a port, 8 data bits, no parity, one stop bit.
-
-    :raises OSError: if there is no such device, or another program uses it
-    """
-    import serial  # only serial ports need this library
-
-    return SerialConnection(serial.Serial(device, baud, timeout=0, exclusive=True))
-
-
-class SocketConnection:
-    """A connected TCP socket."""
-
-    datagrams = False
-
-    def __init__(self, link: socket.socket) -> None:
-        self._socket = link
-
-    def receive(self, timeout_s: float) -> bytes | None:
-        """Some bytes, ``None`` after the timeout."""
-        try:
-            self._socket.settimeout(timeout_s)
-            data = self._socket.recv(CHUNK)
-        except (TimeoutError, BlockingIOError):
-            return None
-        if not data:
-            raise ConnectionResetError("the other side closed the connection")
-        return data
-
-    def close(self) -> None:
-        """Close the socket."""
-        with contextlib.suppress(OSError):  # only this wakes a reader in another thread
-            self._socket.shutdown(socket.SHUT_RDWR)
-        self._socket.close()
-
-
-def connect_tcp(host: str, port: int, interface: str = "") -> SocketConnection:
-    """Connect to a server, by one network interface if it is named.
-
-    :raises OSError: if the name is unknown, the server refuses or does not answer, or there is no such interface
-    """
-    error = OSError("the name has no address")
-    for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
-        link = socket.socket(family, kind, protocol)
-        try:
-            bind_to_interface(link, interface)
-            link.settimeout(CONNECT_S)
-            link.connect(address)
-        except OSError as fault:
-            link.close()
-            error = fault
-            continue
-        link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        if sys.platform == "linux":
-            # Detects a peer without power within about 15 s, regardless of the silence limit.
-            for option, value in ((socket.TCP_KEEPIDLE, 6), (socket.TCP_KEEPINTVL, 3), (socket.TCP_KEEPCNT, 3)):
-                link.setsockopt(socket.IPPROTO_TCP, option, value)
-        return SocketConnection(link)
-    raise error
-
-
-class DatagramConnection(SocketConnection):
-    """A bound UDP socket; the network interface that it is bound to has a name and an index, or neither."""
-
-    datagrams = True
-
-    def __init__(self, link: socket.socket, senders: Senders, interface: str = "", index: int = 0) -> None:
-        super().__init__(link)
-        self._senders, self._interface, self._index = senders, interface, index
-
-    def receive(self, timeout_s: float) -> bytes | None:
-        """A datagram, ``None`` after the timeout, or if it is refused for its sender."""
-        try:
-            self._socket.settimeout(timeout_s)
-            data, sender = self._socket.recvfrom(CHUNK)
-        except (TimeoutError, BlockingIOError):
-            # The socket stays bound to an adapter that was unplugged, also when it is plugged in again.
-            if self._interface and not is_same_interface(self._interface, self._index):
-                raise ConnectionResetError(f"the network interface {self._interface!r} was unplugged") from None
-            return None
-        return data if self._senders.accepts(str(sender[0])) else None
-
-
-def bind_udp(host: str, port: int, interface: str = "", senders: Senders | None = None) -> DatagramConnection:
-    """Listen for datagrams of one or more whole lines on an address of this machine, ``0.0.0.0`` for all.
-
-    :raises OSError: if the address or interface is not this machine's, or the port is in use
-    """
-    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-    bound = socket.socket(family, kind, protocol)
-    try:
-        index = bind_to_interface(bound, interface)
-        bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-        bound.bind(address)
-    except OSError:
-        bound.close()
-        raise
-    return DatagramConnection(bound, senders or Senders(), interface, index)
 
 
 @dataclass(frozen=True)
@@ -450,8 +396,7 @@ class ReconnectingSource:
     def close(self) -> None:
         """Close the link."""
         self._closed.set()
-        connection = self._connection
-        if connection is not None:
+        if (connection := self._connection) is not None:
             connection.close()
 
     def _reconnect(self, left_s: float) -> None:
@@ -496,7 +441,8 @@ class ReconnectingSource:
 
     def _fail(self, error: Exception) -> None:
         if self._connection is not None:
-            self._connection.close()
+            with contextlib.suppress(OSError):
+                self._connection.close()
             self._connection = None
         self._buffer.drop_rest()
         if self._closed.is_set():

@@ -16,9 +16,6 @@ from scripted_server import LIMIT_S, ScriptedServer, opened, read, read_until, s
 
 from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.sensing.connections import (
-    MAX_SENDERS,
-    RECENT_S,
-    ReconnectingSource,
     Retry,
     Senders,
     open_source,
@@ -108,43 +105,6 @@ def test_refused_connections_and_unknown_names_are_reported_and_retried():
     with opened("tcp://no-such-host.invalid:5000") as source:
         read_until(source, lambda: source.status.attempts >= 1)
         assert source.status.last_error
-
-
-class SlowLogger:
-    """A logger that sends a line each period to whoever listens then, in its own time."""
-
-    datagrams = False
-
-    def __init__(self, period_s):
-        self.period_s = period_s
-        self.now_s = 0.0
-
-    def receive(self, timeout_s):
-        next_s = (self.now_s // self.period_s + 1) * self.period_s
-        self.now_s = min(next_s, self.now_s + timeout_s)
-        return b"x\n" if self.now_s == next_s else None
-
-    def pause(self, pause_s):
-        self.now_s += pause_s
-
-    def close(self):
-        pass
-
-    def listen(self, retry, until_s):
-        """The source after a time, and its lines."""
-        source = ReconnectingSource("x", lambda: self, retry, lambda: self.now_s, random.Random(1))
-        source._closed.wait = self.pause
-        lines = 0
-        while self.now_s < until_s:
-            lines += source.read_line(5.0) is not None
-        return source, lines
-
-
-def test_a_link_waits_for_the_next_record_of_a_slow_logger():
-    source, lines = SlowLogger(900.0).listen(Retry(period_s=lambda: 900.0), 86_400.0)
-    assert (lines, source.status.connections) == (96, 1)
-    assert source.status.silence_limit_s == 3150.0
-    assert source.status.state is LinkState.CONNECTED
 
 
 @given(st.integers(1, 10_000), st.integers())
@@ -288,17 +248,6 @@ def test_datagrams_come_again_when_an_adapter_was_unplugged(index, port, monkeyp
         read_until(source, lambda: source.status.connections == 2)
         send(b"here\n", port, "127.0.0.1")
         assert read(source, 1) == [b"here"]
-
-
-def test_senders_that_fall_silent_are_forgotten_and_their_number_is_bounded():
-    now_s = [0.0]
-    senders = Senders(clock=lambda: now_s[0])
-    assert senders.accepts("10.0.0.1")
-    now_s[0] = RECENT_S + 1
-    assert senders.accepts("10.0.0.2")
-    assert senders.recent == ("10.0.0.2",)
-    assert all(senders.accepts(f"10.0.1.{number}") for number in range(50))
-    assert senders.recent == tuple(f"10.0.1.{number}" for number in range(50 - MAX_SENDERS, 50))
 
 
 def test_addresses_of_both_versions():

@@ -72,8 +72,8 @@ class Layout:
     :param names: all names in the header
     :param time: columns of the stamp; several if date and time are separate
     :param tubes: numbers of the tubes, ascending; ``counts`` and ``live`` have the columns of each
-    :param pressure: barometers in order of preference; also thermometers and hygrometers
-    :param position: columns of the position, by the key of the format; ``None`` without latitude or longitude
+    :param air: barometers, thermometers and hygrometers, each in order of preference
+    :param position: columns of the position, by the key of the format; empty without latitude or longitude
     :param count_rate: unit of a count rate in the header of the counts, empty without one
     :param remarks: differences between the units of the header and the format, with the name of the column
     """
@@ -84,28 +84,27 @@ class Layout:
     tubes: tuple[int, ...]
     counts: tuple[Source, ...]
     live: tuple[Source | None, ...]
-    pressure: tuple[Source, ...]
-    temperature: tuple[Source, ...]
-    humidity: tuple[Source, ...]
-    position: Mapping[str, Source] | None
+    air: Mapping[units.Quantity, tuple[Source, ...]]
+    position: Mapping[str, Source]
     count_rate: str = ""
     remarks: tuple[tuple[str, str], ...] = ()
 
     @property
+    def values(self) -> list[Source]:
+        """Columns of numbers: counts, live times and air."""
+        live = [source for source in self.live if source is not None]
+        return [*self.counts, *live, *(source for sensors in self.air.values() for source in sensors)]
+
+    @property
     def number_of_sources(self) -> int:
         """Number of columns with a known quantity; the format with the highest number fits a header best."""
-        groups = (self.time, self.counts, self.live, self.pressure, self.temperature, self.humidity)
-        found = sum(source is not None for group in groups for source in group)
-        return found + (self.record_number is not None) + 2 * (self.position is not None)
+        return len(self.time) + len(self.values) + (self.record_number is not None) + 2 * bool(self.position)
 
     @property
     def unused(self) -> tuple[str, ...]:
         """Names of the columns that are not read."""
-        place = self.position
-        groups = (self.time, self.counts, self.live, self.pressure, self.temperature, self.humidity)
-        used = {source.index for group in groups for source in group if source is not None}
-        fields = [self.record_number, *(place or {}).values()]
-        used |= {source.index for source in fields if source is not None}
+        used = {source.index for source in (*self.time, *self.values, *self.position.values())}
+        used |= {self.record_number.index} if self.record_number else set()
         return tuple(name for index, name in enumerate(self.names) if name and index not in used)
 
     def fit(self, fields: list[str]) -> list[str] | None:
@@ -120,7 +119,7 @@ class Layout:
             return fields
         if len(fields) > count and not any(fields[count:]):
             return fields[:count]
-        if len(fields) == count + 2 and place is not None and "latitude_hemisphere" not in place:
+        if len(fields) == count + 2 and place and "latitude_hemisphere" not in place:
             first, second = sorted((place["latitude"].index, place["longitude"].index))
             sides = {fields[first + 1].upper(), fields[second + 2].upper()}
             if sides in ({"N", "E"}, {"N", "W"}, {"S", "E"}, {"S", "W"}, {""}):
@@ -152,22 +151,24 @@ class _Columns:
                 return Source(index, self.names[index], convert)
         return None
 
-    def find_sensor(self, name: str, unit: str, quantity: units.Quantity) -> Source | None:
-        """Column of a sensor; a unit in the header has priority over that of the format."""
-        source = self.find([name])
-        if source is None:
-            return None
-        written = self._units[source.index]
-        found = units.canonical(written)
-        used = found or unit
-        if written and not found:
-            self.remarks.append((source.name, f"the unit {written!r} is unknown, {unit} is used"))
-        elif found and not units.measures(quantity, found):
-            self.remarks.append((source.name, f"{written!r} is no unit of {quantity}: the column is not read"))
-            return None
-        elif found and found != unit and not units.same(found, unit):
-            self.remarks.append((source.name, f"the header says {written}, the format {unit}: {found} is used"))
-        return Source(source.index, source.name, units.converter(quantity, used))
+    def find_sensors(self, settings: AirQuantity | None, quantity: units.Quantity) -> tuple[Source, ...]:
+        """Columns of the sensors; a unit in the header has priority over that of the format."""
+        found = []
+        for sensor in settings.sensors if settings else ():
+            if (source := self.find([sensor.column])) is None:
+                continue
+            written = self._units[source.index]
+            known = canonical(written)
+            if known and not units.measures(quantity, known):
+                self.remarks.append((source.name, f"{written!r} is no unit of {quantity}: the column is not read"))
+                continue
+            if written and not known:
+                self.remarks.append((source.name, f"the unit {written!r} is unknown, {sensor.unit} is used"))
+            elif known and known != sensor.unit and not units.same(known, sensor.unit):
+                remark = f"the header says {written}, the format {sensor.unit}: {known} is used"
+                self.remarks.append((source.name, remark))
+            found.append(replace(source, convert=units.converter(quantity, known or sensor.unit)))
+        return tuple(found)
 
     def rate_of(self, source: Source) -> str:
         """Unit of a count rate in the header of a column, empty without one."""
@@ -207,17 +208,17 @@ def build_layout(logger: LoggerFormat, names: Sequence[str], given_units: Sequen
 
     :raises MissingColumnsError: if the time, the counts or a required position is missing
     """
-    columns = _Columns(names, given_units)
+    columns, place = _Columns(names, given_units), logger.position
     time = _find_time(columns, logger.time.columns)
     counts = columns.find_tubes(logger.counts.columns)
-    position = _find_position(columns, logger)
-    missing = []
-    if not time:
-        missing.append(f"of the time ({_or(logger.time.columns)})")
-    if not counts:
-        missing.append(f"of the counts ({_or(logger.counts.columns)})")
-    if logger.position and logger.position.required and position is None:
-        missing.append(f"of the position ({_or([*logger.position.latitude, *logger.position.longitude])})")
+    position = {name: columns.find(getattr(place, name)) for name in _PLACE} if place else {}
+    found = {name: source for name, source in position.items() if source is not None}
+    if not {"latitude", "longitude"} <= found.keys():
+        found = {}
+    missing = [] if time else [f"of the time ({_or(logger.time.columns)})"]
+    missing += [] if counts else [f"of the counts ({_or(logger.counts.columns)})"]
+    if place and place.required and not found:
+        missing.append(f"of the position ({_or([*place.latitude, *place.longitude])})")
     if missing:
         raise MissingColumnsError(missing)
     return Layout(
@@ -227,10 +228,8 @@ def build_layout(logger: LoggerFormat, names: Sequence[str], given_units: Sequen
         tubes=tuple(counts),
         counts=tuple(counts.values()),
         live=_find_live(columns, logger, tuple(counts)),
-        pressure=_sensors(columns, logger.pressure, "pressure"),
-        temperature=_sensors(columns, logger.temperature, "temperature"),
-        humidity=_sensors(columns, logger.humidity, "humidity"),
-        position=position,
+        air={quantity: columns.find_sensors(air, quantity) for quantity, air in logger.air.items()},
+        position=found,
         count_rate=next(filter(None, map(columns.rate_of, counts.values())), ""),
         remarks=tuple(columns.remarks),
     )
@@ -262,18 +261,6 @@ def _find_live(columns: _Columns, logger: LoggerFormat, tubes: Sequence[int]) ->
         source = per_tube[max(shared)] if shared else None
         found.append(Source(source.index, source.name, convert) if source else per_record)
     return tuple(found)
-
-
-def _sensors(columns: _Columns, settings: AirQuantity | None, quantity: units.Quantity) -> tuple[Source, ...]:
-    sensors = settings.sensors if settings else ()
-    found = [columns.find_sensor(sensor.column, sensor.unit, quantity) for sensor in sensors]
-    return tuple(source for source in found if source is not None)
-
-
-def _find_position(columns: _Columns, logger: LoggerFormat) -> dict[str, Source] | None:
-    found = {name: columns.find(getattr(logger.position, name)) for name in _PLACE} if logger.position else {}
-    known = {name: source for name, source in found.items() if source is not None}
-    return known if {"latitude", "longitude"} <= known.keys() else None
 
 
 # The header lines of one log: names and units of the columns, and values such as the serial number --------------

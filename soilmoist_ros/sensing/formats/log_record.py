@@ -105,16 +105,14 @@ class FieldReader:
         key = hash((number, stamp_s, *written))  # the numbers need five times the memory
         if self._logger.time.marks == "start":
             stamp_s += period_s or live_s
-        humidity = self._quantity(fields, "humidity", self._logger.humidity, self.layout.humidity)
+        air = {name: self._quantity(fields, name, settings) for name, settings in self._logger.air.items()}
         record = LoggerRecord(
             stamp_s=stamp_s,
             tube_counts=tuple(counts),
             tube_live_s=tuple(live),
-            pressure_hpa=self._quantity(fields, "pressure", self._logger.pressure, self.layout.pressure),
-            temperature_degc=self._quantity(
-                fields, "temperature", self._logger.temperature, self.layout.temperature
-            ),
-            relative_humidity=humidity if math.isnan(humidity) else min(humidity, 1.0),
+            pressure_hpa=air["pressure"],
+            temperature_degc=air["temperature"],
+            relative_humidity=1.0 if air["humidity"] > 1.0 else air["humidity"],
             position=self._position(fields, self.layout.position) if self.layout.position else None,
             line=line,
             record_number=number,
@@ -299,10 +297,9 @@ class FieldReader:
             self._note(Kind.ROUNDED_COUNT, message, source.name, remedy)
         return whole
 
-    def _quantity(
-        self, fields: Sequence[str], name: Quantity, quantity: AirQuantity | None, sources: Sequence[Source]
-    ) -> float:
+    def _quantity(self, fields: Sequence[str], name: Quantity, quantity: AirQuantity | None) -> float:
         """Value of the first sensor with a credible value, NaN if there is none."""
+        sources = self.layout.air[name]
         if quantity is None or not sources:
             return NAN
         low, high = quantity.range
@@ -386,7 +383,7 @@ class FieldReader:
 
     def _gnss_offset(self, fields: Sequence[str], record: LoggerRecord) -> float:
         settings, layout = self._logger.position, self.layout.position
-        if settings is None or layout is None or "time_of_day" not in layout or record.position is None:
+        if settings is None or "time_of_day" not in layout or record.position is None:
             return NAN
         text = "1970-01-01 " + fields[layout["time_of_day"].index].strip()
         time_of_day = read_time(text, [f"%Y-%m-%d {settings.time_of_day_format}"])

@@ -20,7 +20,7 @@ from zoneinfo import ZoneInfo, available_timezones
 from pydantic import AfterValidator, Field, model_validator
 
 from soilmoist_ros.foundation import Registry, Section, did_you_mean, load_model, resource, resource_names
-from soilmoist_ros.sensing.formats.log_values import Decimal
+from soilmoist_ros.sensing.formats.log_values import Decimal, Quantity
 
 PressureUnit = Literal["hPa", "mb", "mbar", "Pa", "kPa", "mmHg", "inHg"]
 TemperatureUnit = Literal["degC", "degF", "K"]
@@ -351,6 +351,11 @@ class LoggerFormat(Section):
 
     def __repr_args__(self) -> Iterator[tuple[str, str]]:
         yield "title", self.title
+
+    @property
+    def air(self) -> dict[Quantity, AirQuantity | None]:
+        """Sensors of the air, by quantity."""
+        return {"pressure": self.pressure, "temperature": self.temperature, "humidity": self.humidity}
 
     def on_clock(self, clock: float | str | None) -> LoggerFormat:
         """The format for a logger whose clock is ahead of UTC [h] or has a time zone; unchanged if ``None``."""

@@ -284,8 +284,8 @@ class RecordParser:
             return
         self._reader = FieldReader(self.format, layout, self._side)
         self._bad_header = None
-        for quantity in ("pressure", "temperature", "humidity"):
-            if getattr(self.format, quantity) and not getattr(layout, quantity):
+        for quantity, settings in self.format.air.items():
+            if settings and not layout.air[quantity]:
                 self._report(Remark(Kind.MISSING_COLUMN, f"no column of the {quantity}"), lost=False)
         for column, remark in layout.remarks:
             self._report(

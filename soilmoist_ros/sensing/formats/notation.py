@@ -116,8 +116,7 @@ def _with_decimal(logger: LoggerFormat, rows: Sequence[Row], path: Path) -> tupl
         layout = row.layout
         whole = layout.counts if logger.counts.unit == "counts" else ()
         places = [layout.position[name] for name in ("latitude", "longitude")] if layout.position else []
-        live = [source for source in layout.live if source is not None]
-        for source in (*layout.counts, *live, *layout.pressure, *layout.temperature, *layout.humidity, *places):
+        for source in (*layout.values, *places):
             text = row.fields[source.index]
             if _SEPARATED.fullmatch(text):
                 votes[decimal_of(text, source in whole)].append((text, row.line, source.name))
@@ -161,7 +160,7 @@ def _with_position(logger: LoggerFormat, rows: Sequence[Row]) -> tuple[LoggerFor
     pairs: list[tuple[str, str, int]] = []
     lettered = False
     for row in rows:
-        if (columns := row.layout.position) is None:
+        if not (columns := row.layout.position):
             continue
         latitude, longitude = (row.fields[columns[name].index] for name in ("latitude", "longitude"))
         lettered |= (

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import InputError, LocalFrame
 from soilmoist_ros.sensing.checks.tubes import combine_tubes
-from soilmoist_ros.sensing.corrections.factors import Corrections, effective_exposure, standard_pressure_hpa
+from soilmoist_ros.sensing.corrections.factors import effective_exposure, standard_pressure_hpa
 from soilmoist_ros.sensing.corrections.intensity import NeutronMonitor, read_neutron_monitor
 from soilmoist_ros.sensing.corrections.settings import CorrectionSettings
 from soilmoist_ros.sensing.moisture.site import Site
@@ -109,31 +109,6 @@ def intensity_source(settings: CorrectionSettings) -> NeutronMonitor | float | N
     return read_neutron_monitor(intensity.file, station, intensity.gaps, intensity.max_gap_hours * 3600)
 
 
-def correction_factors(
-    record: LoggerRecord, intensity: float | None, settings: CorrectionSettings, parameters: Corrections
-) -> tuple[float, float, float]:
-    """Factors of pressure, humidity and intensity of a record [-]; 1 if a correction is switched off.
-
-    :raises ValueError: if an active correction lacks a value, or a value is impossible; the message names it
-    """
-    pressure = humidity = incoming = 1.0
-    if settings.pressure is not None:
-        pressure = parameters.f_pressure(record.pressure_hpa)
-    if settings.humidity is not None:
-        humidity = parameters.f_humidity(record.temperature_degc, record.relative_humidity)
-    if settings.intensity is not None:
-        incoming = parameters.f_intensity(math.nan if intensity is None else intensity)
-    return pressure, humidity, incoming
-
-
-def _lacking(record: LoggerRecord, settings: CorrectionSettings) -> list[str]:
-    """Quantities that active corrections need and that a record does not have."""
-    needed = {"air pressure": record.pressure_hpa} if settings.pressure is not None else {}
-    if settings.humidity is not None:
-        needed |= {"air temperature": record.temperature_degc, "relative humidity": record.relative_humidity}
-    return [name for name, value in needed.items() if math.isnan(value)]
-
-
 def unusual_factors(factors: Mapping[str, tuple[float, float]]) -> list[str]:
     """Doubts about factors of corrections that are far from 1: least and greatest factor by name.
 
@@ -190,13 +165,21 @@ def correct_record(
             message = f"cannot be corrected: {intensity.coverage} has no rate at this time"
             raise UnusableRecordError(Kind.NO_CORRECTION, message, remedy)
         intensity = rate
-    if lacking := _lacking(record, site.corrections):
+    settings, parameters = site.corrections, site.corrections_parameters
+    air = {"air temperature": record.temperature_degc, "relative humidity": record.relative_humidity}
+    needed = {"air pressure": record.pressure_hpa} if settings.pressure is not None else {}
+    needed |= air if settings.humidity is not None else {}
+    if lacking := [name for name, value in needed.items() if math.isnan(value)]:
         remedy = "complete the data; write null for a correction only if N0 was calibrated without it"
         message = f"cannot be corrected: there is no {' and no '.join(lacking)}"
         raise UnusableRecordError(Kind.NO_CORRECTION, message, remedy)
     try:
-        parameters = site.corrections_parameters
-        factors = correction_factors(record, intensity, site.corrections, parameters)
+        rate = math.nan if intensity is None else intensity
+        factors = (
+            1.0 if settings.pressure is None else parameters.f_pressure(record.pressure_hpa),
+            1.0 if settings.humidity is None else parameters.f_humidity(*air.values()),
+            1.0 if settings.intensity is None else parameters.f_intensity(rate),
+        )
         effective_s = effective_exposure(exposure_s, math.prod(factors) * parameters.f_surroundings)
     except ValueError as error:
         remedy = "correct the value, or the corrections in the site file"

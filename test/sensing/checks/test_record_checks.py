@@ -2,15 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record against record: bursts of the whole sensor, and the dispersion of a log (totals.py)."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.geodesy import LocalFrame
-from soilmoist_ros.sensing.checks.record_checks import Dispersion, RecordChecks, TotalChecks
-from soilmoist_ros.sensing.gnss import Fix, FixStatus
+from soilmoist_ros.sensing.checks.record_checks import Dispersion, TotalChecks
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import CountRecord, LoggerRecord, Position
@@ -108,15 +106,6 @@ def test_a_count_that_no_tube_reaches_is_quarantined_and_listed():
     assert "1200000 counts in 10 s" in str(problem)
 
 
-def test_the_other_tubes_still_count():
-    wild = replace(GOOD, tube_counts=(40.0, 9e9), tube_live_s=(10.0, 10.0), position=None)
-    checked = RecordChecks().check(wild)
-    assert [finding.kind for finding in checked.findings] == [Kind.IMPOSSIBLE_COUNT]
-    assert not checked.quarantine
-    np.testing.assert_equal(checked.record.tube_counts, (40.0, math.nan))
-    assert RecordChecks().check(wild, unused_tubes=[1]).findings == ()
-
-
 def test_impossible_weather_comes_from_other_records_or_the_record_is_quarantined():
     problems = []
     survey = Survey(Site(corrections={"humidity": None}), LocalFrame(50.0, 10.0), on_problem=problems.append)
@@ -160,17 +149,3 @@ def test_a_file_is_masked_from_where_a_tube_went_wrong_and_its_shares_are_those_
     assert abs(rate - 4.0) < 4 * np.sqrt(4.0 / 6000)
     assert {problem.kind for problem in problems} == {Kind.DEAD_TUBE, Kind.NOISY_TUBE}
     assert not survey.checks.totals.used.is_high
-
-
-def test_the_receiver_has_the_altitude_that_decides_which_pressure_is_possible():
-    high = replace(GOOD, pressure_hpa=700.0, position=None)
-    survey = Survey(Site(), LocalFrame(50.0, 10.0))
-    survey.take_record(high)
-    survey.take_fix(Fix(GOOD.stamp_s + 5, Position(50.0, 10.0, 30.0), FixStatus.RTK))
-    survey.take_record(replace(high, stamp_s=GOOD.stamp_s + 10, tube_counts=(41.0,)))
-    first, second = survey.take_ready()
-    assert first.f_pressure == second.f_pressure < 0.1
-    wrong = Survey(Site(), LocalFrame(50.0, 10.0))
-    wrong.take_fix(Fix(GOOD.stamp_s - 5, Position(50.0, 10.0, 30.0), FixStatus.RTK))
-    wrong.take_record(high)
-    assert [record.quarantine for record in wrong.take_ready()] == ["impossible_weather"]

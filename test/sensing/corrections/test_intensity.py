@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.sensing import LoggerRecord, Site
 from soilmoist_ros.sensing.corrections.factors import Corrections
 from soilmoist_ros.sensing.corrections.intensity import (
     MONITORS,
@@ -20,7 +19,6 @@ from soilmoist_ros.sensing.corrections.intensity import (
     intensity_scale,
     read_neutron_monitor,
 )
-from soilmoist_ros.sensing.survey.correction import UnusableRecordError, correct_record
 
 JUNGFRAUJOCH = CosmicPlace(4.49, 665.18)
 
@@ -58,13 +56,6 @@ def dipole(script, tmp_path_factory):
     return script.Field(path, 2020.0, 1)
 
 
-def test_the_field_of_a_dipole(dipole) -> None:
-    field = dipole(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 2.0, 0.0]]).T)
-    assert field[:, 0] == pytest.approx([0, 0, 29404.8e-9])
-    assert field[:, 1] == pytest.approx([0, 0, -2 * 29404.8e-9])
-    assert field[:, 2] == pytest.approx([0, 0, 29404.8e-9 / 8])
-
-
 @pytest.mark.slow
 def test_traced_cutoffs_of_a_dipole_are_those_of_stoermer(script, dipole) -> None:
     equator, middle = script.cutoff_rigidities(dipole, np.array([(0.0, 0.0), (35.0, 120.0)]))
@@ -75,23 +66,6 @@ def test_traced_cutoffs_of_a_dipole_are_those_of_stoermer(script, dipole) -> Non
     x, y, z = script.start(35.0, 120.0)[0]
     stoermer = whole * (x * x + y * y) ** 2 / (x * x + y * y + z * z) ** 3
     assert stoermer < middle < 1.2 * stoermer
-
-
-# Traced by the script in the field of 2020 (IGRF-14), between the points of the table.
-@pytest.mark.parametrize(
-    ("latitude", "longitude", "traced_gv"),
-    [
-        (38.2346, -97.571, 2.88),
-        (53.268, -0.5245, 2.58),
-        (-33.2, 147.7, 4.74),
-        (12.3, 77.2, 17.34),
-        (50.87, 6.45, 3.12),
-        (36.1, -104.9, 3.78),
-        (-31.4, -64.2, 9.06),
-    ],
-)
-def test_values_between_the_points_of_the_table(latitude, longitude, traced_gv) -> None:
-    assert cutoff_rigidity_gv(latitude, longitude) == pytest.approx(traced_gv, abs=0.2)
 
 
 # Values of the database NMDB, mostly of the years 1965 to 2000.
@@ -227,22 +201,6 @@ def test_gaps_are_bridged_up_to_their_limit() -> None:
     assert held.at(NOON + 2 * HOUR + 1) is None
     assert held.at(NOON + 9 * HOUR) == 164.0
     assert held.at(NOON - 1) is None
-
-
-def test_a_record_outside_the_file_says_what_the_file_covers(tmp_path) -> None:
-    monitor = read_neutron_monitor(write(tmp_path, HEAD + ROWS))
-    site = Site(corrections={"intensity": {"reference": 150, "constant": 150}})
-    record = LoggerRecord(NOON + 9 * HOUR, (700.0,), (HOUR,), 980.0, 20.0, 0.5)
-    with pytest.raises(UnusableRecordError, match="2018-05-01 12:30 to 2018-05-01 14:30 UTC, has no rate at this"):
-        correct_record(record, site, monitor, np.ones(1))
-
-
-def test_the_longest_gap_within_a_survey() -> None:
-    stamps = NOON + HOUR * np.array([0.5, 1.5, 4.5, 5.5, 20.5])
-    monitor = NeutronMonitor(stamps, np.full(5, 150.0), interval_s=HOUR)
-    assert monitor.longest_gap_s(NOON + HOUR, NOON + 1.4 * HOUR) == 0.0
-    assert monitor.longest_gap_s(NOON + HOUR, NOON + 5.2 * HOUR) == 2 * HOUR
-    assert monitor.longest_gap_s(NOON + 6 * HOUR, NOON + 7 * HOUR) == 14 * HOUR
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from soilmoist_ros.sensing.formats.logger_format import LoggerFormat, load_logger_format
+from soilmoist_ros.sensing.formats.logger_format import load_logger_format
 from soilmoist_ros.sensing.formats.logger_reader import LogFile, detect_format, read_log
 from soilmoist_ros.sensing.problems import Kind
 
@@ -81,38 +81,11 @@ def test_styx_counts_are_recovered_from_rate_and_stamps(tmp_path) -> None:
     assert log.records[0].pressure_hpa == pytest.approx(1001.005)
 
 
-def test_rate_is_not_multiplied_over_a_lost_line(tmp_path) -> None:
-    rows = [styx_row(1714557600, 0.25), "broken", styx_row(1714557600 + 1800, 0.25)]
-    log = read_log(write(tmp_path, "\n".join(rows).encode() + b"\n"), "styx")
-    assert [record.tube_live_s[0] for record in log.records] == [900, 900]
-
-
 @pytest.mark.parametrize(("since_s", "live_s"), [(1349, 1349), (1350, 900), (1351, 900)])
 def test_the_time_between_stamps_counts_up_to_one_and_a_half_periods(tmp_path, since_s, live_s) -> None:
     rows = [styx_row(1714557600, 0.25), styx_row(1714557600 + since_s, 0.25)]
     log = read_log(write(tmp_path, "\n".join(rows).encode() + b"\n"), "styx")
     assert log.records[1].tube_live_s == (live_s,)
-
-
-def mine(**changes) -> LoggerFormat:
-    settings = {
-        "title": "mine",
-        "source": "a test",
-        "delimiter": "semicolon",
-        "header": {},
-        "time": {
-            "columns": ["Day + Clock"],
-            "formats": ["%d.%m.%Y %H:%M"],
-            "marks": "start",
-            "utc_offset_hours": 2,
-        },
-        "counts": {"columns": ["c{tube}"]},
-        "record_period": {"default_s": 600},
-        "pressure": {"sensors": [{"column": "p", "unit": "kPa"}]},
-        "temperature": {"sensors": [{"column": "t", "unit": "degF"}]},
-        "humidity": {"sensors": [{"column": "h", "unit": "fraction"}]},
-    }
-    return LoggerFormat.model_validate({**settings, **changes})
 
 
 # Toa5 ------------------------------------------------------------------------------------------------------------
@@ -207,10 +180,3 @@ def test_a_header_returns_without_harm_and_without_its_last_lines(tmp_path) -> N
     torn = "".join(HEADER.splitlines(keepends=True)[:2])
     log = read(tmp_path, HEADER + row("00:00:00", 0) + row("01:00:00", 1) + torn + row("02:00:00", 2))
     assert [record.record_number for record in log.records] == [1, 2]
-
-
-def test_the_clock_of_the_site_has_priority() -> None:
-    logger = load_logger_format("toa5")
-    assert logger.on_clock(None) is logger
-    assert logger.on_clock(-6.0).time.utc_offset_hours == -6.0
-    assert logger.time.utc_offset_hours == 0.0

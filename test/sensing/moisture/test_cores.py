@@ -120,18 +120,6 @@ def test_a_shielded_probe_sees_the_near_cores():
     assert shielded > bare + 0.01
 
 
-def test_the_density_of_the_site_serves_where_the_cores_have_none():
-    dense = [SoilCore(0.1, 1.7, 1.0, "a", 5.0, 0.0, 10.0), SoilCore(0.3, 1.7, 1.0, "a", 5.0, 10.0, 30.0)]
-    unknown = [replace(core, bulk_density_gcm3=math.nan) for core in dense]
-    around = Surroundings(bound_water=0.05, bulk_density_gcm3=1.7)
-    found, expected = (mean_of_cores(cores, "revised", around) for cores in (unknown, dense))
-    assert found.vwc == pytest.approx(expected.vwc, rel=1e-12)
-    assert (found.bulk_density_gcm3, expected.bulk_density_gcm3) == (None, pytest.approx(1.7))
-    assert found.vwc != pytest.approx(
-        mean_of_cores(unknown, "revised", Surroundings(bound_water=0.05)).vwc, abs=1e-4
-    )
-
-
 @settings(max_examples=15)
 @given(
     st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 300), st.floats(0, 60)), min_size=1, max_size=8),

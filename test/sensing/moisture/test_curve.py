@@ -62,17 +62,6 @@ def test_rates_without_a_soil_moisture_are_not_valid_and_give_nan():
     np.testing.assert_array_equal(np.isnan(CURVE.vwc_sd(rates, 0.1)), ~CURVE.valid(rates))
 
 
-def test_values_that_cannot_be_are_refused():
-    with pytest.raises(ValueError, match="n0_cps must be positive and finite"):
-        CalibrationCurve(math.nan, 1.4)
-    with pytest.raises(ValueError, match="lattice_water must be zero or positive"):
-        CalibrationCurve(6.0, 1.4, lattice_water=-0.1)
-    with pytest.raises(ValueError, match="below what the calibration curve can express"):
-        CURVE.rate_cps(-0.5)
-    with pytest.raises(ValueError, match="order must be 1 or 3"):
-        CURVE.vwc_sd(4.0, 0.1, order=2)
-
-
 # Soil limits -----------------------------------------------------------------------------------------------------
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.formats.log_values import nmea_checksum
-from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, NoPlace, horizontal_sd
+from soilmoist_ros.sensing.gnss import CovarianceKind, Fix, FixStatus, NoPlace
 from soilmoist_ros.sensing.position.nmea import NmeaParser, parse_nmea
 from soilmoist_ros.sensing.position.track_file import read_positions
 from soilmoist_ros.sensing.problems import Kind
@@ -97,25 +97,6 @@ def test_a_fix_comes_without_delay_once_the_sentences_are_known() -> None:
     assert parser.flush() is None
 
 
-@pytest.mark.parametrize(
-    ("quality", "status"),
-    [
-        ("1", FixStatus.FIX),
-        ("2", FixStatus.SBAS),
-        ("4", FixStatus.RTK),
-        ("5", FixStatus.RTK),
-        ("6", FixStatus.FIX),
-        ("8", FixStatus.FIX),
-        ("9", FixStatus.SBAS),
-    ],
-)
-def test_status(quality, status) -> None:
-    (fix,), _ = parse(rmc(), gga(quality=quality))
-    assert fix.status is status
-    assert fix.position.horizontal_sd_m == pytest.approx(horizontal_sd(int(quality), 0.8))
-    assert fix.covariance_kind is CovarianceKind.APPROXIMATED
-
-
 def test_error_ellipse_in_east_and_north() -> None:
     (fix,), _ = parse(rmc(), gga(quality="4"), gst(ellipse="0.04,0.01,90.0"))
     np.testing.assert_allclose(fix.covariance_m2, np.diag([0.04**2, 0.01**2, 0.05**2]), atol=1e-12)
@@ -189,18 +170,6 @@ def test_any_fields_never_raise(rows) -> None:
     fixes, _ = parse(*(sentence(f"GP{kind},{','.join(fields)}") for kind, fields in rows))
     for fix in fixes:
         assert math.isnan(fix.position.latitude_deg) == (fix.status is FixStatus.NO_FIX)
-
-
-def test_file(tmp_path) -> None:
-    path = tmp_path / "a.nmea"
-    path.write_bytes(b"\r\n".join([gga("095959"), b"noise", rmc(), gga(), gga("100001")]) + b"\r\n")
-    fixes, problems = read_positions(path)
-    assert [fix.stamp_s for fix in fixes] == [
-        stamp(f"2024-05-01 {clock}") for clock in ("09:59:59", "10:00:00", "10:00:01")
-    ]
-    assert [(problem.kind, problem.mistake.line, problem.mistake.path) for problem in problems] == [
-        (Kind.UNREADABLE, 2, path)
-    ]
 
 
 @pytest.mark.parametrize(

@@ -55,17 +55,6 @@ def test_never_raises_and_stays_within_its_neighbours(stamp_s, gap_s, stamps) ->
     assert position is None or 50 <= position.latitude_deg <= 51
 
 
-@pytest.mark.slow
-def test_a_growing_track_ignores_epochs_that_are_not_later() -> None:
-    track = Track()
-    for stamp_s, place in [(0.0, LINE[0]), (10.0, LINE[1]), (10.0, LINE[0]), (5.0, LINE[0])]:
-        track.add(stamp_s, place.position)
-    track.add(12.0, None)
-    track.add(math.nan, LINE[0].position)
-    assert (len(track), track.fixed_s, track.reached_s) == (2, 10.0, 12.0)
-    assert track.at(10.0, 1.0) == LINE[1].position
-
-
 def test_a_growing_track_starts_again_when_the_receiver_corrects_its_clock() -> None:
     track = Track()
     track.add(1e9, LINE[0].position)
@@ -183,13 +172,6 @@ def test_a_jump_out_and_back_is_left_out():
 )
 def test_vehicles_and_noise_are_no_jumps(x_m, period_s, sd_m):
     assert len(driven(x_m, period_s, sd_m).jumped) == 0
-
-
-def test_a_new_place_that_stays_is_believed():
-    x_m = np.concatenate([np.zeros(20), 5000.0 + 0.6 * np.arange(100)])
-    track = driven(x_m)
-    assert 55 <= len(track.jumped) <= 65
-    assert track.at(T0 + 119, 1.0).longitude_deg == pytest.approx(place(x_m[-1]).longitude_deg, abs=1e-9)
 
 
 @pytest.mark.parametrize("shift_s", [10, 40])

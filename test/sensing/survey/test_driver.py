@@ -3,12 +3,10 @@
 """Links and processing together, with recordings and a server."""
 
 import contextlib
-import itertools
 import math
 import socket
 import threading
 import time
-from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -146,35 +144,6 @@ def test_the_link_of_a_logger_waits_as_long_as_its_records_are_apart(logger, lin
     assert (parts["logger link"], parts["GNSS link"]) == (f"{limit_s:.1f}", "35.0")
 
 
-FINAPP = (
-    b"Datetime (UTC),neutrons,muons,gamma,integration_time(s),V_in(Volt),temperature_in(C),temperature_ext(C),"
-    b"ur(%),pressure(hPa)"
-)
-TOA5 = [b'"TOA5","farm","CR1000","10277"', b'"TIMESTAMP","RECORD","N1Cts_Tot","N1ET_Tot"']
-
-
-@pytest.mark.parametrize(
-    ("logger", "header", "row", "gaps_s", "limit_s"),
-    [
-        ("finapp", [FINAPP], "{},15,90,1,30,12.5,20.0,18.0,50.0,1000.0", [30] * 9, 105.0),  # nominal: an hour
-        ("toa5", TOA5, '"{}",{},15,10', [10] * 9 + [3600, 10], 35.0),  # a break
-        ("toa5", TOA5, '"{}",{},15,10', [60] * 9 + [86400 * 700, -3600, 60], 210.0),
-        ("toa5", TOA5, '"{}",{},15,10', [300, 7200], 1050.0),
-        ("finapp", [FINAPP], "{},15,90,1,30,12.5,20.0,18.0,50.0,1000.0", [8, -60], 12600.0),  # a clock set back
-    ],
-)
-def test_a_stuck_link_is_left_after_some_periods_of_the_records_that_came(logger, header, row, gaps_s, limit_s):
-    driver = Driver(DriverSettings("tcp://127.0.0.1:1", logger), Site(), LocalFrame(50, 10))
-    for line in header:
-        driver.stream.take_logger_line(line, 0.0)
-    for number, elapsed_s in enumerate(itertools.accumulate(gaps_s, initial=0)):
-        stamp = datetime.fromtimestamp(START_S + elapsed_s, UTC).strftime("%Y-%m-%d %H:%M:%S")
-        assert driver.stream.take_logger_line(row.format(stamp, number).encode(), 0.0)
-    with started(driver):
-        parts = {part.name: part.values.get("silence limit [s]") for part in driver.health(0.0)}
-    assert parts["logger link"] == f"{limit_s:.1f}"
-
-
 # Driver health ---------------------------------------------------------------------------------------------------
 
 T0 = 1.78e9
@@ -218,20 +187,6 @@ def test_an_intensity_that_does_not_come_or_is_old_is_a_warning_with_its_age():
         (Level.WARN, "the incoming intensity is 4.0 h old, of at most 6.0 h", "14400"),
         (Level.WARN, "the incoming intensity is 7.0 h old: that of the site file is used", "25200"),
     ]
-
-
-def test_an_old_intensity_that_is_used_as_the_site_has_none_is_a_warning(tmp_path):
-    (tmp_path / "monitor.csv").write_text("2024-04-30 00:00:00;75\n2024-04-30 01:00:00;75\n")
-    intensity = {"reference": 150, "file": str(tmp_path / "monitor.csv")}
-    corrections = {"pressure": None, "humidity": None, "intensity": intensity}
-    survey = SensorStream(Site(corrections=corrections), LocalFrame(50.0, 10.0), "thorvald_crs")
-    survey.survey.latest_intensity = LatestIntensity()
-    survey.survey.latest_intensity.take(160.0, -7 * 3600.0)
-    count(survey, 1)
-    part = records_health(survey, T0 + 10)
-    assert (part.level, part.message.partition(";")[0]) == (
-        Level.WARN, "the incoming intensity is 7.0 h old, and used: the site file has none"
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize(("stored_s", "date"), [(T0 - 86400, " of 2026-05-27 20:26 UTC"), (NAN, "")])

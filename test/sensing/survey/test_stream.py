@@ -26,7 +26,7 @@ from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.driver import NO_RECORD_S, logger_fault, records_health
 from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.sensing.survey.stream import SensorStream
-from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S, MAX_FIXES
+from soilmoist_ros.sensing.survey.survey import LINE_DELAY_S
 from soilmoist_ros.simulation.robot.virtual_devices import sentences_without_fix
 from virtual_survey import START_S, write_survey
 
@@ -172,27 +172,6 @@ def test_no_record_is_lost_and_their_order_remains_whatever_comes_when(data):
     assert live.survey.waiting == 0
 
 
-@pytest.mark.slow
-def test_a_record_that_comes_hours_late_finds_its_place():
-    live, one_m = survey(), fix(0.0, 1.0).position.longitude_deg - FRAME.to_geographic((0.0, 0.0))[0][1]
-    for second in range(3 * MAX_FIXES):
-        place = Position(50.0, 10.0 + 1e-3 * second * one_m, 30.0)
-        live.take_fix(Fix(T0 + second, place, FixStatus.RTK))
-    late = 2 * MAX_FIXES // 10 + 2
-    live.take_logger_line(line(record(late)), 0.0)
-    [one] = live.take_ready(0.0)
-    assert one.x_m == pytest.approx((10 * late - 5) * 1e-3, abs=1e-4)
-
-
-def test_repeated_records_are_dropped_and_are_no_loss():
-    live = survey()
-    for number in (1, 1, 2):
-        live.take_logger_line(line(record(number)), 0.0)
-    assert len(live.take_ready(9.0)) == 2
-    assert live.logger_problems.lost == {Kind.DUPLICATE: 1}
-    assert (live.logger_problems.losses, live.recent_losses) == (0, 0)
-
-
 def test_missing_weather_is_that_of_before_but_not_of_long_ago():
     live = survey(Site())
     live.take_logger_line(line(record(0, pressure_hpa=NAN)), 0.0)
@@ -217,14 +196,6 @@ def test_intensity_from_outside_is_that_of_the_site_again_when_it_is_too_old():
     latest.take(75.0, 12_300.0)
     live.take_logger_line(line(record(3)), 12_300.0)
     assert [one.f_intensity for one in live.take_ready(2e4)] == [1.5, 1.5, 1.0, 2.0]
-
-
-def test_clocks_are_compared_by_the_line_that_came_fastest():
-    live = survey()
-    assert math.isnan(live.clock_difference_s)
-    for late_s in (3.0, 0.5, 40.0):
-        live.compare_clocks(T0 + 7.0, T0 + late_s)
-    assert live.clock_difference_s == pytest.approx(4.0)
 
 
 def test_a_drift_of_the_loggers_clock_is_reported_once_and_a_silent_receiver_is_none():
@@ -263,15 +234,6 @@ def test_a_loggers_clock_that_is_set_is_noticed_within_three_records():
     wrong = [number for number, x_m in enumerate(east_m, 1) if abs(x_m - (60 * number - 30)) > 1.0]
     assert (len(east_m), wrong) == (40, [21, 22])
     assert live.logger_problems.noted[Kind.CLOCK_OFFSET] == 2
-
-
-def test_a_clock_that_is_set_is_reported_where_the_lines_have_no_gnss_time():
-    live = survey()
-    for number in range(1, 21):
-        live.take_fix(fix(10.0 * number))
-        one = record(number)
-        live.take_logger_line(line(replace(one, stamp_s=one.stamp_s - 40.0 * (number > 10))), 0.0)
-        assert live.logger_problems.noted[Kind.CLOCK_OFFSET] == (number > 12)
 
 
 # No record -------------------------------------------------------------------------------------------------------

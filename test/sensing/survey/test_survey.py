@@ -14,7 +14,6 @@ from soilmoist_ros.sensing.formats.robot_logger import format_header, format_rec
 from soilmoist_ros.sensing.gnss import Fix, FixStatus
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import Track
-from soilmoist_ros.sensing.problems import Kind
 from soilmoist_ros.sensing.records import LoggerRecord, Position
 from soilmoist_ros.sensing.survey.logs import process_logs
 from soilmoist_ros.sensing.survey.survey import MAX_EDGE_TOLERANCE_S, Survey
@@ -95,15 +94,6 @@ def test_a_single_fix_gives_the_place_within_the_interval_and_within_five_second
     assert not placed(10.0, 995.0 - 5.1)
     assert placed(60.0, 970.0 - MAX_EDGE_TOLERANCE_S)
     assert not placed(60.0, 970.0 - MAX_EDGE_TOLERANCE_S - 0.1)
-
-
-def test_values_after_a_record_serve_it_when_all_records_are_known():
-    records = [record(10.0, pressure_hpa=NAN), record(20.0)]
-    assert Survey(Site(), FRAME, records).correct(records[0]).f_pressure != 1.0
-    problems = []
-    survey = Survey(Site(), FRAME, on_problem=problems.append)
-    survey.take_record(records[0])
-    assert [(problem.kind, problem.mistake.line) for problem in problems] == [(Kind.NO_CORRECTION, 1)]
 
 
 def test_the_middle_of_the_interval_is_joined_by_gnss_time():
