@@ -50,7 +50,10 @@ _FASTER: Final = 2.0
 WATCH_PARAMETERS: Final = (
     row("failsafes", [], "responses to causes where they are not the default ones of docs/safety.md, as "
         f"CAUSE:RESPONSE, such as off_route:pause; responses are {', '.join(Response)}"),
-    *(row(name, value, one.about, one.unit, one.low, one.high) for name, (value, one) in LIMITS.items()),
+    *(
+        row(name, getattr(WatchLimits, name), about, unit, 0.0, None if unit else 1.0)
+        for name, (unit, about) in LIMITS.items()
+    ),
     row("max_speed_mps", 0.0,
         f"highest speed of the robot; 0 for {_PLACE.max_speed_mps:g} m/s, or twice speed_mps if that is more",
         "m/s", 0),

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
+from pydantic import TypeAdapter
 
 pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
@@ -25,9 +26,8 @@ from msg_adapters.counts import counts_to_message, samples_from_message
 from msg_adapters.mission import mission_from_message, mission_to_message
 from msg_adapters.places import path_to_places
 from soilmoist_ros.exploration.mission.journal import VISIT
-from soilmoist_ros.exploration.mission.state import visit_from_dict
 from soilmoist_ros.exploration.mission.types import Phase
-from soilmoist_ros.exploration.mission.visit import VisitEnd
+from soilmoist_ros.exploration.mission.visit import Visit, VisitEnd
 from soilmoist_ros.nodes.topics import LATCHED, RECORDS, VISITS
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.journal import load_journal
@@ -144,7 +144,7 @@ def test_every_visit_is_published_and_recorded_as_the_mission_had_it(ros, tmp_pa
         counted = sum(world.counted.values())
     assert recorder.stop() == 0
     entries = load_journal(tmp_path / "journal", whole=True).entries
-    logged = [visit_from_dict(entry.payload) for entry in entries if entry.kind == VISIT]
+    logged = [TypeAdapter(Visit).validate_python(entry.payload) for entry in entries if entry.kind == VISIT]
     assert len(logged) == samples >= 2
     assert [visit_from_message(message) for message in published] == logged
     assert late == published, "a late receiver gets all of them"

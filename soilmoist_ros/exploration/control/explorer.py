@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.control.field_access import NO_MARGIN, AccessRules, FieldAccess
 from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen, taken
-from soilmoist_ros.exploration.mission.events import RequestPlan
+from soilmoist_ros.exploration.mission.events import Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
 from soilmoist_ros.exploration.planning.forecast import Forecast
@@ -27,7 +27,7 @@ from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spr
 from soilmoist_ros.exploration.planning.properties import Property, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect
 from soilmoist_ros.exploration.strategies.registry import make_strategy, strategy_kind, warm_up
-from soilmoist_ros.exploration.strategies.strategy import Choice, Situation, Strategy
+from soilmoist_ros.exploration.strategies.strategy import Situation, Strategy
 from soilmoist_ros.exploration.travel.stop import Stop, inside_any, stops_xy
 from soilmoist_ros.exploration.travel.travel import RobotMotion, TravelModel
 from soilmoist_ros.mapping import (
@@ -43,20 +43,8 @@ from soilmoist_ros.mapping import (
 from soilmoist_ros.sensing import MoistureCurve
 
 Array = NDArray[np.float64]
+Place = tuple[float, float]
 _ON_THE_WAY_TOO = Counting()
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """The answer to a plan request.
-
-    :param home_s: travel time home from it, or from where the robot stays without a choice [s]; 0 without a home
-    """
-
-    choice: Choice | None  # the next stop, ``None`` if nothing is worth going to or can be reached
-    travel_s: float | None  # travel time to it [s], ``None`` without a choice
-    forecast: Forecast | None = None  # a new forecast of the map, ``None`` if the last one is recent
-    home_s: float = 0.0
 
 
 class Explorer:
@@ -140,38 +128,33 @@ class Explorer:
         """True if there is a map of a property."""
         return any(each.name == name and each.field_map.soil_map is not None for each in self.properties)
 
-    def plan(
-        self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[PendingMeasurement] = ()
-    ) -> Plan:
-        """Choose the next stop.
+    def plan(self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()) -> Planned:
+        """Choose the next stop for a robot at a place [m]; the time of the answer is 0.
 
-        :param request: what the mission asks for
-        :param position_xy: where the robot is [m]
         :param others: pending measurements of other robots on the field
         """
         situation = self.situation(request, position_xy, others)
         strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
-        choice = strategy.choose(situation, self.rng)
-        forecast = self._forecast(request, 1 + len(others)) if self._forecasts else None
+        choice, forecast = strategy.choose(situation, self.rng), None
+        if self._forecasts:
+            times_s = request.time_used_s, request.time_left_s
+            forecast = self._forecaster.forecast(self.properties[0], *times_s, 1 + len(others))
         number = self._numbers.get(request.staying if choice is None else choice.stop.name)
         home_s = 0.0 if number is None else float(self._to_home_s[number])
         if choice is None:
-            return Plan(None, None, forecast, home_s)
+            return Planned(0.0, request.plan_id, None, forecast=forecast, home_s=home_s)
         if isinstance(self.rules.dwell, Optimal) and choice.dwell is None:
             choice = replace(choice, dwell=self._dwell_at(choice.stop, situation, request, others))
         stays = bool(request.staying) and choice.stop.name == request.staying
         travel_s = 0.0 if stays else float(self.travel.travel_s(position_xy, [choice.stop])[0])
-        return Plan(choice, travel_s, forecast, home_s)
-
-    def _forecast(self, request: RequestPlan, robots: int) -> Forecast | None:
-        return self._forecaster.forecast(self.properties[0], request.time_used_s, request.time_left_s, robots)
+        return Planned(0.0, request.plan_id, choice, travel_s, forecast=forecast, home_s=home_s)
 
     def achieved(self) -> Forecast | None:
         """Standard deviation of the map now, ``None`` without a map."""
         return self._forecaster.achieved(self.properties[0])
 
     def situation(
-        self, request: RequestPlan, position_xy: tuple[float, float], others: Sequence[PendingMeasurement] = ()
+        self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()
     ) -> Situation:
         """What the strategy is shown.
 
@@ -443,12 +426,7 @@ def strategy_stream(seed: int, robot: int = 0) -> np.random.Generator:
 
 
 def make_explorer(access: FieldAccess, settings: ExplorerSettings, rules: MissionRules) -> Explorer:
-    """An explorer for one mission.
-
-    :param access: where the robot may go
-    :param settings: how stops are chosen
-    :param rules: those of the mission
-    """
+    """An explorer for one mission."""
     planning = FieldMapSettings(for_planning=True)
     return Explorer(
         [Property(FieldMap(access.grid, planning, settings.knowledge), curve=settings.curve)],
@@ -468,12 +446,7 @@ def nominal_rate_cps(calibration: MoistureCurve | None) -> float:
 
 
 def first_forecast(grid: FieldGrid, settings: ExplorerSettings, budget_s: float) -> Forecast:
-    """The forecast before a mission starts.
-
-    :param grid: grid of the field
-    :param settings: how stops are chosen
-    :param budget_s: mission time [s]
-    """
+    """The forecast before a mission of this time [s] starts."""
     expected = _expected_fit(grid, settings.knowledge)
     rate_cps = nominal_rate_cps(settings.calibration) if expected is None else expected.mean_rate
     slope = None if settings.curve is None else math.sqrt(float(settings.curve.weight([rate_cps])[0]))

@@ -163,7 +163,6 @@ def answer(explorer: Explorer, job: PlanJob, needs_map: bool) -> Planned | PlanF
     """Answer a request. Takes a while, and never fails: what goes wrong becomes a :class:`PlanFailed`.
 
     :param explorer: chooses; its maps are brought up to date
-    :param job: the request
     :param needs_map: whether the strategy cannot do without a map
     :returns: the answer; its time is 0, to be set when the mission gets it
     """
@@ -173,14 +172,15 @@ def answer(explorer: Explorer, job: PlanJob, needs_map: bool) -> Planned | PlanF
         missing = any(each.required and not explorer.has_map(each.name) for each in job.maps)
         if needs_map and job.request.kind is PlanKind.EXPLORE and missing:
             return PlanFailed(0.0, plan_id, "no map has come: is the mapper running?")
-        plan = explorer.plan(job.request, job.place, job.others)
+        planned = explorer.plan(job.request, job.place, job.others)
+        if planned.choice is None:
+            planned = replace(planned, reason="no stop that is left fits into the time")
+        return planned
     except (SoilmoistError, ValueError, ArithmeticError) as error:
         return PlanFailed(0.0, plan_id, str(error))
     except Exception as error:  # a mistake of ours: the mission asks the operator in the end
         _log.exception("planning failed")
         return PlanFailed(0.0, plan_id, f"{type(error).__name__}: {error}")
-    reason = "" if plan.choice is not None else "no stop that is left fits into the time"
-    return Planned(0.0, plan_id, plan.choice, plan.travel_s, reason, plan.forecast, plan.home_s)
 
 
 def bring_up_to_date(explorer: Explorer, maps: Sequence[PropertyMap]) -> None:

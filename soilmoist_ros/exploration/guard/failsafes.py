@@ -59,84 +59,29 @@ class Failsafe:
     remedy: str  # what the operator can do
 
 
-@dataclass(frozen=True)
-class Limit:
-    """A limit of the watch that is a parameter of the planner."""
-
-    about: str  # what it limits
-    unit: str
-    low: float  # lowest value
-    high: float | None  # highest value, ``None`` for any
-
-
-def _limit(about: str, unit: str = "", low: float = 0.0, high: float | None = None) -> dict[str, Limit]:
-    return {"limit": Limit(about, unit, low, high)}
-
-
 @dataclass(frozen=True, kw_only=True)
 class WatchLimits:
-    """Limits of the causes; those with a text are parameters of the planner.
+    """Limits of the causes; those of :data:`LIMITS` are parameters of the planner, the others have no use as such.
 
     :raises ValueError: if a value is out of its range
     """
 
     place: PlaceLimits = field(default_factory=PlaceLimits)  # its max_speed_mps also limits the cause speed
     stamps: StampLimits = field(default_factory=StampLimits)
-    max_outside_m: float = field(
-        default=2.0,
-        metadata=_limit(
-            "distance outside the field from which a mission pauses; a robot that starts outside may drive in", "m"
-        ),
-    )
-    max_entry_m: float = field(
-        default=10.0,
-        metadata=_limit(
-            "distance outside the field from which no goal is sent; from nearer the robot drives straight back "
-            "in. At least max_outside_m counts",
-            "m",
-        ),
-    )
-    max_in_no_go_m: float = field(
-        default=0.5,
-        metadata=_limit(
-            "depth in a no-go area, the margin robot_radius_m included, from which a mission pauses", "m"
-        ),
-    )
-    off_route_m: float = field(
-        default=5.0, metadata=_limit("distance from the route that counts as off the route", "m")
-    )
-    far_off_route_m: float = field(
-        default=10.0, metadata=_limit("distance from the route from which a mission pauses", "m")
-    )
-    fix_old_s: float = field(default=10.0, metadata=_limit("longest time without a plausible position", "s"))
-    fix_frozen_s: float = field(
-        default=12.0,
-        metadata=_limit(
-            "longest time without any change of the position while the robot is to drive, with goal_pose at least "
-            "30 s, as fixes show its arrivals; 0 for no limit",
-            "s",
-        ),
-    )
-    records_old_s: float = field(default=60.0, metadata=_limit("longest time without a record in a mission", "s"))
-    map_old_s: float = field(
-        default=300.0, metadata=_limit("longest time that the map stays without the newest records", "s")
-    )
-    navigation_silent_s: float = field(
-        default=10.0,
-        metadata=_limit("longest time without the navigation, or its feedback where that is regular", "s"),
-    )
-    battery_low: float = field(
-        default=0.25, metadata=_limit("charge below which the battery is low; 0 for no limit", high=1.0)
-    )
-    battery_empty: float = field(
-        default=0.1, metadata=_limit("charge below which the battery is empty; 0 for no limit", high=1.0)
-    )
-    battery_low_v: float = field(
-        default=0.0, metadata=_limit("voltage below which the battery is low; 0 for no limit", "V")
-    )
-    battery_empty_v: float = field(
-        default=0.0, metadata=_limit("voltage below which the battery is empty; 0 for no limit", "V")
-    )
+    max_outside_m: float = 2.0
+    max_entry_m: float = 10.0
+    max_in_no_go_m: float = 0.5
+    off_route_m: float = 5.0
+    far_off_route_m: float = 10.0
+    fix_old_s: float = 10.0
+    fix_frozen_s: float = 12.0
+    records_old_s: float = 60.0
+    map_old_s: float = 300.0
+    navigation_silent_s: float = 10.0
+    battery_low: float = 0.25
+    battery_empty: float = 0.1
+    battery_low_v: float = 0.0
+    battery_empty_v: float = 0.0
     moving_m: float = 0.5  # motion without a goal: more than the noise of RTK, and less than a step
     counts_bad_s: float = 60.0  # time in which more than half of the records must be good: six records
     battery_silent_s: float = 60.0  # batteries report every second or every ten
@@ -153,14 +98,37 @@ class WatchLimits:
                 raise ValueError(f"{low} must not be above {high}: {getattr(self, low)} > {getattr(self, high)}")
 
 
-LIMITS: Final[Mapping[str, tuple[float, Limit]]] = MappingProxyType(
+LIMITS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
-        each.name: (getattr(WatchLimits, each.name), each.metadata["limit"])
-        for each in fields(WatchLimits)
-        if each.metadata
+        "max_outside_m": (
+            "m", "distance outside the field from which a mission pauses; a robot that starts outside may drive in"
+        ),
+        "max_entry_m": (
+            "m", "distance outside the field from which no goal is sent; from nearer the robot drives straight "
+            "back in. At least max_outside_m counts"
+        ),
+        "max_in_no_go_m": (
+            "m", "depth in a no-go area, the margin robot_radius_m included, from which a mission pauses"
+        ),
+        "off_route_m": ("m", "distance from the route that counts as off the route"),
+        "far_off_route_m": ("m", "distance from the route from which a mission pauses"),
+        "fix_old_s": ("s", "longest time without a plausible position"),
+        "fix_frozen_s": (
+            "s", "longest time without any change of the position while the robot is to drive, with goal_pose at "
+            "least 30 s, as fixes show its arrivals; 0 for no limit"
+        ),
+        "records_old_s": ("s", "longest time without a record in a mission"),
+        "map_old_s": ("s", "longest time that the map stays without the newest records"),
+        "navigation_silent_s": (
+            "s", "longest time without the navigation, or its feedback where that is regular"
+        ),
+        "battery_low": ("", "charge from 0 to 1 below which the battery is low; 0 for no limit"),
+        "battery_empty": ("", "charge from 0 to 1 below which the battery is empty; 0 for no limit"),
+        "battery_low_v": ("V", "voltage below which the battery is low; 0 for no limit"),
+        "battery_empty_v": ("V", "voltage below which the battery is empty; 0 for no limit"),
     }
-)
-"""Default and meaning of each limit that is a parameter, by its name."""
+)  # fmt: skip
+"""Unit and meaning of each limit that is a parameter, by its name."""
 
 FAILSAFES: Final[Mapping[Cause, Failsafe]] = MappingProxyType(
     {

@@ -19,7 +19,7 @@ from soilmoist_ros.exploration.mission.state import (
     replace,
     shown,
     state_from_json,
-    visit_to_dict,
+    to_dict,
 )
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.mission.visit import Visit
@@ -92,7 +92,7 @@ class MissionJournal:
 
     def visit(self, visit: Visit) -> None:
         """Write a visit down."""
-        self._append(visit_to_dict(visit), kind=VISIT)
+        self._append(to_dict(visit), kind=VISIT)
         self._pending = True
 
     def secure(self) -> None:

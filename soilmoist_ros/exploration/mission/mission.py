@@ -74,7 +74,7 @@ from soilmoist_ros.exploration.mission.state import (
     replace,
     shown,
     state_from_json,
-    state_to_dict,
+    to_dict,
 )
 from soilmoist_ros.exploration.mission.types import (
     MOVING,
@@ -164,7 +164,7 @@ class Mission:
 
     def snapshot(self) -> str:
         """The state as JSON; the rules are not part of it."""
-        return json.dumps(state_to_dict(self.state), allow_nan=False)
+        return json.dumps(to_dict(self.state), allow_nan=False)
 
     @classmethod
     def restore(cls, rules: MissionRules, snapshot: str) -> Mission:

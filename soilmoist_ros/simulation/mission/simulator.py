@@ -33,7 +33,6 @@ from soilmoist_ros.exploration import (
     Optimal,
     PendingMeasurement,
     Phase,
-    Planned,
     Property,
     Publish,
     RecordArrived,
@@ -342,13 +341,10 @@ class _Simulation:
                 robot.explorer.travel.motion = robot.learned.motion
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.pending_of_others(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
-                answer = Planned(
-                    self.now_s, action.plan_id, plan.choice, plan.travel_s, "", plan.forecast, plan.home_s
-                )
                 robot.ahead = (plan.choice.stop, *plan.choice.ahead) if plan.choice else ()
                 if plan.forecast is not None:
                     self.forecasts.append(TimedForecast(self.now_s, plan.forecast))
-                self.give(robot, answer)
+                self.give(robot, replace(plan, now_s=self.now_s))
             case GoTo():
                 way = self.travel.route(robot.body.at(self.now_s), action.stop)
                 robot.goal = (robot.body.go(self.now_s, way), action)
