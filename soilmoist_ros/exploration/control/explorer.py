@@ -52,15 +52,10 @@ class Explorer:
 
     :param properties: what is mapped, all in the same cells of one grid. The mission counts the first, so its
         counts decide the dwell, and stops are weighed by maps only once it has one
-    :param stops: stops that may be chosen
-    :param travel: routes and times
-    :param strategy: the strategy of this mission
     :param warm_up: the strategy until the map may guide
     :param rules: those of the mission: how long a measurement takes, and which stops leave time for it and the
         way home
-    :param rng: source of all randomness
     :param nominal_rate_cps: rate to expect before there is a map [counts/s]
-    :param counting: when the robot counts
     :param forecasts: whether plans have forecasts of the map
     :param grid: the field, where the maps are only of the cells that represent it (:func:`planning_grid`); their
         grid if ``None``
@@ -129,10 +124,7 @@ class Explorer:
         return any(each.name == name and each.field_map.soil_map is not None for each in self.properties)
 
     def plan(self, request: RequestPlan, position_xy: Place, others: Sequence[PendingMeasurement] = ()) -> Planned:
-        """Choose the next stop for a robot at a place [m]; the time of the answer is 0.
-
-        :param others: pending measurements of other robots on the field
-        """
+        """Choose the next stop for a robot at a place [m]; the time of the answer is 0."""
         situation = self.situation(request, position_xy, others)
         strategy = self.warm_up if request.kind is PlanKind.WARM_UP else self.strategy
         choice, forecast = strategy.choose(situation, self.rng), None
@@ -419,7 +411,6 @@ STREAMS_PER_ROBOT = 3
 def strategy_stream(seed: int, robot: int = 0) -> np.random.Generator:
     """Random choices of a strategy: planner and simulator draw the same stops with the same seed.
 
-    :param seed: seed of the mission
     :param robot: number of the robot, from 0
     """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(STREAMS_PER_ROBOT * robot + 1,)))

@@ -54,14 +54,9 @@ MOVED_M = 2.0
 class FieldAccess:
     """Where the robot may go and measure in a field, and how it travels there; all of it inside the fence.
 
-    :param field: the field
-    :param motion: how the robot moves
     :param graph: travel graph; straight lines around no-go areas without. Nodes and edges that the fence refuses,
         and those of other parts than the robot's, are not used; :attr:`warning` names them
-    :param rules: where the robot may drive
     :param cell_m: cell size of the map [m]; the field's own if ``None``
-    :param home: name of the stop to return to; empty for none
-    :param place: where the robot is [m], ``None`` if not known yet
     :raises InputError: if the field cannot be gridded, no place or node in it is allowed, or no allowed way leads
         between the robot, the home and the stops
     """
@@ -126,8 +121,6 @@ class FieldAccess:
 
         Ways keep :data:`PAST_M` more, and from a robot that stands close by no less than now.
 
-        :param others: where they stand [m]
-        :param apart_m: distance to keep [m]
         :raises InputError: if no way is left
         """
         field, motion, graph, rules, cell_m = self._given
@@ -151,8 +144,6 @@ class FieldAccess:
     def way(self, place: tuple[float, float], stop: Stop) -> Way:
         """The route from a place to a stop, validated by the fence.
 
-        :param place: where the robot is [m]
-        :param stop: where to
         :raises InputError: if no route leads there, or the fence refuses it
         """
         if refusal := self.refusal(stop):
@@ -205,11 +196,7 @@ def _inside(stops: tuple[Stop, ...], fence: Fence) -> tuple[Stop, ...]:
 class CurrentAccess:
     """Makes the access to a field again when something that it depends on changes; an error changes nothing.
 
-    :param field: the field
-    :param motion: how the robot moves
-    :param rules: where it may drive
     :param home: the name of the stop to return to, as it is now; empty for none
-    :param use: called with each new access
 
     Attributes
     ----------
@@ -241,7 +228,6 @@ class CurrentAccess:
     def use_graph(self, graph: TravelGraph | None, place: Place | None = None) -> None:
         """Travel along a graph, or straight where nothing is in the way.
 
-        :param graph: the graph
         :param place: where the robot is, so that its part of the map is used; ``None`` to look for that later [m]
         :raises InputError: if it does not fit the field, or does not know the home
         """

@@ -127,15 +127,11 @@ class MissionSetup:
 class MissionControl:
     """A mission and all around it.
 
-    :param setup: the field and the mission
     :param make_navigator: makes the navigator, which is given the function that takes its reports
-    :param outputs: where actions go
-    :param journal: where the mission is written down
     :param clock: mission time; ROS time if ``None``
     :param mission: interrupted mission, for :meth:`take_up`; a new one if ``None``
     :param executor: where stops are chosen; its own thread if ``None``
     :param watch: what is watched, by which limits; causes that others find are reported to it
-    :param team: the other robots on the field
     :param frames: knows the frame of the navigation; ``None`` for the plane of the field
     """
 
@@ -380,7 +376,6 @@ class MissionControl:
     def fix(self, place: tuple[float, float], sd_m: float = math.nan, stamp_s: float = math.nan) -> None:
         """The receiver reports a place [m]; one that is not plausible is ignored.
 
-        :param place: where
         :param sd_m: standard deviation of each coordinate [m], NaN if unknown
         :param stamp_s: when it was measured [s], NaN if unknown
         """
@@ -411,7 +406,6 @@ class MissionControl:
 
         The mission counts those of the robot's own namespace. Others are written down, so that their map survives.
 
-        :param name: namespace of the property
         :param more: whether further records of the same message follow: the disk is synced once for all
         """
         now_s, came = self._clock.now_s(), len(records)
@@ -473,7 +467,6 @@ class MissionControl:
     ) -> None:
         """The status of another robot's mission has come.
 
-        :param name: which robot
         :param status: of its mission, ``None`` while none has come
         :param goes_first: whether it keeps the stop when both have chosen the same at the same time; one that
             counts there already keeps it in any case

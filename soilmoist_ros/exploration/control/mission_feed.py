@@ -49,7 +49,6 @@ class MissionFeed:
     Events that actions set off in turn (a goal that fails at once) wait until all actions of the event before
     have been carried out.
 
-    :param mission: the mission
     :param carry_out: carries out an action; :class:`Answer` is left out, :meth:`command` gives it
     :param journal: has each event before it is acted on, and is on the disk before actions are carried out, other
         than publishing, and at the end
@@ -240,8 +239,6 @@ class MissionClock:
 
         Since the same start of the computer, steady time has gone on. Otherwise ROS time decides, but mission time
         never runs backwards.
-
-        :param state: of the mission
         """
         if self._steady_s is None or state.now_s is None:
             return
@@ -252,10 +249,7 @@ class MissionClock:
             self._offset_s = max(self._ros_s() - state.stamp_offset_s, state.now_s) - steady_s
 
     def events(self, state: MissionState) -> list[ClockStarted | ClockStepped]:
-        """What the mission has to know of the clocks.
-
-        :param state: of the mission
-        """
+        """What the mission has to know of the clocks."""
         now_s = self.now_s()
         if self._steady_s is None or self._offset_s is None:
             return []

@@ -83,12 +83,7 @@ class Reply:
 
 
 class RequestError(InputError):
-    """A request that cannot be carried out in any state of the mission.
-
-    :param code: what is wrong
-    :param message: the same in words
-    :param remedy: what to do
-    """
+    """A request that cannot be carried out in any state of the mission."""
 
     def __init__(self, code: ReplyCode, message: str, remedy: str) -> None:
         super().__init__(message, remedy)
@@ -111,11 +106,11 @@ def _refused(code: ReplyCode) -> Iterator[None]:
 class Requests:
     """Turns requests into commands."""
 
-    field: Field  # the field
+    field: Field
     access: FieldAccess | None  # where the robot may go; ``None`` while that is not known
     settings: ExplorerSettings  # how stops are chosen
     rules: MissionRules  # those of the mission
-    state: MissionState  # the mission
+    state: MissionState
 
     def command(self, request: OperatorRequest, now_s: float) -> Command:
         """The command of a request.

@@ -68,7 +68,6 @@ def pending_measurement(
 ) -> PendingMeasurement | None:
     """PendingMeasurement of a robot, ``None`` if it has none.
 
-    :param status: how its mission stands
     :param mapped_at_once: whether what it has counted at the stop is in the map already
     :param apart_m: distance that other robots keep from it [m]
     """
@@ -85,7 +84,6 @@ def foreseen(
     """The map as it will be: with a sample of each pending measurement, at the rate that the map expects there.
 
     :param field_map: the map so far; without a fit only the places join its samples
-    :param pending_measurements: of the other robots
     :param factor: product of the correction factors now, ``effective exposure = exposure / factor`` [-]
     :returns: another map; the same without pending measurements at which something is to be counted
     :raises IllConditionedError: if the matrix cannot be factored
@@ -110,12 +108,7 @@ def foreseen(
 
 
 def taken(stops_xy: Array, pending_measurements: Sequence[PendingMeasurement], cell_m: float) -> NDArray[np.bool_]:
-    """Which stops another robot has taken, shape (k,).
-
-    :param stops_xy: places of the stops, shape (k, 2) [m]
-    :param pending_measurements: of the other robots
-    :param cell_m: size of the map's cells [m]
-    """
+    """Which stops another robot has taken, shape (k,)."""
     if not len(pending_measurements):
         return np.zeros(len(stops_xy), bool)
     away_m = np.linalg.norm(stops_xy[:, None, :] - places(pending_measurements)[None, :, :], axis=2)
@@ -144,7 +137,6 @@ class OtherRobot:
     def hear(self, status: MissionStatus, now_s: float, clock_s: float, goes_first: bool) -> None:
         """A status has come; the first one may be an old one that was latched.
 
-        :param now_s: time on the mission clock [s]
         :param clock_s: time on the clock that stamps records and statuses [s]
         """
         before_s, self._off_s = self._off_s, status.now_s - clock_s
@@ -232,10 +224,7 @@ class Team:
     def fault(self, place: Place | None, driving: bool, waiting: bool, now_s: float) -> str:
         """Robot that is too near, or will be before the robot can stop, in words; empty without one.
 
-        :param place: where the robot is [m]
-        :param driving: whether it drives
         :param waiting: whether it has stopped for another robot
-        :param now_s: time on the mission clock [s]
         """
         found = ""
         if self._was is None or now_s - self._was[1] >= 1.0:
@@ -307,10 +296,7 @@ def _velocity(before: Place | None, before_s: float, place: Place | None, now_s:
 
 
 class Passing:
-    """Ways of a robot past those of its team that stand.
-
-    :param team: the other robots
-    """
+    """Ways of a robot past those of its team that stand."""
 
     def __init__(self, team: Team) -> None:
         self._team = team

@@ -34,10 +34,7 @@ _MOVED_M: Final = 2.0
 
 
 class Watching:
-    """Feeds a watch with the robot's surroundings.
-
-    :param watch: the watch
-    """
+    """Feeds a watch with the robot's surroundings."""
 
     def __init__(self, watch: Watch) -> None:
         self._watch = watch

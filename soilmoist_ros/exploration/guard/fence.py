@@ -122,10 +122,7 @@ class Fence:
         return self.area.contains(xy)
 
     def allows(self, polyline: ArrayLike) -> bool:
-        """True if a whole route stays inside.
-
-        :param polyline: corners of the route, shape (p, 2); one place is a route too [m]
-        """
+        """True if a whole route stays inside."""
         corners = np.asarray(polyline, float).reshape(-1, 2)
         if not len(corners) or not np.isfinite(corners).all():
             return False
@@ -135,8 +132,6 @@ class Fence:
         """Distance of a place outside the field, or into a no-go area [m]: 0 inside and in the margin.
 
         Inf for a place that is not finite.
-
-        :param place: shape (2,) [m]
         """
         import shapely
 
@@ -165,10 +160,7 @@ class Fence:
         return self.margin_m + max(self.margin_m, _STUCK_M)
 
     def refusal(self, polyline: ArrayLike) -> str:
-        """Reason why a route or place is not allowed: what it enters or leaves, where, how far; empty if it is.
-
-        :param polyline: corners of the route, shape (p, 2); one place is a route too [m]
-        """
+        """Reason why a route or place is not allowed: what it enters or leaves, where, how far; empty if it is."""
         import shapely
 
         corners = np.asarray(polyline, float).reshape(-1, 2)
@@ -190,9 +182,7 @@ class Fence:
     def may_enter(self, place: ArrayLike, xy: ArrayLike, entry_m: float) -> Flags:
         """True if a robot may drive straight from its place to others, shape (k,); outside only to the nearest.
 
-        :param place: where the robot is, shape (2,) [m]
         :param xy: where it may drive to, shape (k, 2) [m]
-        :param entry_m: as for :meth:`refusal_of_entry` [m]
         """
         here, there = np.asarray(place, float), np.asarray(xy, float).reshape(-1, 2)
         if self.contains(here)[0]:
@@ -209,7 +199,6 @@ class Fence:
         outwards by about the shortest way. One that is deeper in it than the margin, and than half a metre, does
         not move: it is not where its fix says, or it is stuck.
 
-        :param place: where the robot is, shape (2,) [m]
         :param first: where it drives to, shape (2,) [m]
         :param entry_m: the line may be outside this close to the robot [m]; no-go areas are not entered
         """

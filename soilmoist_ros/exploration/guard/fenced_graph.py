@@ -49,11 +49,8 @@ class Outside(StrEnum):
 class FencedGraph:
     """Nodes and edges that the robot may use: one connected part of a map, and ways to home and from the robot.
 
-    :param whole: the map of the navigation
-    :param fence: where the robot may be
     :param outside: use of nodes and edges outside the fence that avoid the no-go areas: none, only the shortest
         ways between the field and home or robot, or all of them. None is measured at
-    :param home: name of the node to return to; empty for none
     :param place: where the robot is [m]. Its part of the map is used; without a place that of the home, or the
         largest
     :param corridor_m: half width of the ways outside the field [m]
@@ -199,8 +196,6 @@ class FencedGraph:
     def nodes_to_send(self, place: tuple[float, float], stop: Stop, entry_m: float) -> tuple[str, ...]:
         """Names of the nodes to send one after the other to a topological navigation, the stop last.
 
-        :param place: where the robot is [m]
-        :param stop: where to
         :param entry_m: the robot may be this far outside [m]
         :raises InputError: if the navigation could plan from a node that is not allowed, or no way leads there
         """
@@ -247,9 +242,6 @@ class FencedGraph:
         """Lines that the navigation may follow to nodes sent one after the other, shape (k, 2, 2) [m].
 
         These are the edges of all routes that are about as short as the shortest, and the way to their begin.
-
-        :param place: where the robot is [m]
-        :param names: names of the nodes
         """
         whole, origins = self.whole, self.origins(place)
         begin, end = whole.edges.T

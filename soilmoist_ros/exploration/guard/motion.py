@@ -124,7 +124,6 @@ class Motion:
         """A plausible place; one that is older than the last is left out.
 
         :param at_s: when it was measured [s]; a clock that goes back far begins anew
-        :param place: where [m]
         :param sd_m: standard deviation of each coordinate [m], NaN if unknown
         """
         means, sd_m = self._means, max(sd_m, MIN_SD_M) if math.isfinite(sd_m) else UNKNOWN_SD_M
@@ -175,7 +174,6 @@ class Motion:
     def shift(self, for_s: float, since_s: float = -math.inf, whole: bool = False) -> Shift | None:
         """Shift of the robot in the last time; ``None`` if there are too few places.
 
-        :param for_s: for how long [s]
         :param since_s: only places after this time count [s]
         :param whole: whether places must cover all of the time
         """

@@ -179,7 +179,6 @@ class FrameCheck:
 
     Medians over some pairs decide, so a bad fix has no effect. A moving robot may be ahead of its fix.
 
-    :param frame: plane of the field
     :param limit_m: distance between TF and fix that still agrees, for a robot that stands [m]
     :param move: plane of the field to the frame of the navigation
     """
@@ -194,7 +193,6 @@ class FrameCheck:
     def add(self, now_s: float, fix_m: Place, tf_m: Place, delay_s: float = 0.0) -> None:
         """Add places of the robot's base: by the fix in the field's plane, by TF in the navigation's frame [m].
 
-        :param now_s: time of both [s]
         :param delay_s: largest time between the measurements of the two [s]
         """
         if not all(map(math.isfinite, (*fix_m, *tf_m))):
@@ -286,8 +284,6 @@ def parse_datum(text: str, field: LocalFrame, about_m: Place = (0.0, 0.0)) -> Pl
 
     :param text: ``LAT,LON`` or ``LAT,LON,YAW`` [deg]; YAW is the direction of the x axis, counter-clockwise from
         east
-    :param field: plane of the field
-    :param about_m: a place in the field [m]
     :raises InputError: if the text is no datum, or one of the other side of the earth
     """
     remedy = "write LAT,LON or LAT,LON,YAW in degrees, such as 53.2686,-0.5257"
@@ -351,8 +347,6 @@ class RobotPose:
 class RobotFrames:
     """Follows fixes and transforms of a robot.
 
-    :param field: the field
-    :param settings: names and origin of the frames
     :raises InputError: if the datum is invalid
 
     Attributes
@@ -398,7 +392,6 @@ class RobotFrames:
     def take_fix(self, fix: Fix, now_s: float) -> RobotPose | None:
         """Take in a fix of the antenna.
 
-        :param now_s: time of the arrival [s]
         :returns: the robot's pose; ``None`` without a fix, or on another side of the earth
         """
         if fix.status is FixStatus.NO_FIX:

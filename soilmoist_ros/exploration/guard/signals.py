@@ -38,12 +38,7 @@ class Battery:
         self._start: tuple[float, float] | None = None  # time and charge
 
     def take(self, now_s: float, charge: float, voltage_v: float) -> bool:
-        """A message has come; whether it knows anything.
-
-        :param now_s: time [s]
-        :param charge: charge [0..1], NaN if unknown
-        :param voltage_v: voltage [V], NaN if unknown
-        """
+        """A message has come; whether it knows anything."""
         if math.isfinite(charge):
             self.charge, self._charge_s = charge, now_s
             self._start = self._start or (now_s, charge)
@@ -57,11 +52,7 @@ class Battery:
             self._start = now_s, self.charge
 
     def charges(self, now_s: float, later_s: float) -> tuple[float, float]:
-        """Charge now and some time later at the mean use [0..1], also of a silent battery; NaN while unknown.
-
-        :param now_s: time [s]
-        :param later_s: how much later [s]
-        """
+        """Charge now and some time later at the mean use [0..1], also of a silent battery; NaN while unknown."""
         if self._start is None:
             return math.nan, math.nan
         start_s, charge = self._start
@@ -108,11 +99,7 @@ class BatteryLimit:
         """Reason why the battery is low; empty if it is not."""
 
     def take(self, charge: float, voltage_v: float) -> None:
-        """A message has come, with NaN for what it leaves out; that stays as it was.
-
-        :param charge: charge [0..1]
-        :param voltage_v: voltage [V]
-        """
+        """A message has come, with NaN for what it leaves out; that stays as it was."""
         for quantity, value in zip(self._quantities, (charge, voltage_v), strict=True):
             quantity.take(value, bool(self.fault))
         low = [one for one in self._quantities if one.times >= MIN_BATTERY]
@@ -145,19 +132,12 @@ class CountTrust:
         self._records: deque[tuple[float, str]] = deque(maxlen=MAX_RECORDS)
 
     def take(self, now_s: float, reason: str = "") -> None:
-        """A record has come.
-
-        :param now_s: time [s]
-        :param reason: why it is quarantined, empty for a good record
-        """
+        """A record has come."""
         if reason not in OF_PLACE:
             self._records.append((now_s, reason))
 
     def fault(self, now_s: float) -> str:
-        """Reason why the counts cannot be trusted now: more than half of them are quarantined; empty if they can.
-
-        :param now_s: time [s]
-        """
+        """Reason why the counts cannot be trusted now: more than half of them are quarantined; empty if they can."""
         newest_s = self._records[-1][0] if self._records else -math.inf
         if now_s - newest_s > FORGOTTEN * self._last_s:
             return ""
@@ -192,9 +172,7 @@ class EmergencyTopic:
     def hear(self, pressed: bool, publishers: int, now_s: float) -> bool | None:
         """Take in a message; whether the stop is pressed now if that has changed, else ``None``.
 
-        :param pressed: what the message says
         :param publishers: number of nodes that publish on the topic
-        :param now_s: steady time [s]
         """
         if pressed:
             self._pressed_s, self._released = now_s, False

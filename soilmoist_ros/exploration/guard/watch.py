@@ -119,7 +119,6 @@ class Watch:
     What has never been there is not missed: a robot without a battery monitor is normal. In a mission, records and
     the map are missed from its start.
 
-    :param limits: limits of the causes
     :param responses: what follows a cause where that is not the default in :data:`FAILSAFES`
 
     Attributes
@@ -236,8 +235,6 @@ class Watch:
     def record(self, now_s: float, stamp_s: float, in_field: bool) -> None:
         """A record that can be used has come.
 
-        :param now_s: time [s]
-        :param stamp_s: its stamp [s]
         :param in_field: whether the map must have it
         """
         self._hear("record", now_s)
@@ -248,11 +245,7 @@ class Watch:
             self._record_stamp_s = max(self._record_stamp_s, stamp_s)
 
     def quarantined(self, now_s: float, reason: str) -> None:
-        """A record has come whose counts or place are bad.
-
-        :param now_s: time [s]
-        :param reason: code of the reason
-        """
+        """A record has come whose counts or place are bad."""
         self._hear("record", now_s)
         self._trust.take(now_s, reason)
 
@@ -261,22 +254,13 @@ class Watch:
         self._logger_fault = fault
 
     def map(self, now_s: float, stamp_s: float) -> None:
-        """A map has come.
-
-        :param now_s: time [s]
-        :param stamp_s: stamp of its last record [s]
-        """
+        """A map has come."""
         if stamp_s > self._map_stamp_s:
             self._map_stamp_s = stamp_s
             self._hear("map", now_s)
 
     def battery(self, now_s: float, charge: float, voltage_v: float) -> None:
-        """The state of the battery has come.
-
-        :param now_s: time [s]
-        :param charge: charge [0..1], NaN if unknown
-        :param voltage_v: voltage [V], NaN if unknown
-        """
+        """The state of the battery has come."""
         if self._battery.take(now_s, charge, voltage_v):
             self._hear("battery", now_s)
         for cause, limit in self._battery_limits.items():
@@ -306,8 +290,6 @@ class Watch:
     def check(self, now_s: float, doing: Doing) -> tuple[Alarm | AlarmOver, ...]:
         """Judge all causes; to be called several times a second.
 
-        :param now_s: time [s]
-        :param doing: what the mission does
         :returns: the alarms that have begun or ended, in the order of :class:`Cause`
         """
         for heard in self._heard.values():

@@ -27,8 +27,8 @@ STILL_M = 0.1
 class Command:
     """The operator asks for something; the mission answers with one :class:`Answer`."""
 
-    now_s: float  # time [s]
-    verb: Verb  # what
+    now_s: float
+    verb: Verb
     cause: str = ""  # why a stop is skipped, for its sample and the status; empty: by the operator
     who: str = ""  # who asks; empty: the operator
     stop: Stop | None = None  # where to measure (``MEASURE``); it joins the queue
@@ -52,8 +52,8 @@ class Planned:
     :param home_s: travel time home from the choice, or from where the robot stays without one [s]; 0 if not known
     """
 
-    now_s: float  # time [s]
-    plan_id: int  # id of the request
+    now_s: float
+    plan_id: int
     choice: Choice | None  # next stop, ``None`` if no stop is useful and reachable
     travel_s: float | None = None
     reason: str = ""  # why there is no choice
@@ -87,9 +87,9 @@ class GoalFailed:
     :param refused: the fence refused the goal, and it was never sent; its stop is ruled out without a retry
     """
 
-    now_s: float  # time [s]
-    goal_id: int  # id of the goal
-    reason: str  # why
+    now_s: float
+    goal_id: int
+    reason: str
     refused: bool = False
     superseded: bool = False  # another client's goal has replaced it: no failure, and people decide what follows
 
@@ -110,9 +110,9 @@ class Moved:
         of before: it stands while it stays within :data:`STILL_M`
     """
 
-    now_s: float  # time [s]
-    x_m: float  # where [m]
-    y_m: float  # where [m]
+    now_s: float
+    x_m: float
+    y_m: float
     still_s: float | None = None
     unseen_mps: float = 0.0  # a slower motion would not show in the noise [m/s]; 0 if it is negligible
     sd_m: float = 0.0  # standard deviation of each coordinate [m], 0 if unknown
@@ -130,7 +130,7 @@ class AlarmOver:
 class EmergencyStop:
     """Somebody has pressed or released an emergency stop; releasing it moves nothing."""
 
-    now_s: float  # time [s]
+    now_s: float
     active: bool  # whether it is pressed
     source: str = ""  # which one
 
@@ -139,7 +139,7 @@ class EmergencyStop:
 class ClockStarted:
     """Mission time follows a steady clock."""
 
-    now_s: float  # time [s]
+    now_s: float
     boot: str  # names the start of the computer from which steady time counts
     offset_s: float  # mission time minus steady time [s]
 
@@ -204,7 +204,7 @@ class RequestPlan:
         on there, without a trip; empty if the visit is closed
     """
 
-    plan_id: int  # id of the request
+    plan_id: int
     kind: PlanKind  # a warm-up stop, or one that the map guides
     blacklisted: tuple[str, ...]  # names of stops that must not be chosen now
     time_left_s: float  # time left minus the way home *from here* [s]; for strategies
@@ -274,7 +274,7 @@ class Save:
 class Finish:
     """The mission has ended; nothing is moving any more."""
 
-    reason: str  # why, for reports
+    reason: str
     code: MissionEnd  # reason code
 
     @property

@@ -81,12 +81,7 @@ class MissionJournal:
             self._pending |= not isinstance(event, Moved)  # a place may be lost
 
     def note_record(self, name: str, now_s: float, record: CountRecord) -> None:
-        """Write a record of a further property down, for its map.
-
-        :param name: of the property
-        :param now_s: time at which it came [s]
-        :param record: the record
-        """
+        """Write a record of a further property down, for its map."""
         self._append({**event_to_dict(RecordArrived(now_s, record)), PROPERTY: name})
         self._pending = True
 
@@ -159,10 +154,6 @@ def interrupted_mission(
 
     After a journal with missing events nobody knows what the navigation does: a goal is taken to be open.
 
-    :param rules: what governs the mission from now on
-    :param snapshot: the last state written down, if any
-    :param events: the events written down after it
-    :param complete: whether no event is missing
     :returns: the mission as it was, or ``None`` if none was under way
     :raises InputError: if something was not written by a mission
     """
@@ -212,8 +203,6 @@ def interrupted_records(
 def is_under_way(snapshot: str | None, events: Iterable[Mapping[str, Any]]) -> bool:
     """True if a mission was under way when its process ended.
 
-    :param snapshot: the last state written down, if any
-    :param events: all events written down
     :raises InputError: if something was not written by a mission
     """
     return _started_s(snapshot, _starts_and_records(events, None)) is not None

@@ -132,7 +132,6 @@ Done = tuple[bool, str]
 class Mission:
     """A mission that remembers its state between events.
 
-    :param rules: what governs it
     :param state: where to go on from; a new mission if left out
     """
 

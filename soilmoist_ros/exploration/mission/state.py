@@ -59,8 +59,8 @@ class PendingPlan:
 class Target:
     """A stop that was chosen."""
 
-    stop: Stop  # the stop
-    reason: str  # why
+    stop: Stop
+    reason: str
     travel_s: float  # time expected to it [s]
     attempts: int = 0  # how often going there failed
     dwell: StopRule = None  # its own dwell rule, ``None`` for the mission's

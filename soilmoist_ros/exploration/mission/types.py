@@ -215,7 +215,6 @@ class MissionRules:
     def reach_m(self, stop: Stop, noise_m: float = 0.0) -> float:
         """Distance up to which the robot is at a stop: within that of the stop, at most the arrival radius [m].
 
-        :param stop: the stop
         :param noise_m: error that the positions may have [m]; nearer stops cannot be told apart
         """
         return min(self.arrival_radius_m, max(stop.reach_m, noise_m))
@@ -251,7 +250,7 @@ class Changes:
 class Alarm:
     """The guard has found a danger, or has more to say of one."""
 
-    now_s: float  # time [s]
+    now_s: float
     cause: str  # code of the cause; each cause is on or off
     response: Response  # what the mission does about it
     reason: str  # the cause in words

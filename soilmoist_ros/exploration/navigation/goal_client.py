@@ -74,7 +74,7 @@ class SendGoal:
 class CancelSent:
     """Ask the server to cancel this goal; tell :meth:`GoalClient.cancel_answered`."""
 
-    goal_id: int  # id of the goal
+    goal_id: int
     ours: bool  # whether this client sent it; otherwise it is one of before this process, or anybody's
     accepted: bool = True  # whether the server had accepted it before; otherwise it may not know it yet
 
@@ -138,7 +138,6 @@ class GoalClient:
     """Takes goals one at a time through the server. Each method gives what is to be done now, in order.
 
     :param radius_m: the robot is at a stop within this distance [m]
-    :param limits: time limits
     """
 
     def __init__(self, radius_m: float, limits: GoalLimits | None = None) -> None:
@@ -155,9 +154,6 @@ class GoalClient:
     ) -> tuple[Request, ...]:
         """A new goal; it is sent when the server is there and the end of all others is known.
 
-        :param goal_id: id of the goal
-        :param ahead: way points, the last of them the stop
-        :param now_s: time [s]
         :param there: whether the robot stands at the stop, so that nothing needs to be sent
         """
         for goal in list(self._goals.values()):
@@ -197,10 +193,6 @@ class GoalClient:
     def ended(self, goal_id: int, status: int, success: bool, now_s: float, why: str = "") -> tuple[Request, ...]:
         """The server has reported the end of a goal.
 
-        :param goal_id: id of the goal
-        :param status: final status, as action_msgs numbers it
-        :param success: whether the result says so
-        :param now_s: time [s]
         :param why: what the result says about a failure, for operators
         """
         goal = self._goals.get(goal_id)
@@ -219,9 +211,7 @@ class GoalClient:
     def cancel_answered(self, goal_id: int, code: int, now_s: float, accepted: bool = True) -> tuple[Request, ...]:
         """The server has answered a cancellation.
 
-        :param goal_id: id of the goal
         :param code: as action_msgs numbers it
-        :param now_s: time [s]
         :param accepted: that of the :class:`CancelSent`
         """
         goal = self._goals.get(goal_id)

@@ -61,8 +61,6 @@ class Navigator(Protocol):
     def go(self, goal_id: int, stop: Stop, way: Way) -> None:
         """Take the robot to a stop.
 
-        :param goal_id: the mission's id of the goal
-        :param stop: the stop
         :param way: the route, allowed by the fence: poses go to its corners as way points, names are sent as in
             ``way.nodes``, one after the other
         """
@@ -78,10 +76,7 @@ class Navigator(Protocol):
         """The robot is at this place [m], of this standard deviation [m], at this time of the mission [s]."""
 
     def tick(self, now_s: float) -> None:
-        """Check the navigation and its time limits; to be called several times a second.
-
-        :param now_s: time of the mission [s]
-        """
+        """Check the navigation and its time limits; to be called several times a second."""
 
 
 def in_frame(stop: Stop, way: Way, move: PlaneMove) -> tuple[Stop, Way]:

@@ -68,7 +68,6 @@ class PoseClient:
 
     :param radius_m: the robot is at a stop within this distance; positions may be this far off [m]
     :param settle_s: it has arrived or stopped when it has stood still for this time [s]
-    :param speed_mps: expected speed of the robot [m/s]
     """
 
     def __init__(self, radius_m: float, settle_s: float, speed_mps: float) -> None:
@@ -109,11 +108,7 @@ class PoseClient:
         return self._end(Outcome.SUPERSEDED, reason)
 
     def go(self, goal_id: int, ahead: tuple[WayPoint, ...]) -> tuple[PoseRequest, ...]:
-        """A new goal; its first pose replaces the one before at once.
-
-        :param goal_id: id of the goal
-        :param ahead: way points, the last of them the stop
-        """
+        """A new goal; its first pose replaces the one before at once."""
         if self._gives_way:
             return (Ended(goal_id, Outcome.SUPERSEDED, "another client drives the robot"),)
         replaced = self._end(Outcome.CANCELED, "replaced by another goal")
@@ -169,7 +164,6 @@ class PoseClient:
         """Time has passed.
 
         :param cancels: whether the navigation has an action whose goals can be cancelled
-        :param now_s: time [s]
         """
         self._cancels = cancels
         self._track.tick(now_s)

@@ -35,7 +35,6 @@ Place = tuple[float, float]
 class Track:
     """Plausible places of the robot. Positions that it cannot have reached are left out.
 
-    :param speed_mps: expected speed of the robot [m/s]
     :param noise_m: positions may be this far off [m]
     """
 
