@@ -137,7 +137,7 @@ class CountTrust:
             self._records.append((now_s, reason))
 
     def fault(self, now_s: float) -> str:
-        """Reason why the counts cannot be trusted now: more than half of them are quarantined; empty if they can."""
+        """Reason why the counts cannot be trusted: more than half of them are quarantined; empty if they can."""
         newest_s = self._records[-1][0] if self._records else -math.inf
         if now_s - newest_s > FORGOTTEN * self._last_s:
             return ""

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
 from soilmoist_ros.exploration.mission.events import Command, Event, Moved, RecordArrived, Tick
@@ -74,7 +74,7 @@ class MissionJournal:
         if self._doubtful:
             self._write(mission)
         if isinstance(event, Command) and event.verb is Verb.START and not mission.state.under_way:
-            self._turn_over(mission)
+            self._try(lambda journal: journal.turn_over(mission.snapshot()))  # a season's journal stays small
         due_s = mission.next_deadline_s if isinstance(event, Tick) else event.now_s
         if due_s is not None and due_s <= event.now_s:
             self._append(event_to_dict(event))
@@ -92,13 +92,9 @@ class MissionJournal:
 
     def secure(self) -> None:
         """Make sure that everything noted is on the disk; one disk sync, or none if nothing is new."""
-        if self._journal is None or not self._pending:
-            return
-        self._pending = False
-        try:
-            self._journal.sync()
-        except OSError as error:
-            self._fail(error)
+        if self._pending:
+            self._pending = False
+            self._try(lambda journal: journal.sync())
 
     def keep(self, mission: Mission) -> None:
         """Write the state down, so that nothing before needs to be replayed.
@@ -106,45 +102,33 @@ class MissionJournal:
         The number of records at a stop alone is not worth it: they are replayed.
         """
         worth = shown(replace(mission.state, counting=None))
-        if self._journal is not None and worth != self._kept and self._write(mission):
+        if worth != self._kept and self._write(mission):
             self._kept = worth
 
     def _write(self, mission: Mission) -> bool:
-        """Write the state down; whether the disk has taken it."""
-        assert self._journal is not None
-        try:
-            self._journal.snapshot(mission.snapshot())
-        except OSError as error:
-            self._fail(error)
-            return False
-        self._pending = self._doubtful = False
-        return True
-
-    def _turn_over(self, mission: Mission) -> None:
-        """Begin anew with a new mission, so that the journal of a season stays small."""
-        if self._journal is not None:
-            try:
-                self._journal.turn_over(mission.snapshot())
-            except OSError as error:
-                self._fail(error)
+        written = self._try(lambda journal: journal.snapshot(mission.snapshot()))
+        if written:
+            self._pending = self._doubtful = False
+        return written
 
     def _append(self, payload: Mapping[str, Any], kind: str = EVENT) -> None:
-        if self._journal is None:
-            return
-        try:
-            self._journal.append(kind, payload, durable=False)
+        if self._try(lambda journal: journal.append(kind, payload, durable=False)):
             self.problem = ""
-        except OSError as error:
-            self._fail(error)
 
-    def _fail(self, error: OSError) -> None:
-        if not self.problem:
-            _log.error("the mission goes on, but is not written down any more: %s", error)
-        if self._journal is not None:
+    def _try(self, write: Callable[[Journal], object]) -> bool:
+        """Write, if there is a journal; whether the disk has taken it."""
+        if self._journal is None:
+            return False
+        try:
+            write(self._journal)
+        except OSError as error:
+            if not self.problem:
+                _log.error("the mission goes on, but is not written down any more: %s", error)
             self._journal.doubt()  # a pause may be missing: after a crash only people may resume
-            self._doubtful = True
-        self._kept = ()
-        self.problem = f"the mission is not written down: {error.strerror or error}"
+            self._doubtful, self._kept = True, ()
+            self.problem = f"the mission is not written down: {error.strerror or error}"
+            return False
+        return True
 
 
 def interrupted_mission(
