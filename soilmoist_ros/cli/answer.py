@@ -191,18 +191,12 @@ def _print_json(answer: Answer, path: str, code: int, mistakes: Iterable[Mistake
     from soilmoist_ros.reporting import dumps
 
     errors = [
-        {
-            "message": one.message,
-            "remedy": one.remedy,
-            "path": one.path,
-            "line": one.line or None,
-            "key": one.column or None,
-        }
+        {**{name: getattr(one, name) for name in ("message", "remedy", "path")},
+         "line": one.line or None, "key": one.column or None}
         for one in mistakes
-    ]
-    click.echo(
-        dumps({"command": path.partition(" ")[2], "exit_code": code, "errors": errors, **answer.values}, indent=2)
-    )
+    ]  # fmt: skip
+    content = {"command": path.partition(" ")[2], "exit_code": code, "errors": errors, **answer.values}
+    click.echo(dumps(content, indent=2))
 
 
 # Progress of the commands: a bar on a terminal, otherwise plain lines -------------------------------------------
@@ -318,13 +312,7 @@ def rate_error(mse: float, coverage95: float) -> str:
 def print_knowledge(run: MapRun) -> None:
     """Print what a reference sensor, earlier surveys and covariates contributed to a map, and what has changed."""
     from soilmoist_ros.pipeline import REFERENCE
-    from soilmoist_ros.reporting import (
-        change_amount,
-        change_since,
-        covariate_importance,
-        dated,
-        relations,
-    )
+    from soilmoist_ros.reporting import change_amount, change_since, covariate_importance, dated, relations
 
     for row in run.corrections:
         if row.name == REFERENCE:

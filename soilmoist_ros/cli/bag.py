@@ -81,15 +81,6 @@ def bag_play_command(bag: Path, topics: str | None, time_factor: float, start_s:
 
     Nodes with use_sim_time receive the records, positions and raw lines again. The space bar pauses and resumes.
     """
-    play(bag, topics, time_factor, start_s)
-
-
-def play(bag: Path, topics: str | None, time_factor: float, start_s: float) -> None:
-    """Play a bag to the nodes of this ROS system.
-
-    :param topics: pattern of the full topic names to publish, ``None`` for the inputs of mapper and planner
-    :raises InputError: if ROS is not installed, or the bag has no message that can be played
-    """
     if importlib.util.find_spec("rclpy") is None:
         raise InputError("rclpy is not installed", "on a robot, source /opt/ros/jazzy/setup.bash")
     from soilmoist_ros.nodes import on_space, player_of

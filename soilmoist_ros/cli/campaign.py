@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,9 +19,6 @@ from soilmoist_ros.foundation import THREADS, InputError
 
 if TYPE_CHECKING:
     from soilmoist_ros.lab import Campaign, CampaignProgress, Progress
-
-LINE_S = 60.0
-"""Time between two lines of progress where there is no terminal [s]."""
 
 
 @click.command("campaign")
@@ -74,8 +70,6 @@ def command(
     for remark in outcome.remarks:
         warn(f"note: {remark}")
     put(simulated=outcome.computed, reused=outcome.reused, failures=list(map(str, outcome.failures)), out=str(out))
-    if current().as_json:
-        put(differences=_differences(out))
     say(f"missions   {outcome.computed} simulated, {outcome.reused} reused, {len(outcome.failures)} failed")
     for failure in outcome.failures:
         echo(f"failed: {failure}", err=True)
@@ -90,35 +84,21 @@ def command(
         sys.exit(1)
 
 
-def _differences(out: Path) -> list[dict[str, object]]:
-    """Rows of the table ``differences`` with the field; settings of the cases stay in the table."""
-    path = out / "differences.parquet"
-    if not path.is_file():
-        return []
-    import pandas as pd
-
-    from soilmoist_ros.lab import PairedDifference
-
-    names = ["field", *PairedDifference.__dataclass_fields__]
-    rows = pd.read_parquet(path)[names].to_dict("records")
-    return [{name: None if value != value else value for name, value in row.items()} for row in rows]
-
-
 @contextmanager
 def _progress() -> Iterator[Progress]:
-    """Report the progress of a campaign: a bar on a terminal, otherwise a line per tenth and minute."""
+    """Report the progress of a campaign: a bar on a terminal, otherwise a line per tenth."""
     if sys.stderr.isatty() or current().quiet:
         with progress_bar(time_left=False) as bar:
             yield lambda state: bar(str(state), state.done / max(state.total, 1))
         return
-    last: tuple[int, str, float] | None = None
+    last: tuple[int, str] | None = None
 
     def plain(state: CampaignProgress) -> None:
         nonlocal last
-        tenth, now_s = 10 * state.done // max(state.total, 1), time.monotonic()
-        if last is None or (tenth, state.note) != last[:2] or now_s > last[2] + LINE_S:
+        now = 10 * state.done // max(state.total, 1), state.note
+        if now != last:
             echo(f"... {state}", err=True)
-            last = (tenth, state.note, now_s)
+            last = now
 
     yield plain
 

@@ -15,41 +15,16 @@ from typing import Any
 
 import click
 
+from soilmoist_ros.cli import options
 from soilmoist_ros.cli.answer import answering, echo, live_view, progress_bar, say, warn, wrote
 from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
-from soilmoist_ros.cli.options import (
-    Name,
-    confirmed,
-    covariate_option,
-    earlier_option,
-    output_options,
-    prepare_output,
-    reported_failure,
-)
 from soilmoist_ros.cli.replay import print_replay
 from soilmoist_ros.foundation import InputError, install, is_installed
 
 DEMO = (
-    "field",
-    "strategy",
-    "dwell",
-    "hours",
-    "seed",
-    "robots",
-    "model",
-    "fit",
-    "noise",
-    "local",
-    "drift_model",
-    "preset",
-    "until_sd",
-    "until_gain",
-    "properties",
-    "stop_overhead_s",
-    "turn_s_per_rad",
-    "stop_cost_s",
-    "metre_cost_s",
-    "min_dwell_s",
+    *("field", "strategy", "dwell", "hours", "seed", "robots", "model", "fit", "noise", "local", "drift_model"),
+    *("preset", "until_sd", "until_gain", "properties", "stop_overhead_s", "turn_s_per_rad", "stop_cost_s"),
+    *("metre_cost_s", "min_dwell_s"),
 )
 """Mission settings that are options of the demo."""
 _TYPES = {"goto_node": "topological_navigation_msgs", "navigate_to_pose": "nav2_msgs"}
@@ -64,7 +39,7 @@ DEFAULTS = {"field": "farm", "hours": 1.0}
               help="Simulated seconds per real second.")  # fmt: skip
 @click.option("--navigator", type=click.Choice(["goto_node", "navigate_to_pose", "goal_pose"]),
               help="Navigation interface. Default: goto_node if its action is built, else goal_pose.")  # fmt: skip
-@click.option("--scenario", type=Name("scenario"), default="",
+@click.option("--scenario", type=options.Name("scenario"), default="",
               help="Simulated faults: thorvald, nav2, bad_link, bad_sensor, "
               "or a file. Default: none.")  # fmt: skip
 @click.option("--console/--no-console", "console", default=True, show_default=True,
@@ -72,9 +47,9 @@ DEFAULTS = {"field": "farm", "hours": 1.0}
 @click.option("--autostart/--no-autostart", default=True, show_default=True,
               help="Start the mission at once, or wait for a start on the operator's page.")  # fmt: skip
 @click.option("--exit", "leave", is_flag=True, help="End with the mission, also on a terminal.")
-@earlier_option()
-@covariate_option()
-@output_options("Folder for the run; made if missing.")
+@options.earlier_option()
+@options.covariate_option()
+@options.output_options("Folder for the run; made if missing.")
 @answering
 def command(
     out: Path,
@@ -95,9 +70,9 @@ def command(
     The folder also gets the recording (bag/), the configuration (configuration/) and the node output (log/).
     On a terminal the operator's page stays after the mission until Ctrl-C.
     """
-    for module, remedy in (("rclpy", "scripts/demo sets it up; on a robot, source /opt/ros/jazzy/setup.bash"),):
-        if importlib.util.find_spec(module) is None:
-            raise InputError(f"{module} is not installed", remedy)
+    if importlib.util.find_spec("rclpy") is None:
+        remedy = "scripts/demo sets it up; on a robot, source /opt/ros/jazzy/setup.bash"
+        raise InputError("rclpy is not installed", remedy)
     if navigator is None:
         navigator = "goto_node" if importlib.util.find_spec("topological_navigation_msgs") else "goal_pose"
     package = _TYPES.get(navigator, "rclpy")
@@ -121,21 +96,13 @@ def command(
         warn(f"console: not served, aiohttp is not installed -> {install('console')}")
     port = free_port(PORT) if console else 0
     settings = DemoSettings(
-        out,
-        mission,
-        time_factor,
-        navigator,
-        scenario,
-        autostart,
-        earlier=earlier,
-        covariates=sources,
-        console_port=port,
+        out, mission, time_factor, navigator, scenario, autostart, True, earlier, sources, console_port=port
     )
     address = f"console    http://127.0.0.1:{port}/"
     replay = None
     try:
         with ExitStack() as stack:
-            stack.enter_context(reported_failure(out))
+            stack.enter_context(options.reported_failure(out))
             with live_view() as show:
                 recorded = stack.enter_context(run_demo(settings, show, partial(say, address)))
             with progress_bar() as progress:
@@ -165,10 +132,10 @@ def _prepare(out: Path, overwrite: bool) -> None:
         raise InputError(
             "has a recording that is not of a demo", "choose another folder: it is never replaced", out
         )
-    overwrite = overwrite or (recorded and confirmed(out, "the recording of a demo"))
+    overwrite = overwrite or (recorded and options.confirmed(out, "the recording of a demo"))
     if recorded and not overwrite:
         raise InputError("has the recording of a demo", "choose another folder, or give --overwrite", out)
-    prepare_output(out, overwrite)
+    options.prepare_output(out, overwrite)
     if recorded:
         from soilmoist_ros.reporting import earlier_outputs, remove_earlier
 

@@ -5,27 +5,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import click
 
 from soilmoist_ros.cli.answer import answering, put, say, tables
-from soilmoist_ros.foundation import InputError
 
-
-@dataclass(frozen=True)
-class Item:
-    """Something that can be chosen by its name.
-
-    :param file: where it is; ``None`` for what is part of the program
-    """
-
-    name: str
-    about: str
-    traits: dict[str, Any] = field(default_factory=dict)
-    file: Path | None = None
+Item = dict[str, Any]
+"""Something that can be chosen by its name: name, about, its traits by words, and file (``None`` if built in)."""
 
 
 def _shipped(kind: str) -> Iterator[tuple[str, Path]]:
@@ -33,6 +21,10 @@ def _shipped(kind: str) -> Iterator[tuple[str, Path]]:
 
     for name in resource_names(kind):
         yield name, resource(kind, name)
+
+
+def _item(name: str, about: str, file: Path | None = None, **traits: Any) -> Item:
+    return {"name": name, "about": about, **traits, "file": file}
 
 
 def _fields() -> Iterator[Item]:
@@ -50,15 +42,14 @@ def _fields() -> Iterator[Item]:
         traits: dict[str, Any] = {"size": f"{width_m:.0f} x {height_m:.0f} m", "simulated": surrogate is not None}
         if surrogate is not None:
             traits["hours"] = surrogate.hours
-            cells = place.grid().cells
-            curve = surrogate.curve
+            cells, curve = place.grid().cells, surrogate.curve
             values = surrogate.rate_at(cells) if curve is None else 100 * surrogate.vwc_at(cells)
             low, high = np.quantile(values, [0.05, 0.95]).tolist()
             if curve is None:
                 traits["rate"] = f"{low:.1f} to {high:.1f} counts/s"
             else:
                 traits["moisture"] = f"{low:.0f} to {high:.0f} % by volume"
-        yield Item(name, place.name, traits, files.get(name))
+        yield _item(name, place.name, files.get(name), **traits)
 
 
 def _strategies() -> Iterator[Item]:
@@ -67,9 +58,9 @@ def _strategies() -> Iterator[Item]:
 
     for name in STRATEGIES.names():
         kind = STRATEGIES.get(name)
+        presets = [preset for preset, values in PRESETS.items() if values["strategy"] == name]
         traits: dict[str, Any] = {"label": kind.label, "needs_map": kind.needs_map, "baseline": kind.is_baseline}
-        traits["presets"] = [preset for preset, values in PRESETS.items() if values["strategy"] == name]
-        yield Item(name, kind.about, traits)
+        yield _item(name, kind.about, **traits, presets=presets)
 
 
 def _dwell_rules() -> Iterator[Item]:
@@ -77,7 +68,7 @@ def _dwell_rules() -> Iterator[Item]:
 
     for name in DWELL_RULES.names():
         kind = DWELL_RULES.get(name)
-        yield Item(name, kind.about, {"write": kind.example or (f"{name}:VALUE" if kind.needs_value else name)})
+        yield _item(name, kind.about, write=kind.example or (f"{name}:VALUE" if kind.needs_value else name))
 
 
 def _models() -> Iterator[Item]:
@@ -86,7 +77,7 @@ def _models() -> Iterator[Item]:
     for name in VARIOGRAM_MODELS.names():
         model = VARIOGRAM_MODELS.get(name)
         about = f"{model.label or name}; reaches {'the' if model.has_edge else '95 % of the'} sill at"
-        yield Item(name, about, {"ranges": round(model.practical, 2)})
+        yield _item(name, about, ranges=round(model.practical, 2))
 
 
 def _loggers() -> Iterator[Item]:
@@ -95,8 +86,8 @@ def _loggers() -> Iterator[Item]:
     for name in logger_names():
         logger = load_logger_format(name)
         weather = [each for each in ("pressure", "temperature", "humidity") if getattr(logger, each) is not None]
-        traits = {"positions": logger.position is not None, "weather": weather}
-        yield Item(name, logger.title, traits, logger_path(name))
+        traits: dict[str, Any] = {"positions": logger.position is not None, "weather": weather}
+        yield _item(name, logger.title, logger_path(name), **traits)
 
 
 def _sites() -> Iterator[Item]:
@@ -106,7 +97,7 @@ def _sites() -> Iterator[Item]:
         site = load_site(path)
         known = site.calibration
         calibration = "none" if known is None else "illustrative" if known.illustrative else known.date or "yes"
-        yield Item(name, site.name, {"calibration": calibration, "stationary": site.location is not None}, path)
+        yield _item(name, site.name, path, calibration=calibration, stationary=site.location is not None)
 
 
 def _exports() -> Iterator[Item]:
@@ -114,7 +105,7 @@ def _exports() -> Iterator[Item]:
 
     for name in EXPORTS.names():
         kind = export_kind(name)
-        yield Item(name, f"{kind.label}: {kind.description}", {"suffix": kind.suffix})
+        yield _item(name, f"{kind.label}: {kind.description}", suffix=kind.suffix)
 
 
 def _campaigns() -> Iterator[Item]:
@@ -122,35 +113,28 @@ def _campaigns() -> Iterator[Item]:
 
     for name, path in _shipped("campaigns"):
         campaign = load_campaign(name)
-        yield Item(name, campaign.title, {"missions": len(missions(campaign))}, path)
+        yield _item(name, campaign.title, path, missions=len(missions(campaign)))
 
 
 def _scenarios() -> Iterator[Item]:
     from soilmoist_ros.simulation import load_scenario
 
     for name, path in _shipped("scenarios"):
-        yield Item(name, load_scenario(name).title, {}, path)
+        yield _item(name, load_scenario(name).title, path)
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A kind of things with names."""
-
-    items: Callable[[], Iterator[Item]]
-    used_by: str
-
-
-KINDS = {
-    "fields": Kind(_fields, "--field of simulate and demo; those that are not simulated: --field of map"),
-    "strategies": Kind(_strategies, "--strategy of simulate and demo"),
-    "dwell-rules": Kind(_dwell_rules, "--dwell of simulate and demo"),
-    "models": Kind(_models, "--model of map, replay, simulate, demo and season"),
-    "loggers": Kind(_loggers, "--logger of map, replay and calibrate"),
-    "sites": Kind(_sites, "--site of map and replay"),
-    "exports": Kind(_exports, "--to of export"),
-    "campaigns": Kind(_campaigns, "campaign NAME"),
-    "scenarios": Kind(_scenarios, "--scenario of demo"),
+KINDS: dict[str, tuple[Callable[[], Iterator[Item]], str]] = {
+    "fields": (_fields, "--field of simulate and demo; those that are not simulated: --field of map"),
+    "strategies": (_strategies, "--strategy of simulate and demo"),
+    "dwell-rules": (_dwell_rules, "--dwell of simulate and demo"),
+    "models": (_models, "--model of map, replay, simulate, demo and season"),
+    "loggers": (_loggers, "--logger of map, replay and calibrate"),
+    "sites": (_sites, "--site of map and replay"),
+    "exports": (_exports, "--to of export"),
+    "campaigns": (_campaigns, "campaign NAME"),
+    "scenarios": (_scenarios, "--scenario of demo"),
 }
+"""Kinds of things with names: the function that reads all, and where a name is given."""
 
 
 @click.command("list")
@@ -163,41 +147,35 @@ def command(kind: str | None) -> None:
     Kinds: fields, strategies, dwell-rules, models, loggers, sites, exports, campaigns, scenarios.
     """
     if kind is None:
-        for one, about in KINDS.items():
-            items = list(about.items())
-            say(f"{one:12} {', '.join(item.name for item in items)}")
-            put(**{one: [_plain(item) for item in items]})
+        for one, (read, _) in KINDS.items():
+            items = list(read())
+            say(f"{one:12} {', '.join(item['name'] for item in items)}")
+            put(**{one: items})
         say("")
         say("soilmoist list KIND says more about each.")
         return
-    items = list(KINDS[kind].items())
-    if not items:
-        raise InputError(f"there are no {kind}", "install soilmoist_ros again")
-    put(kind=kind, items=[_plain(item) for item in items])
-    _print(kind, items)
+    read, used_by = KINDS[kind]
+    items = list(read())
+    put(kind=kind, items=items)
+    _print(items)
+    say("")
+    say(f"A name is given to: {used_by}.")
+    for folder in sorted({str(item["file"].parent) for item in items if item["file"] is not None}):
+        say(f"Files, to read and copy: {folder}/NAME.yaml")
 
 
-def _print(kind: str, items: list[Item]) -> None:
+def _print(items: list[Item]) -> None:
     from rich.table import Table
 
     from soilmoist_ros.recording import plain_text, print_plain
 
-    keys = list(dict.fromkeys(key for item in items for key in item.traits))
-    table = Table("name", "what it is", *(key.replace("_", " ") for key in keys), box=None, pad_edge=False)
+    keys = [key for key in dict.fromkeys(key for item in items for key in item) if key != "file"]
+    titles = ("name", "what it is", *(key.replace("_", " ") for key in keys[2:]))
+    table = Table(*titles, box=None, pad_edge=False)
     table.columns[0].no_wrap = True
     for item in items:
-        cells = (item.name, item.about, *(_text(item.traits.get(key)) for key in keys))
-        table.add_row(*map(plain_text, cells))
+        table.add_row(*(plain_text(_text(item.get(key))) for key in keys))
     print_plain(tables(), table)
-    say("")
-    say(f"A name is given to: {KINDS[kind].used_by}.")
-    folders = sorted({str(item.file.parent) for item in items if item.file is not None})
-    for folder in folders:
-        names = [item.name for item in items if item.file is not None and str(item.file.parent) == folder]
-        say(
-            f"Files, to read and copy: {folder}/NAME.yaml"
-            + ("" if len(names) == len(items) else f" of {', '.join(names)}")
-        )
 
 
 def _text(value: Any) -> str:
@@ -206,7 +184,3 @@ def _text(value: Any) -> str:
     if isinstance(value, list):
         return ", ".join(value) or "-"
     return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _plain(item: Item) -> dict[str, Any]:
-    return {"name": item.name, "about": item.about, **item.traits, "file": item.file}

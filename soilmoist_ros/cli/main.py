@@ -34,23 +34,16 @@ COMMANDS = {
 """Subcommands with the first sentence of their help."""
 _PLAY = "play recordings with soilmoist bag play"
 RENAMED = {
-    ("simulate", "--variogram"): "use --model",
-    ("demo", "--variogram"): "use --model",
-    ("simulate", "--also"): "use --property FIELD[:WEIGHT]",
-    ("demo", "--also"): "use --property FIELD[:WEIGHT]",
-    ("simulate", "--also-weight"): "use --property FIELD:WEIGHT",
-    ("demo", "--also-weight"): "use --property FIELD:WEIGHT",
-    ("simulate", "--overhead"): "use --stop-overhead",
-    ("demo", "--overhead"): "use --stop-overhead",
-    ("demo", "--speed"): "use --time-factor",
-    ("replay", "--also-truth"): "use --truth PROPERTY=FIELD",
-    ("replay", "--live"): _PLAY,
-    ("replay", "--topics"): _PLAY,
-    ("replay", "--speed"): _PLAY,
-    ("replay", "--start"): _PLAY,
-    ("export", "--formats"): "soilmoist list exports shows the formats",
+    "--variogram": "use --model",
+    "--also": "use --property FIELD[:WEIGHT]",
+    "--also-weight": "use --property FIELD:WEIGHT",
+    "--overhead": "use --stop-overhead",
+    "--also-truth": "use --truth PROPERTY=FIELD",
+    "--speed": f"use --time-factor, or {_PLAY}",
+    **dict.fromkeys(("--live", "--topics", "--start"), _PLAY),
+    "--formats": "soilmoist list exports shows the formats",
 }
-"""Options of earlier releases, by command and name -> what to do."""
+"""Options of earlier releases, and what to do."""
 EXAMPLES = {
     "map": (
         "map examples/rover_gypsum_transect_2018-05-01.KSU --site gypsum_transect --out out/gypsum",
@@ -134,13 +127,10 @@ class _Commands(click.Group):
         try:
             return super().invoke(ctx)
         except click.NoSuchOption as error:
-            name = error.ctx.info_name if error.ctx is not None else None
-            remedy = RENAMED.get((name or "", error.option_name))
-            if remedy is None:
+            if (remedy := RENAMED.get(error.option_name)) is None:
                 raise
-            raise click.UsageError(
-                f"there is no option {error.option_name} any more: {remedy}", error.ctx
-            ) from None
+            message = f"there is no option {error.option_name} any more: {remedy}"
+            raise click.UsageError(message, error.ctx) from None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write names and help texts without loading a subcommand."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from soilmoist_ros.cli import options
 from soilmoist_ros.cli.answer import (
     answering,
     print_knowledge,
@@ -20,21 +21,6 @@ from soilmoist_ros.cli.answer import (
     say,
     wrote,
 )
-from soilmoist_ros.cli.options import (
-    InputFile,
-    Moment,
-    Name,
-    chosen_settings,
-    covariate_option,
-    crs_option,
-    earlier_option,
-    figures_option,
-    map_options,
-    output_options,
-    position_options,
-    prepare_output,
-    reference_option,
-)
 from soilmoist_ros.simulation import PRESETS
 
 if TYPE_CHECKING:
@@ -42,37 +28,41 @@ if TYPE_CHECKING:
 
 
 @click.command("map")
-@click.argument("logs", type=InputFile(), nargs=-1, required=True)
-@click.option("--logger", type=Name("logger"),
+@click.argument("logs", type=options.InputFile(), nargs=-1, required=True)
+@click.option("--logger", type=options.Name("logger"),
               help="Logger format: a shipped name or a YAML file. Default: detected from the header.")  # fmt: skip
 @click.option(
-    "--site", type=Name("site"), help="Site file: corrections, soil, calibration. Default: standard corrections."
+    "--site",
+    type=options.Name("site"),
+    help="Site file: corrections, soil, calibration. Default: standard corrections.",
 )
 @click.option(
-    "--field", type=Name("field"), help="Field file: boundary, cell size. Default: the surroundings of the track."
+    "--field",
+    type=options.Name("field"),
+    help="Field file: boundary, cell size. Default: the surroundings of the track.",
 )
-@click.option("--nmea", "--track", type=InputFile(), multiple=True,
+@click.option("--nmea", "--track", type=options.InputFile(), multiple=True,
               help="Positions, for loggers without them: NMEA, GPX, CSV, "
               "RTKLIB or a bag, by content. Repeatable.")  # fmt: skip
-@click.option("--from", "start", type=Moment(), metavar="TIME",
+@click.option("--from", "start", type=options.Moment(), metavar="TIME",
               help="Map records after this time, such as 2026-05-02T14:30+02:00; UTC without a zone.")  # fmt: skip
-@click.option("--to", "end", type=Moment(), metavar="TIME",
+@click.option("--to", "end", type=options.Moment(), metavar="TIME",
               help="Map records up to this time; UTC without a zone.")  # fmt: skip
-@position_options
+@options.position_options
 @click.option("--preset", type=click.Choice(tuple(PRESETS)), default="recommended", show_default=True,
               help="Model and fit where none are given: the recommended ones, or the published ones.")  # fmt: skip
-@map_options("by --preset")
+@options.map_options("by --preset")
 @click.option("--exact", "max_exact_samples", type=click.IntRange(min=1), default=2000, show_default=True,
               help="Samples up to which the map is exact; beyond, it is made tile by tile.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(min=0), help="Local processes for tiles. Default: one per core.")
 @click.option("--scheduler", help="Address of a Dask scheduler for the tiles instead, such as tcp://host:8786.")
-@earlier_option()
-@covariate_option()
-@reference_option
-@crs_option
+@options.earlier_option()
+@options.covariate_option()
+@options.reference_option
+@options.crs_option
 @click.option("--title", help="Title of the report.")
-@figures_option
-@output_options()
+@options.figures_option
+@options.output_options()
 @answering
 def command(
     logs: tuple[Path, ...],
@@ -100,7 +90,7 @@ def command(
     start_s, end_s = start.timestamp() if start else -math.inf, end.timestamp() if end else math.inf
     if start_s >= end_s:
         raise click.UsageError("--from must be before --to")
-    prepare_output(out, overwrite)
+    options.prepare_output(out, overwrite)
     from soilmoist_ros.foundation import shared_work
     from soilmoist_ros.mapping import CovariateSource
     from soilmoist_ros.pipeline import MapSettings, map_logs
@@ -113,7 +103,7 @@ def command(
         crs=crs,
         covariates=tuple(map(CovariateSource.parse, covariates)),
         times_s=(start_s, end_s),
-        **chosen_settings(choices, PRESETS[preset]),
+        **options.chosen_settings(choices, PRESETS[preset]),
         **choices,
     )
     with progress_bar() as progress, shared_work(workers, scheduler) as compute:

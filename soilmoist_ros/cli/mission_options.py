@@ -73,26 +73,18 @@ def mission_options(
 def _option(setting: Setting, defaults: Mapping[str, Any]) -> Callable[[Command], Command]:
     """The option of a setting; ``None`` unless given."""
     default = f"Default: {defaults[setting.name]}." if setting.name in defaults else _default(setting)
+    more: dict[str, Any] = {"type": _Value(setting)}
+    names, text = setting.option, f"{setting.help} {default}"
     if setting.kind is bool:
-        stem = setting.option.removeprefix("--")
-        names = f"--{stem}/--no-{stem}"
-        return click.option(names, setting.name, default=None, help=f"{setting.help} {default}")
-    if setting.kind is tuple:
-        return click.option(
-            setting.option,
-            setting.name,
-            multiple=True,
-            type=Name("surrogate"),
-            metavar="FIELD[:WEIGHT]",
-            help=f"{setting.help} Repeatable.",
-        )
-    first, dot, rest = setting.help.partition(". ")
-    unit = f" [{setting.unit}]" if setting.unit else ""
-    text = f"{first.rstrip('.')}{unit}. {rest if dot else ''}".strip()
-    return click.option(
-        setting.option, setting.name, type=_Value(setting),
-        help=f"{text} {default}".rstrip(),
-    )  # fmt: skip
+        names = f"{names}/--no-{names.removeprefix('--')}"
+        more = {"default": None}
+    elif setting.kind is tuple:
+        text = f"{setting.help} Repeatable."
+        more = {"multiple": True, "type": Name("surrogate"), "metavar": "FIELD[:WEIGHT]"}
+    elif setting.unit:
+        first, dot, rest = setting.help.partition(". ")
+        text = f"{first.rstrip('.')} [{setting.unit}]. {rest if dot else ''}".strip() + f" {default}"
+    return click.option(names, setting.name, help=text.rstrip(), **more)
 
 
 def _default(setting: Setting) -> str:

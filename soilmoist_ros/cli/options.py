@@ -91,10 +91,7 @@ class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         return completions(self._kind, incomplete)
 
     def require(self, value: str) -> None:
-        """Check a given name or path before the work; what the file says is checked later.
-
-        :raises InputError: if there is no such name and no such file
-        """
+        """Check a given name or path before the work; what the file says is checked later."""
         if not self._early or not value or Path(value).is_file():
             return
         if self._kind in _SHIPPED:
@@ -119,10 +116,7 @@ class InputFile(click.Path):
         self._remedy, self.words = remedy, words
 
     def require(self, value: Path) -> None:
-        """Check a given path.
-
-        :raises InputError: if there is nothing
-        """
+        """Refuse the path of nothing."""
         if str(value) in self.words or value.exists():
             return
         raise InputError("there is no such file", self._remedy, value)
@@ -184,23 +178,18 @@ class Shift(click.ParamType):  # type: ignore[type-arg,unused-ignore]
 # The output folder ----------------------------------------------------------------------------------------------
 
 
-def output_options(
-    text: str = "Folder for the results; made if missing.", required: bool = True
-) -> Callable[[Command], Command]:
-    """Add ``--out`` and ``--overwrite``.
-
-    :param required: whether the command needs ``--out``
-    """
+def output_options(text: str = "Folder for the results; made if missing.") -> Callable[[Command], Command]:
+    """Add ``--out``, with this help, and ``--overwrite``."""
 
     def decorate(command: Command) -> Command:
         command = overwrite_option("Replace the results of an earlier run in --out.")(command)
-        return click.option("--out", type=FILE, required=required, help=text)(command)
+        return click.option("--out", type=FILE, required=True, help=text)(command)
 
     return decorate
 
 
 def overwrite_option(text: str) -> Callable[[Command], Command]:
-    """Add ``--overwrite``, which ``--force`` means as well."""
+    """Add ``--overwrite``, which ``--force`` means as well, with this help."""
     return click.option("--overwrite", "--force", "overwrite", is_flag=True, help=text)
 
 
@@ -276,19 +265,12 @@ gnss_shift_option = click.option(
 
 def position_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add ``--gnss-shift``, ``--logger-topic`` and ``--fix-topic``."""
-    fix = click.option(
-        "--fix-topic",
-        default="",
-        metavar="TOPIC",
-        help="In bags: topic with positions, fixes or NMEA. Default: raw/gnss, or fix.",
-    )
-    logger = click.option(
-        "--logger-topic",
-        default="",
-        metavar="TOPIC",
-        help="In bags: topic with the logger's lines. Default: raw/logger, or the only text.",
-    )
-    return gnss_shift_option(logger(fix(command)))
+    for name, text in (
+        ("--fix-topic", "In bags: topic with positions, fixes or NMEA. Default: raw/gnss, or fix."),
+        ("--logger-topic", "In bags: topic with the logger's lines. Default: raw/logger, or the only text."),
+    ):
+        command = click.option(name, default="", metavar="TOPIC", help=text)(command)
+    return gnss_shift_option(command)
 
 
 # Earlier surveys, covariates, a reference sensor ----------------------------------------------------------------
@@ -298,10 +280,7 @@ class _Runs(InputFile):
     """A run or a folder of runs, checked before the command begins."""
 
     def require(self, value: Path) -> None:
-        """Check that there is a run.
-
-        :raises InputError: if there is none
-        """
+        """Refuse what has no run."""
         super().require(value)
         if str(value) not in self.words:
             from soilmoist_ros.pipeline import find_runs

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from soilmoist_ros.cli import options
 from soilmoist_ros.cli.answer import (
     answering,
     print_knowledge,
@@ -20,55 +21,42 @@ from soilmoist_ros.cli.answer import (
     say,
     wrote,
 )
-from soilmoist_ros.cli.options import (
-    FILE,
-    Name,
-    chosen_settings,
-    covariate_option,
-    crs_option,
-    earlier_option,
-    figures_option,
-    gnss_shift_option,
-    map_options,
-    output_options,
-    prepare_output,
-    reference_option,
-    reported_failure,
-)
 
 if TYPE_CHECKING:
     from soilmoist_ros.pipeline import Replay
 
 
 @click.command("replay")
-@click.argument("bag", type=FILE)
-@click.option("--field", type=Name("field"), help="Field file. Default: as in the run.")
+@click.argument("bag", type=options.FILE)
+@click.option("--field", type=options.Name("field"), help="Field file. Default: as in the run.")
 @click.option(
-    "--site", type=Name("site"), help="Site file: corrections, soil, calibration. Default: as in the run."
+    "--site", type=options.Name("site"), help="Site file: corrections, soil, calibration. Default: as in the run."
 )
 @click.option("--property", "properties", multiple=True,
               help="Property of the bag to map, repeatable. Default: all.")  # fmt: skip
-@click.option("--truth", "truths", type=Name("surrogate"), multiple=True, metavar="[PROPERTY=]FIELD",
+@click.option("--truth", "truths", type=options.Name("surrogate"), multiple=True, metavar="[PROPERTY=]FIELD",
               help="Surrogate field to compare with: a built-in one, or a field file with a truth. "
               "PROPERTY defaults to the first one. Repeatable.")  # fmt: skip
-@map_options("as in the run")
+@options.map_options("as in the run")
 @click.option("--source", type=click.Choice(["counts", "raw"]), default="counts", show_default=True,
               help="counts: records as the driver corrected them; raw: raw lines, corrected again.")  # fmt: skip
 @click.option(
-    "--logger", type=Name("logger"), help="Logger format of the raw lines. Default: detected from the header."
+    "--logger",
+    type=options.Name("logger"),
+    help="Logger format of the raw lines. Default: detected from the header.",
 )
 @click.option("--logger-topic", default="", metavar="TOPIC",
               help="Topic with the logger's lines; implies --source raw. Default: raw/logger.")  # fmt: skip
 @click.option("--fix-topic", default="", metavar="TOPIC",
               help="Topic with positions for raw lines, fixes or NMEA. Default: raw/gnss, or fix.")  # fmt: skip
-@gnss_shift_option
+@options.gnss_shift_option
 @click.option("--counts-topic", default="counts", show_default=True, help="Topic with the records.")
-@earlier_option(" Default: as in the run; none for a map without.")
-@reference_option
-@covariate_option(" Default: as in the run; none for those of the field only.")
-@crs_option
-@figures_option
-@output_options()
+@options.earlier_option(" Default: as in the run; none for a map without.")
+@options.reference_option
+@options.covariate_option(" Default: as in the run; none for those of the field only.")
+@options.crs_option
+@options.figures_option
+@options.output_options()
 @answering
 def command(
     bag: Path,
@@ -85,7 +73,7 @@ def command(
 
     With the settings of the run, the map equals the map of the robot bit for bit.
     """
-    prepare_output(out, overwrite)
+    options.prepare_output(out, overwrite)
     from soilmoist_ros.pipeline import ReplaySettings, replay_bag
     from soilmoist_ros.reporting import run_figures, write_figures, write_outputs
 
@@ -96,10 +84,10 @@ def command(
             crs=crs,
             earlier=_earlier(earlier),
             covariates=() if covariates == ("none",) else covariates or None,
-            **chosen_settings(choices),
+            **options.chosen_settings(choices),
             **choices,
         )
-        with reported_failure(out):
+        with options.reported_failure(out):
             replay = replay_bag(bag, settings, progress)
         progress("writing the results", 1.0)
         written = [*write_outputs(out, replay.run, crs), *write_figures(out, run_figures(replay.run), figures)]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from soilmoist_ros.cli import options
 from soilmoist_ros.cli.answer import (
     answering,
     echo,
@@ -24,13 +25,6 @@ from soilmoist_ros.cli.answer import (
     wrote,
 )
 from soilmoist_ros.cli.mission_options import chosen_settings, mission_options
-from soilmoist_ros.cli.options import (
-    covariate_option,
-    earlier_option,
-    figures_option,
-    output_options,
-    prepare_output,
-)
 
 if TYPE_CHECKING:
     from soilmoist_ros.console import WatchedMission
@@ -47,10 +41,10 @@ TIME_FACTOR = 60.0
               help="Show the mission in a browser as it runs; Ctrl-C ends it and keeps the results.")  # fmt: skip
 @click.option("--time-factor", type=click.FloatRange(min=0.1),
               help="Simulated seconds per real second, with --live. Default: 60.")  # fmt: skip
-@earlier_option(" Not for a series of simulated surveys: --earlier-surveys.")
-@covariate_option()
-@figures_option
-@output_options()
+@options.earlier_option(" Not for a series of simulated surveys: --earlier-surveys.")
+@options.covariate_option()
+@options.figures_option
+@options.output_options()
 @answering
 def command(
     out: Path,
@@ -70,7 +64,7 @@ def command(
     if time_factor is not None and not live:
         raise click.UsageError("--time-factor requires --live")
     settings = chosen_settings(choices)
-    prepare_output(out, overwrite)
+    options.prepare_output(out, overwrite)
     from soilmoist_ros.mapping import CovariateSource
     from soilmoist_ros.pipeline import mission_earlier
     from soilmoist_ros.reporting import mission_run, run_figures, write_figures, write_mission

@@ -99,10 +99,7 @@ class BagPlayer(Node):
         interrupted: threading.Event,
     ) -> None:
         super().__init__("bag_player", context=context)
-        self._interrupted = interrupted
-        self._playback = playback
-        self._pacer = pacer
-        self._say = say
+        self._playback, self._pacer, self._say, self._interrupted = playback, pacer, say, interrupted
         self._clock = None if playback.has_clock else self.create_publisher(Clock, "/clock", CLOCK)
         self._clock_ns = 0
         self._publishers_of: dict[str, Publisher] = {}
@@ -110,8 +107,8 @@ class BagPlayer(Node):
             self._advertise(topic, kind)
         if not self._publishers_of:
             raise InputError("no topic can be played", "install the packages of their types")
-        self.create_service(Trigger, "~/pause", self._on_pause)
-        self.create_service(Trigger, "~/resume", self._on_resume)
+        for name, paused in (("pause", True), ("resume", False)):
+            self.create_service(Trigger, f"~/{name}", partial(self._on_request, paused))
 
     def toggle(self) -> None:
         """Pause, or resume."""
@@ -176,14 +173,9 @@ class BagPlayer(Node):
             self._clock_ns = now_ns
             self._clock.publish(Clock(clock=to_time(now_ns * 1e-9)))
 
-    def _on_pause(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._pacer.paused = True
-        response.success, response.message = True, "paused"
-        return response
-
-    def _on_resume(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._pacer.paused = False
-        response.success, response.message = True, "playing"
+    def _on_request(self, paused: bool, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._pacer.paused = paused
+        response.success, response.message = True, "paused" if paused else "playing"
         return response
 
 
@@ -216,8 +208,7 @@ class Monitor(Node):
 
     def __init__(self, live: LiveMission, frame: LocalFrame, context: Context) -> None:
         super().__init__("monitor", context=context)
-        self._live = live
-        self._frame = frame
+        self._live, self._frame = live, frame
         for robot in live.robots:
             below = f"{robot.namespace}/" if robot.namespace else ""
             self.create_subscription(

@@ -64,84 +64,68 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     :raises InputError: if a file cannot be written
     """
     mission, configuration = settings.mission, out / CONFIGURATION
-    write_field_file(field, configuration / "field.yaml")
-    write_site_file(field, configuration / "site.yaml")
-    files = {"field": str(configuration / "field.yaml"), "site": str(configuration / "site.yaml")}
+    files = {name: str(configuration / f"{name}.yaml") for name in ("field", "site")}
+    write_field_file(field, Path(files["field"]))
+    write_site_file(field, Path(files["site"]))
+
+    def of_mission(*names: str) -> dict[str, object]:
+        return {name: value for name in names if (value := getattr(mission, name)) is not None}
+
     simulated = {"use_sim_time": True}
-    choices = {name: getattr(mission, name) for name in ("model", "fit", "noise", "local", "drift_model")}
-    fitted = {**choices, "simulated": True, **simulated}
-    explained = {"covariates": [str(one.absolute) for one in settings.covariates]} if settings.covariates else {}
-    earlier = {"earlier": [str(path.absolute()) for path in settings.earlier]} if settings.earlier else {}
-    known = {**earlier, **explained}
+    fitted = {**of_mission("model", "fit", "noise", "local", "drift_model"), "simulated": True, **simulated}
+    explained = _given(covariates=[str(one.absolute) for one in settings.covariates])
+    known = _given(earlier=[str(path.absolute()) for path in settings.earlier]) | explained
     robots = robot_namespaces(mission.robots)
     several = [f"/{robot}" for robot in robots] if len(robots) > 1 else []
-    others: dict[str, object] = {"others": several} if several else {}
-    mappers: dict[str, dict[str, object]] = {
-        f"{one.name}/mapper": {
+    trips = of_mission("stop_overhead_s", "turn_s_per_rad")
+    # The recorder starts first and ends last, so that it records everything.
+    nodes: dict[str, dict[str, object]] = {
+        "recorder": {"out": str(out), "name": "bag"},
+        "mapper": {**files, "save_dir": str(out / "map"), **_given(others=several), **known, **fitted},
+    }
+    for one in mission.properties:
+        nodes[f"{one.name}/mapper"] = {
             "field": files["field"],
             "save_dir": str(out / f"map_{one.name}"),
             **explained,
-            **({"others": [f"{robot}/{one.name}" for robot in several]} if several else {}),
+            **_given(others=[f"{robot}/{one.name}" for robot in several]),
             **fitted,
         }
-        for one in mission.properties
-    }
-    trips = {name: getattr(mission, name) for name in ("stop_overhead_s", "turn_s_per_rad")}
-    planned = {name: getattr(mission, name) for name in ("stop_cost_s", "metre_cost_s")}
-    if mission.min_dwell_s is not None:
-        planned["min_dwell_s"] = mission.min_dwell_s
-    properties = [f"{one.name}:{one.weight}" for one in mission.properties]
-    nodes: dict[str, dict[str, object]] = {
-        # The recorder starts first and ends last, so that it records everything.
-        "recorder": {"out": str(out), "name": "bag"},
-        "mapper": {**files, "save_dir": str(out / "map"), **others, **known, **fitted},
-        **mappers,
-        **{
-            node_name(robot, "planner"): {
-                "field": files["field"],
-                "strategy": mission.strategy,
-                "dwell": mission.dwell,
-                "hours": mission.hours,
-                "until_sd": mission.until_sd,
-                "until_gain": mission.until_gain,
-                "seed": mission.seed + number,
-                "preset": mission.preset,
-                **trips,
-                **planned,
-                **known,
-                "navigator": settings.navigator,
-                "autostart": settings.autostart,
-                "exit_when_finished": settings.exit_when_finished,
-                **others,
-                **({"properties": properties} if properties else {}),
-                **simulated,
-            }
-            for number, robot in enumerate(robots)
-        },
-        "field_simulator": {
-            "field": _absolute(mission.field_name),
-            **({"properties": [_absolute(one.field_name) for one in mission.properties]} if mappers else {}),
-            "seed": mission.seed,
-            "robots": mission.robots,
-            **trips,
-            "speed": settings.time_factor,
-            "scenario": settings.scenario,
-            "logger_port": 0,
-            "gnss_port": 0,
-            "ports_file": str(out / "log" / "ports.json"),
-        },
-        **{node_name(robot, "sensor_driver"): {**files, **simulated} for robot in robots},
-    }
-    if settings.console_port:
-        page = {
+    for number, robot in enumerate(robots):
+        nodes[node_name(robot, "planner")] = {
             "field": files["field"],
-            "port": settings.console_port,
-            "runs": str(out.parent),
-            "field_dir": str(out / "fields"),
-            **({"robots": several} if several else {}),
+            **of_mission("strategy", "dwell", "hours", "until_sd", "until_gain", "preset"),
+            "seed": mission.seed + number,
+            **trips,
+            **of_mission("stop_cost_s", "metre_cost_s", "min_dwell_s"),
+            **known,
+            "navigator": settings.navigator,
+            "autostart": settings.autostart,
+            "exit_when_finished": settings.exit_when_finished,
+            **_given(others=several, properties=[f"{one.name}:{one.weight}" for one in mission.properties]),
+            **simulated,
         }
-        nodes = {"console": page, **nodes}
+    nodes["field_simulator"] = {
+        "field": _absolute(mission.field_name),
+        **_given(properties=[_absolute(one.field_name) for one in mission.properties]),
+        **of_mission("seed", "robots"),
+        **trips,
+        "speed": settings.time_factor,
+        "scenario": settings.scenario,
+        "logger_port": 0,
+        "gnss_port": 0,
+        "ports_file": str(out / "log" / "ports.json"),
+    }
+    nodes |= {node_name(robot, "sensor_driver"): {**files, **simulated} for robot in robots}
+    if settings.console_port:
+        page = {"field": files["field"], "port": settings.console_port, "runs": str(out.parent)}
+        nodes = {"console": {**page, "field_dir": str(out / "fields"), **_given(robots=several)}, **nodes}
     return {name: write_parameters(out, name, values) for name, values in nodes.items()}
+
+
+def _given(**lists: list[str]) -> dict[str, object]:
+    """Lists that have items: to ROS an empty list has no type."""
+    return {name: items for name, items in lists.items() if items}
 
 
 def node_name(namespace: str, node: str) -> str:
@@ -214,7 +198,7 @@ def run_demo(
         with ProcessGroup(environment, out / "log") as page:
             if settings.console_port:
                 page.start("console", parameters.pop("console"))
-                _wait_for_page(page, settings.console_port)
+                _wait(page, "console", lambda: _answers(settings.console_port))
                 started()
             with ProcessGroup(environment, out / "log") as group, monitored(live, field.frame, domain):
                 for name, path in parameters.items():
@@ -223,41 +207,35 @@ def run_demo(
                         path = _with_ports(path, namespace, out, group)
                     group.start(name, path, shared_mapper(name, names[1:]))
                 _watch(group, live, show)
-            fields: dict[str | int, str] = {
-                0: mission.field_name,
-                **{one.name: one.field_name for one in mission.properties},
-            }
-            yield ReplaySettings(truths=fields)
+            fields: dict[str | int, str] = {one.name: one.field_name for one in mission.properties}
+            yield ReplaySettings(truths={0: mission.field_name, **fields})
 
 
-def _wait_for_page(group: ProcessGroup, port: int) -> None:
+def _wait(group: ProcessGroup, name: str, is_there: Callable[[], bool]) -> None:
+    """Wait until a node is there; all others must run meanwhile."""
     deadline = time.monotonic() + _START_LIMIT_S
-    while True:
+    while not is_there():
         _require_all(group)
-        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
-            return
         if time.monotonic() > deadline:
-            raise DemoError(f"console did not start in {_START_LIMIT_S:g} s; see {group.log('console')}")
+            raise DemoError(f"{name} did not start in {_START_LIMIT_S:g} s; see {group.log(name)}")
         time.sleep(_POLL_S / 4)
+
+
+def _answers(port: int) -> bool:
+    with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
+        return True
+    return False
 
 
 def _with_ports(path: Path, namespace: str, out: Path, group: ProcessGroup) -> Path:
     """Add the addresses of the simulated devices to the parameters of a robot's driver."""
     ports = out / "log" / "ports.json"
-    deadline = time.monotonic() + _START_LIMIT_S
-    while not ports.is_file():
-        _require_all(group)
-        if time.monotonic() > deadline:
-            raise DemoError(
-                f"field_simulator did not start in {_START_LIMIT_S:g} s; see {group.log('field_simulator')}"
-            )
-        time.sleep(_POLL_S / 4)
-    uris = {
-        name: "tcp://{host}:{port}".format(**address) for name, address in json.loads(ports.read_text()).items()
-    }
+    _wait(group, "field_simulator", ports.is_file)
+    addresses = json.loads(ports.read_text())
     with path.open("a", encoding="utf-8") as file:
         for device in ("logger", "gnss"):
-            file.write(f"    {device}_uri: {uris[node_name(namespace, device)]}\n")
+            address = addresses[node_name(namespace, device)]
+            file.write("    {}_uri: tcp://{host}:{port}\n".format(device, **address))
     return path
 
 

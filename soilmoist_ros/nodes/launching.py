@@ -99,17 +99,14 @@ class LastWords:
             why = "\n".join(lines) or f"it ended with exit code {BAD_INPUT}"
             if name.rpartition("/")[2] != "console":
                 raise InputError(f"the node {name} is missing, and the launch ends: {why}")
-            return _without(event.action, f"the node {name} is missing, the others go on: {why}")
+            from launch.actions import EmitEvent, LogInfo
+            from launch.events.process import ShutdownProcess
+
+            never_again = ShutdownProcess(process_matcher=lambda one: one is event.action)
+            message = f"the node {name} is missing, the others go on: {why}"
+            return [LogInfo(msg=message), EmitEvent(event=never_again)]
 
         return ended
-
-
-def _without(node: Any, message: str) -> list[Any]:
-    """Log a message, and do not start a node again."""
-    from launch.actions import EmitEvent, LogInfo
-    from launch.events.process import ShutdownProcess
-
-    return [LogInfo(msg=message), EmitEvent(event=ShutdownProcess(process_matcher=lambda one: one is node))]
 
 
 def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]:
@@ -181,13 +178,12 @@ def foxglove_wanted(choice: str) -> bool:
 
     :raises InputError: if the argument is invalid
     """
-    wanted = {"false": False, "0": False, "true": True, "1": True}.get(choice.lower())
-    if wanted is None:
+    if choice.lower() not in ("false", "0", "true", "1"):
         raise InputError(
             f"foxglove: {choice!r} is no choice",
             "choose true (the node foxglove_bridge serves the viewer) or false; the console serves it no longer",
         )
-    return wanted
+    return choice.lower() in ("true", "1")
 
 
 def foxglove_bridge(host: str, port: str) -> dict[str, Value]:
@@ -202,17 +198,9 @@ def foxglove_bridge(host: str, port: str) -> dict[str, Value]:
             "foxglove:=true needs the package foxglove_bridge, which is not installed",
             "sudo apt install ros-jazzy-foxglove-bridge",
         ) from None
-    return {"address": host, "port": tcp_port(port)}
-
-
-def tcp_port(text: str) -> int:
-    """Number of a TCP port.
-
-    :raises InputError: if it is none
-    """
-    if not text.isdigit() or not 0 < int(text) < 65536:
-        raise InputError(f"{text!r} is no TCP port", "the usual one is foxglove_port:=8765")
-    return int(text)
+    if not port.isdigit() or not 0 < int(port) < 65536:
+        raise InputError(f"{port!r} is no TCP port", "the usual one is foxglove_port:=8765")
+    return {"address": host, "port": int(port)}
 
 
 def _value(text: str) -> object:

@@ -18,7 +18,6 @@ from itertools import takewhile
 from pathlib import Path
 from types import FrameType
 from typing import Final
-from xml.etree import ElementTree
 
 import rclpy
 from rclpy.duration import Duration
@@ -30,7 +29,7 @@ from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-from soilmoist_ros.foundation import InputError, SoilmoistError, config_folder, printable
+from soilmoist_ros.foundation import InputError, SoilmoistError, printable
 from soilmoist_ros.nodes.parameter_tables import table_of
 from soilmoist_ros.nodes.parameters import NODES
 
@@ -53,17 +52,6 @@ _PERMISSIONS: Final = (
 )
 HELP = ("-h", "--help")
 _WIDTH = 100
-_KINDS = {
-    ("topics", "publish"): "publishes",
-    ("topics", "subscribe"): "subscribes to",
-    ("services", "reply"): "services",
-    ("services", "request"): "calls services",
-    ("actions", "execute"): "actions",
-    ("actions", "call"): "calls actions",
-}
-_OF_EVERY_NODE = (
-    "_parameters", "_parameter_types", "_parameters_atomically", "_type_description", "/rosout", "_events",
-)  # fmt: skip
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """Names in ``malloc.h`` of the limits below."""
 _KEPT_BYTES: Final = 2 << 20
@@ -79,12 +67,8 @@ def _secured() -> bool:
 def _without_ros(error: Exception) -> int:
     """Say why ROS does not start, and return the exit code: nothing may run without the security asked for."""
     text = " ".join(str(error).split())
-    remedy = ""
-    if "security" in text.lower():
-        remedy = f" -> {_SECURITY}"
-    elif _secured():
-        remedy = f" -> {_PERMISSIONS}"
-    print(f"ROS cannot start the node: {text}{remedy}", file=sys.stderr, flush=True)
+    remedy = _SECURITY if "security" in text.lower() else _PERMISSIONS if _secured() else ""
+    print(f"ROS cannot start the node: {text}{remedy and f' -> {remedy}'}", file=sys.stderr, flush=True)
     return BAD_INPUT
 
 
@@ -216,17 +200,14 @@ def check_arguments(arguments: Sequence[str], node: str) -> None:
 
 
 def help_of(node: str, about: str) -> str:
-    """Names, topics and parameters of a node, for a terminal."""
+    """Purpose and parameters of a node, for a terminal."""
     lines = [
         f"{node}: {about}",
         "",
         f"usage: ros2 run soilmoist_ros {node} --ros-args [-p NAME:=VALUE] [--params-file FILE] [-r __ns:=/ROBOT]",
         "",
-        f"Names (with {node}/ for ~/; relative names follow the namespace; docs/topics.md has types and contents)",
+        "Parameters (also use_sim_time, as every node); docs/topics.md has topics and services",
     ]
-    for what, names in _interfaces(node).items():
-        lines += _wrapped(f"{what}: {', '.join(sorted(names))}", "  ", "      ")
-    lines += ["", "Parameters (also use_sim_time, as every node; docs/parameters.md has the same)"]
     for row in table_of(node):
         values = row.limits.replace("..", "to")
         default = f"default {json.dumps(row.default, ensure_ascii=False)}"
@@ -236,24 +217,6 @@ def help_of(node: str, about: str) -> str:
         lines += _wrapped(f"{row.name} ({', '.join(facts)})", "  ", "        ")
         lines += _wrapped(row.description, "      ", "      ")
     return "\n".join([*lines, "", "live: may be set while the node runs (ros2 param set)"])
-
-
-def _interfaces(node: str) -> dict[str, set[str]]:
-    """Names of topics, services and actions by what the node does with them, as its permissions list them."""
-    found: dict[str, set[str]] = {}
-    policy = ElementTree.parse(config_folder() / "security" / "policy.xml")
-    for profile in policy.iter("profile"):
-        if profile.get("node", "").split("_listener")[0].split("_tf")[0] != node:
-            continue
-        for rule in profile:
-            names = {(one.text or "").replace("~", node) for one in rule}
-            for verb in rule.attrib:
-                found.setdefault(_KINDS[rule.tag, verb], set()).update(names)
-    own = {
-        what: {name for name in found.get(what, ()) if not name.endswith(_OF_EVERY_NODE)}
-        for what in _KINDS.values()
-    }
-    return {what: names for what, names in own.items() if names}
 
 
 def _wrapped(text: str, first: str, further: str) -> list[str]:
@@ -299,7 +262,5 @@ def return_memory() -> bool:
     The GNU C library raises both limits with each large array that is freed, up to 32 and 64 MB. Each thread has a
     heap of its own, so a process whose threads compute maps and draw reports would grow by up to 64 MB for each.
     """
-    change = getattr(ctypes.CDLL(None), "mallopt", None)
-    if change is None:
-        return False
+    change = getattr(ctypes.CDLL(None), "mallopt", lambda *_: 0)
     return bool(change(_TRIM_THRESHOLD, _KEPT_BYTES) and change(_MMAP_THRESHOLD, _MAPPED_BYTES))

@@ -13,7 +13,7 @@ from difflib import get_close_matches
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidNamespaceException
@@ -24,6 +24,7 @@ from rclpy.validate_namespace import validate_namespace
 from soilmoist_ros.foundation import InputError, Mistake, did_you_mean, listing, read_yaml
 
 Value = bool | int | float | str | list[str]
+Some = TypeVar("Some")
 
 _HIGHEST = 1e300
 _MAX_WHOLE = 2**62
@@ -68,6 +69,7 @@ REMOVED: Final = {
 OF_OTHERS: Final = ("max_stamp_age_s", "max_stamp_ahead_s", "silence_limit_s")
 """Those that mapper or driver still have: only the planner, which has a strategy, says that it has not."""
 _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
+_ROS_KINDS = {bool: "bool", int: "integer", float: "double", str: "string", list: "string_array"}
 NODES = ("console", "field_simulator", "mapper", "planner", "recorder", "sensor_driver")
 """Modules with the tables of the nodes, of which a file for all nodes may have parameters."""
 MISSPELT = 0.85
@@ -97,8 +99,7 @@ class Parameter:
     @property
     def kind(self) -> str:
         """Name of the ROS type."""
-        names = {bool: "bool", int: "integer", float: "double", str: "string", list: "string_array"}
-        return names[type(self.default)]
+        return _ROS_KINDS[type(self.default)]
 
     @property
     def limits(self) -> str:
@@ -152,15 +153,15 @@ class Parameter:
         )
         if self.choices:
             descriptor.additional_constraints = f"one of: {', '.join(self.choices)}"
-        limited = self.low is not None or self.high is not None
-        if limited and isinstance(self.default, float):
-            low = -_HIGHEST if self.low is None else float(self.low)
-            high = _HIGHEST if self.high is None else float(self.high)
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
-        elif limited and isinstance(self.default, int):
-            low_whole = -_MAX_WHOLE if self.low is None else int(self.low)
-            high_whole = _MAX_WHOLE if self.high is None else int(self.high)
-            descriptor.integer_range = [IntegerRange(from_value=low_whole, to_value=high_whole, step=1)]
+        if self.low is None and self.high is None:
+            return descriptor
+        low, high = (-_HIGHEST if self.low is None else self.low), (_HIGHEST if self.high is None else self.high)
+        if isinstance(self.default, float):
+            limits = FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)
+            descriptor.floating_point_range = [limits]
+        elif isinstance(self.default, int):
+            first, last = int(max(low, -_MAX_WHOLE)), int(min(high, _MAX_WHOLE))
+            descriptor.integer_range = [IntegerRange(from_value=first, to_value=last, step=1)]
         return descriptor
 
 
@@ -350,33 +351,28 @@ class Parameters:
 
     def text(self, name: str) -> str:
         """Value of a text parameter."""
-        value = self._values[name]
-        assert isinstance(value, str)
-        return value
+        return self._value(name, str)
 
     def number(self, name: str) -> float:
         """Value of a number parameter."""
-        value = self._values[name]
-        assert isinstance(value, float)
-        return value
+        return self._value(name, float)
 
     def whole(self, name: str) -> int:
         """Value of a whole-number parameter."""
-        value = self._values[name]
-        assert isinstance(value, int)
-        return value
+        return self._value(name, int)
 
     def flag(self, name: str) -> bool:
         """Value of a true-or-false parameter."""
-        value = self._values[name]
-        assert isinstance(value, bool)
-        return value
+        return self._value(name, bool)
 
     def texts(self, name: str) -> list[str]:
         """Value of a parameter that is a list of texts."""
+        return list(self._value(name, list))
+
+    def _value(self, name: str, kind: type[Some]) -> Some:
         value = self._values[name]
-        assert isinstance(value, list)
-        return list(value)
+        assert isinstance(value, kind)
+        return value
 
     def as_dict(self) -> dict[str, Value]:
         """All values by name."""

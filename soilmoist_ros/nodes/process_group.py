@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 
 from soilmoist_ros.foundation import InputError, config_folder
 
@@ -47,9 +47,7 @@ class ProcessGroup:
         self._log_folder.mkdir(parents=True, exist_ok=True)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.stop()
 
     def start(
@@ -103,23 +101,17 @@ class ProcessGroup:
         """End all nodes, the last started first. Kill a node that does not end in time."""
         try:
             for process in reversed(self._processes.values()):
-                _interrupt(process, limit_s)
+                if not _has_ended(process):
+                    process.send_signal(signal.SIGINT)
+                deadline = time.monotonic() + limit_s
+                while not _has_ended(process) and time.monotonic() < deadline:
+                    time.sleep(_POLL_S)
         finally:  # even if the user interrupts the wait
             for process in self._processes.values():
                 if process.returncode is None:
                     _kill_group(process)
                     process.wait()
             self._processes.clear()
-
-
-def _interrupt(process: subprocess.Popen[bytes], limit_s: float) -> None:
-    """Send SIGINT to a process, and wait until it ends."""
-    if _has_ended(process):
-        return
-    process.send_signal(signal.SIGINT)
-    deadline = time.monotonic() + limit_s
-    while not _has_ended(process) and time.monotonic() < deadline:
-        time.sleep(_POLL_S)
 
 
 def _has_ended(process: subprocess.Popen[bytes]) -> bool:

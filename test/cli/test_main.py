@@ -232,11 +232,20 @@ def test_an_unknown_command_suggests_the_nearest():
     assert "there is no command 'simulat' (did you mean 'simulate'?)" in result.output
 
 
-@pytest.mark.parametrize(("command", "option"), RENAMED)
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [
+        ("simulate", "--also"),
+        ("demo", "--speed"),
+        ("replay", "--live"),
+        ("replay", "--speed"),
+        ("export", "--formats"),
+    ],
+)
 def test_options_of_earlier_releases_are_errors_that_name_the_new_ones(command, option, tmp_path):
     result = run(command, option, "1", "--out", tmp_path / "out")
     assert result.exit_code == 2
-    assert f"there is no option {option} any more: {RENAMED[command, option]}" in result.output
+    assert f"there is no option {option} any more: {RENAMED[option]}" in result.output
 
 
 @pytest.mark.parametrize("name", sorted(EXAMPLES))
@@ -363,7 +372,6 @@ def test_bad_missions_exit_with_2_and_a_remedy(tmp_path, options, message):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 def test_a_campaign_runs_and_resumes(tmp_path):
     plan = tmp_path / "plan.yaml"

@@ -99,16 +99,10 @@ def test_positions_that_are_none_are_nan():
 def test_distances_and_bearings_are_those_of_geodesics(start, end):
     bearing_deg, _, distance_m = Geod(ellps="WGS84").inv(start[1], start[0], end[1], end[0])
     found_m, found_deg = distance_and_bearing(start, end)
-    assert found_m == pytest.approx(distance_m, abs=2e-3 if distance_m < 20e3 else 6e-3 * distance_m)
-    if 1.0 < distance_m < 15e6 and max(abs(start[0]), abs(end[0])) < 89:
-        assert (found_deg - bearing_deg + 180) % 360 - 180 == pytest.approx(0, abs=1.0)
-
-
-def test_near_places_are_as_far_apart_as_on_the_ellipsoid():
-    bearing_deg, _, distance_m = Geod(ellps="WGS84").inv(-0.5245, 53.268, -0.53, 53.26)
-    assert distance_and_bearing((53.268, -0.5245), (53.26, -0.53)) == pytest.approx(
-        (distance_m, bearing_deg % 360), abs=1e-3
-    )
+    far = distance_m > 15e6
+    assert found_m == pytest.approx(distance_m, abs=0.05, rel=0.01 if far else 1e-4)
+    if distance_m > 10.0 and not far and max(abs(start[0]), abs(end[0])) < 89:
+        assert (found_deg - bearing_deg + 180) % 360 - 180 == pytest.approx(0, abs=0.6)
 
 
 def test_squared_distances_are_those_of_scipy():

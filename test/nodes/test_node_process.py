@@ -262,17 +262,17 @@ def test_bad_input_is_reported_without_a_traceback(example):
 # Help of the nodes, and arguments that ROS would ignore ---------------------------------------------------------
 
 SHOWN = {
-    "console": ["subscribes to: /diagnostics,", "port (integer, default 8050, 0 to 65535"],
-    "field_simulator": ["actions: navigate_to_pose, topological_navigation", "speed (double, default"],
-    "mapper": ["services: mapper/reset, mapper/save", "merge_radius_m (double, default 0.0, in m, 0 to 1000"],
-    "planner": ["calls actions: navigate_to_pose,", 'strategy (string, default "gcb", greedy | monte_carlo'],
-    "recorder": ["subscribes to: /*", "keep_days (double, default 0.0, in d, >= 0)"],
-    "sensor_driver": ["publishes: /diagnostics, counts, fix,", "silence_limit_s (double, default 35.0, in s,"],
+    "console": "port (integer, default 8050, 0 to 65535",
+    "field_simulator": "speed (double, default",
+    "mapper": "merge_radius_m (double, default 0.0, in m, 0 to 1000",
+    "planner": 'strategy (string, default "gcb", greedy | monte_carlo',
+    "recorder": "keep_days (double, default 0.0, in d, >= 0)",
+    "sensor_driver": "silence_limit_s (double, default 35.0, in s,",
 }
 
 
 @pytest.mark.parametrize("node", NODES)
-def test_help_names_topics_and_every_parameter(node):
+def test_help_names_every_parameter(node):
     text = help_of(node, "about it")
     lines = text.splitlines()
     assert lines[0] == f"{node}: about it"
@@ -280,10 +280,7 @@ def test_help_names_topics_and_every_parameter(node):
     for row in table_of(node):
         assert f"\n  {row.name} ({row.kind}, default " in text
         assert " ".join(row.description.split()) in " ".join(text.split())
-    for words in SHOWN[node]:
-        assert words in " ".join(text.split())
-    assert "rosout" not in text
-    assert "get_parameters" not in text.replace("mapper/get_parameters", "")
+    assert SHOWN[node] in " ".join(text.split())
 
 
 @pytest.mark.process
