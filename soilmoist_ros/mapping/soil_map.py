@@ -24,7 +24,7 @@ from soilmoist_ros.foundation import optional_module
 from soilmoist_ros.mapping.drift import NO_CHANGE, Change, Changing
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.kriging.poisson_kriging import PoissonKriging, clip_negative
-from soilmoist_ros.mapping.kriging.rows import KnownCovariances, RasterKriging
+from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.kriging.tiled_kriging import Accuracy, Compute, TiledKriging
 from soilmoist_ros.mapping.samples import Samples, noise_rate, pooled
 from soilmoist_ros.mapping.variogram.fit import VariogramFit
@@ -173,7 +173,6 @@ class SoilMap:
     :param change: how the mean rate changed during the survey; the map is of its end
     :param clipped_variances: inside cells whose variance came out negative (rounding) and was set to 0
     :param footprint_radius_m: radius of the footprint over which the counts were made [m], 0 if it is not known
-    :param known: covariances of the samples, and with the cells inside, where they are known already
     """
 
     grid: FieldGrid
@@ -189,7 +188,6 @@ class SoilMap:
     clipped_variances: int
     change: Change = NO_CHANGE
     footprint_radius_m: float = 0.0
-    known: KnownCovariances | None = None
 
     QUANTILE_SD: ClassVar[float] = 1.6448536269514722
     """Quantile 0.95 of the standard normal distribution."""
@@ -266,8 +264,7 @@ class SoilMap:
         samples = self.samples
         prior = None if self.fit is None else self.fit.prior
         kriging = PoissonKriging(self.variogram, self.keep_nugget, self._noise_rate, prior)
-        known = None if self.known is None else self.known.of_samples
-        return kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread, covariance=known)
+        return kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
 
     @property
     def noise_variance(self) -> Array:
@@ -396,7 +393,6 @@ def make_soil_map(
         clipped_variances=clipped,
         change=NO_CHANGE if changing is None else changing.change,
         footprint_radius_m=footprint_radius_m,
-        known=None if rasters is None or raster is None else raster.known,
     )
 
 

@@ -102,10 +102,7 @@ class PlanningModel:
 
     @cached_property
     def _posterior(self) -> tuple[Array, Array]:
-        known, of = None, self._map
-        if isinstance(of, SoilMap) and of.known is not None and np.array_equal(of.grid.cells, self.cells_xy):
-            known = of.known.with_targets
-        return self._kriging.rate_and_covariance(self._nodes, known)
+        return self._kriging.rate_and_covariance(self._nodes)
 
     @cached_property
     def covariance(self) -> Array:

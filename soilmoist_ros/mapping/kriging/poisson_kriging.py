@@ -49,8 +49,6 @@ Array = NDArray[np.float64]
 
 JITTER = (0.0, 1e-13, 1e-11, 1e-9)
 """Values added to the diagonal, relative to its mean, until the Cholesky factor exists."""
-MEAN_RATE_DRIFT = 0.01
-"""Relative drift of the mean rate after which :meth:`PoissonKriging.add` renews the noise variances."""
 
 _log = logging.getLogger(__name__)
 
@@ -58,8 +56,7 @@ _log = logging.getLogger(__name__)
 class PoissonKriging:
     """Kriging of Poisson counts with unknown constant mean (the ordinary form).
 
-    Records at one place are merged, which is exact. :meth:`fit` factors the matrix, :meth:`add` extends the factor
-    by new samples.
+    Records at one place are merged, which is exact.
 
     :param variogram: variogram of the latent rate
     :param keep_nugget: whether the target is the rate with its micro-scale variation (C_00 = sill, also the
@@ -77,8 +74,7 @@ class PoissonKriging:
     jitter : float
         what was added to the diagonal of the matrix to make it positive definite [(counts/s)^2]
     noise_mean_rate : float
-        the m* in use [counts/s]; :meth:`add` keeps it until the data's has drifted by 1 %. With a local rate, that
-        of the data at the last :meth:`fit`
+        the m* in use [counts/s]; with a local rate, that of the data
 
     >>> kriging = PoissonKriging(Variogram("matern32", nugget=0.0, range_m=15.0, sill=0.5))
     >>> kriging.fit([(0, 0), (20, 0)], counts=[300, 500], exposure_s=[100.0, 100.0])
@@ -142,7 +138,6 @@ class PoissonKriging:
         exposure_s: ArrayLike,
         spread: ArrayLike | None = None,
         uncertain: Array | None = None,
-        covariance: Array | None = None,
     ) -> PoissonKriging:
         """Replace the samples and factor the kriging matrix.
 
@@ -154,8 +149,6 @@ class PoissonKriging:
         :param uncertain: independent errors that the rates share and the targets have not, one standard deviation
             of each, shape (n, k) [counts/s], such as those of a drift; none by default. They add to the variance,
             but leave the weights as they are
-        :param covariance: structured covariance of the samples, lower triangle, shape (n, n), where it is known
-            already; not with a prior, or places that occur twice
         :returns: itself
         :raises ValueError: if there is no sample, or as :class:`Samples`
         :raises IllConditionedError: if the matrix cannot be factored
@@ -165,16 +158,13 @@ class PoissonKriging:
             raise ValueError("kriging needs at least one sample; wait for the first record")
         self._take(records)
         self._uncertain = np.empty((len(records), 0)) if uncertain is None else uncertain
-        self._rebuild(covariance)
+        self._rebuild()
         return self
 
     def add(
         self, xy: ArrayLike, counts: ArrayLike, exposure_s: ArrayLike, spread: ArrayLike | None = None
     ) -> PoissonKriging:
-        """Add samples; a new place appends a row to the factor, a known place is merged.
-
-        Costs O(n^2) for a new or the newest place, more for older ones. The mean rate in the noise stays fixed
-        until it has drifted by more than 1 %; then everything is rebuilt as in :meth:`fit`.
+        """Add samples, as if all had been given to :meth:`fit`.
 
         :param xy: places, shape (k, 2), or one place (x, y) [m]
         :param counts: raw counts, shape (k,), or a number
@@ -183,17 +173,12 @@ class PoissonKriging:
         :returns: itself; errors that earlier samples share are not in these
         :raises ValueError: as :meth:`fit`; earlier samples stay as they were
         """
-        if self._records is None:
-            return self.fit(check_xy(xy), np.atleast_1d(counts), np.atleast_1d(exposure_s), spread)
         new = as_samples(xy, counts, exposure_s, spread)
-        if not len(new):
-            return self
-        known = len(self._places)
-        self._take(self._records.joined(new))
-        self._uncertain = np.concatenate([self._uncertain, np.zeros((len(new), self._uncertain.shape[1]))])
-        drift = abs(self._wanted_mean_rate() / self.noise_mean_rate - 1)
-        has_drifted = drift > MEAN_RATE_DRIFT and not isinstance(self.mean_rate, LocalRate)
-        if has_drifted or not self._refactor(int(self._record_place[-len(new) :].min()), known):
+        if self._records is None:
+            return self.fit(new.xy, new.counts, new.exposure_s, new.spread)
+        if len(new):
+            self._take(self._records.joined(new))
+            self._uncertain = np.pad(self._uncertain, ((0, len(new)), (0, 0)))
             self._rebuild()
         return self
 
@@ -275,21 +260,13 @@ class PoissonKriging:
         """
         return self.rate_and_covariance(xy)[1]
 
-    def rate_and_covariance(self, xy: ArrayLike, with_first: Array | None = None) -> tuple[Array, Array]:
-        """The rate of :meth:`predict`, shape (m,) [counts/s], and :meth:`covariance`, together.
-
-        :param xy: as :meth:`covariance`
-        :param with_first: structured covariances of the samples with the first k of them, shape (n, k), where they
-            are known already
-        """
+    def rate_and_covariance(self, xy: ArrayLike) -> tuple[Array, Array]:
+        """The rate of :meth:`predict`, shape (m,) [counts/s], and :meth:`covariance`, together."""
         from scipy.linalg import solve_triangular
 
         targets, variogram, system, prior = check_xy(xy), self.variogram, self._system, self.prior
-        structured, ones = variogram.structured_sill, system.ones
-        new = targets if with_first is None else targets[with_first.shape[1] :]
-        known = self._targets(new).correlation(slice(0, len(new))) * structured
-        if with_first is not None:
-            known = np.concatenate([with_first.T, known])
+        ones = system.ones
+        known = self._targets(targets).correlation(slice(0, len(targets))) * variogram.structured_sill
         at = None if prior is None else prior.at(targets)
         if prior is not None and at is not None:
             known += prior.covariance(at, system.features)
@@ -364,58 +341,36 @@ class PoissonKriging:
         totals = [np.bincount(self._record_place, one, len(self._places)) for one in shares.T]
         return np.array(totals).reshape(len(totals), len(self._places)).T / self._places.exposure_s[:, None]
 
-    def _rebuild(self, covariance: Array | None = None) -> None:
-        """Factor the whole matrix, with as little jitter as makes it positive definite."""
+    def _rebuild(self) -> None:
+        """Factor the matrix, with as little jitter as makes it positive definite."""
+        from scipy.linalg.lapack import dpotrf
+
         self.noise_mean_rate = self._wanted_mean_rate()
-        scale = self.variogram.sill + float(np.mean(self._noise(self._places)))
+        variogram, places, prior, noise = self.variogram, self._places, self.prior, self._noise(self._places)
+        matrix = sample_correlation(variogram, places.xy, places.spread).T
+        matrix *= variogram.structured_sill
+        diagonal, features = np.diag_indices(len(places)), np.empty((0, 0))
+        if prior is not None:
+            features = prior.at(places.xy, places.spread)
+            matrix += prior.covariance(features, features)
+            matrix[diagonal] += prior.own_variance(places.xy)
+        without_noise, scale = matrix[diagonal], variogram.sill + float(np.mean(noise))
         for relative in JITTER:
             self.jitter = relative * scale
-            if self._refactor(0, 0, covariance):
-                if relative:
-                    _log.warning("added %.3g to the diagonal: the kriging matrix is ill-conditioned", self.jitter)
-                return
+            matrix[diagonal] = without_noise + (variogram.nugget + self.jitter + noise)
+            factor, info = dpotrf(matrix, lower=1, clean=1)
+            if info:
+                continue
+            if relative:
+                _log.warning("added %.3g to the diagonal: the kriging matrix is ill-conditioned", self.jitter)
+            uncertain = self._uncertain_places()
+            self._system = KrigingSystem.of_factor(variogram, places, factor, prior, features, uncertain)
+            return
         raise IllConditionedError(
-            f"the kriging matrix of {len(self._places)} samples is not positive definite even with a jitter of "
+            f"the kriging matrix of {len(places)} samples is not positive definite even with a jitter of "
             f"{self.jitter:.3g}: the variogram is too smooth for places so close together; "
             "use matern32 or exponential, a nugget, or merge close samples"
         )
-
-    def _refactor(self, first: int, known: int, covariance: Array | None = None) -> bool:
-        """Compute the rows of the factor from place ``first`` on; ``known`` rows were there before."""
-        from scipy.linalg import solve_triangular
-        from scipy.linalg.lapack import dpotrf
-
-        first = min(first, known)
-        places, n = self._places, len(self._places)
-        if covariance is not None and len(covariance) == n:
-            rows = covariance.copy()
-        else:
-            rows = sample_correlation(self.variogram, places.xy, places.spread, first).T
-            rows *= self.variogram.structured_sill
-        prior, features = self.prior, self._system.features
-        if prior is not None:
-            new = prior.at(places.xy[first:], places.spread[first:])
-            features = np.concatenate([features[:first], new]) if first else new
-            rows += prior.covariance(new, features)
-            rows[np.arange(n - first), np.arange(first, n)] += prior.own_variance(places.xy[first:])
-        noise = self.variogram.nugget + self.jitter + self._noise(places)[first:]
-        rows[np.arange(n - first), np.arange(first, n)] += noise
-        factor = np.zeros((n, n), order="F")
-        factor[:known, :known] = self._system.factor[:known, :known]
-        # Merging changes the noise of a known place, which is on the diagonal; but also its spread, if it has one.
-        changed = first if places.spread.any() else known
-        if first > 0 and changed < n:
-            right = rows[changed - first :, :first].T
-            head = factor[:first, :first]
-            factor[changed:, :first] = solve_triangular(head, right, lower=True, check_finite=False).T
-        left = factor[first:, :first]
-        tail, info = dpotrf(rows[:, first:] - left @ left.T, lower=1, clean=1)
-        if info:
-            return False
-        factor[first:, first:] = tail
-        uncertain = self._uncertain_places()
-        self._system = KrigingSystem.of_factor(self.variogram, places, factor, prior, features, uncertain)
-        return True
 
 
 @lru_cache(maxsize=2)

@@ -34,8 +34,8 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation import floats
 from soilmoist_ros.mapping.kriging.system import (
     KrigingSystem,
+    Points,
     Progress,
-    RasterCells,
     SamplePoints,
     target_variance,
 )
@@ -84,7 +84,10 @@ def krige_raster(
         cells
     """
     rasters = np.full((2, *mask.shape), np.nan)
-    cells = RasterCells(system.variogram, system.places.xy, x_m, y_m, mask, system.places.spread)
+    row, column = np.nonzero(mask)
+    cells = Points(
+        system.variogram, system.places.xy, np.column_stack([x_m[column], y_m[row]]), system.places.spread
+    )
     found = _by_tiles(system, x_m, y_m, mask, nugget, cells.xy, progress)
     rasters[:, mask] = system.surfaces(cells, nugget, progress) if found is None else found
     rasters[1, mask] += target_variance(system.variogram, nugget, cells.xy)

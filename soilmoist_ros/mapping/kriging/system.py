@@ -1,15 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The kriging system of some samples, factored: what does not depend on the targets, and solutions for targets.
-
-A set of targets returns its correlations with the samples tile by tile. The system needs no more than this, so a
-set with structure (a raster) can compute them more cheaply than arbitrary points.
-"""
+"""The kriging system of some samples, factored: what does not depend on the targets, and solutions for targets."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +13,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.foundation import squared_distances
 from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
-from soilmoist_ros.mapping.variogram.model import Variogram, isotropic_plane, scaled
+from soilmoist_ros.mapping.variogram.model import Variogram, scaled
 from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
@@ -27,16 +23,6 @@ _AT_ONCE = 16384
 _NO_FEATURES = np.empty((0, 0))
 _TILE_ELEMENTS = 400_000
 """Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
-
-
-class Targets(Protocol):
-    """Target places of one prediction; ``xy`` has shape (g, 2) [m]."""
-
-    xy: Array
-
-    def correlation(self, tile: slice) -> Array:
-        """Structured correlation of the targets of a tile with all places, shape (tile, places), new memory."""
-        ...
 
 
 class Points:
@@ -55,67 +41,9 @@ class Points:
         self._scaled = variogram.scaled(xy)
 
     def correlation(self, tile: slice) -> Array:
-        """See :class:`Targets`."""
+        """Structured correlation of the targets of a tile with all places, shape (tile, places), new memory."""
         variogram, scaled = self._variogram, self._scaled[tile]
         return self._places.average(lambda points: _correlation(variogram, scaled, variogram.scaled(points)))
-
-
-class RasterCells:
-    """Cells of a raster: squared distances are sums of one table per axis; a Gaussian is a product of them.
-
-    That holds where the longest range lies along an axis, or no direction is special; otherwise cells are as good
-    as any points.
-
-    :param variogram: its range and model
-    :param places_xy: places of the samples, shape (p, 2) [m]
-    :param x_m: centres of the columns, shape (nx,) [m]
-    :param y_m: centres of the rows, shape (ny,) [m]
-    :param mask: the cells wanted, shape (ny, nx)
-    :param spread: spreads of the samples, shape (p, 4); all points if ``None``
-    """
-
-    def __init__(
-        self,
-        variogram: Variogram,
-        places_xy: Array,
-        x_m: Array,
-        y_m: Array,
-        mask: NDArray[np.bool_],
-        spread: Array | None = None,
-    ) -> None:
-        self._row, self._column = np.nonzero(mask)
-        self.xy = np.column_stack([x_m[self._column], y_m[self._row]])
-        self._variogram = variogram
-        self._separable = variogram.correlation_model.is_product
-        self._points = None
-        if not variogram.along_axes:
-            self._points = Points(variogram, places_xy, self.xy, spread)
-            return
-        self._places = Supports(places_xy, spread)
-        plane = isotropic_plane(variogram.anisotropy, variogram.angle_deg)
-        x_range_m, y_range_m = (variogram.range_m / plane.diagonal()).tolist()
-        self._tables = [
-            (self._table(x_m, points[:, 0], x_range_m), self._table(y_m, points[:, 1], y_range_m))
-            for _, points, _ in self._places.layers
-        ]
-
-    def correlation(self, tile: slice) -> Array:
-        """See :class:`Targets`."""
-        if self._points is not None:
-            return self._points.correlation(tile)
-        column, row = self._column[tile], self._row[tile]
-        return self._places.combine(self._of_tables(x[column], y[row]) for x, y in self._tables)
-
-    def _of_tables(self, x: Array, y: Array) -> Array:
-        if self._separable:
-            x *= y
-            return x
-        x += y
-        return self._variogram.correlation_of_square(x)
-
-    def _table(self, axis_m: Array, places_m: Array, range_m: float) -> Array:
-        square = ((axis_m[:, None] - places_m) / range_m) ** 2
-        return self._variogram.correlation_of_square(square) if self._separable else square
 
 
 class SamplePoints:
@@ -273,7 +201,7 @@ class KrigingSystem(NamedTuple):
         """
         return np.asarray(self.uncertain_mean + solved @ self.uncertain)
 
-    def surfaces(self, targets: Targets, nugget: bool, progress: Progress | None = None) -> tuple[Array, Array]:
+    def surfaces(self, targets: Points, nugget: bool, progress: Progress | None = None) -> tuple[Array, Array]:
         """Rate, and what the samples, the unknown mean and what is known add to the variance of the targets.
 
         :param targets: where
@@ -301,7 +229,7 @@ class KrigingSystem(NamedTuple):
             variance += prior.variance(at) + prior.own_variance(targets.xy)
         return rate, variance
 
-    def solved_tiles(self, targets: Targets, nugget: bool) -> Iterator[tuple[slice, Array]]:
+    def solved_tiles(self, targets: Points, nugget: bool) -> Iterator[tuple[slice, Array]]:
         """Tiles of targets with their W^T = (L^-1 C_.0)^T, shape (tile, places), in units of their amplitude."""
         from scipy.linalg.blas import dtrsm
 

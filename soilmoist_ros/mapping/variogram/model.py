@@ -414,11 +414,6 @@ class Variogram:
         """Distance at which 95 % of the structured variance is reached (spherical: all of it) [m]."""
         return self.range_m * self.correlation_model.practical
 
-    @property
-    def along_axes(self) -> bool:
-        """True if the variogram is isotropic or its longest range lies along an axis."""
-        return self.anisotropy == 1 or self.angle_deg % 90 == 0
-
     def scaled(self, xy: Array) -> Array:
         """Places in the plane where the variogram is isotropic, in units of the range.
 

@@ -26,7 +26,7 @@ TABLE = np.random.default_rng(8).uniform(0.5, 2.0, (4, 5))
 
 @pytest.mark.parametrize("model", SMOOTH)
 @pytest.mark.parametrize("shape", [(34, 34), (30, 40), (1, 1200)])
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.floats(-2, 1), st.sampled_from([1.0, 4.0]), st.floats(0, 180), st.integers(0, 10**6))
 def test_smooth_functions_follow_from_the_skeleton(model, shape, log_ranges, anisotropy, angle_deg, seed):
     """Covariances with places on and outside of the margin, also far beyond the sources."""
@@ -84,7 +84,7 @@ def surveys(draw):
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(surveys(), st.booleans(), st.booleans(), st.sampled_from([20.0, 300.0, 1e5]))
 def test_maps_are_those_of_the_cells(survey, keep_nugget, is_modulated, exposure_s):
     variogram, xy, spread, x_m, y_m, mask = survey
@@ -123,14 +123,14 @@ def test_tiles_cover_the_wanted_cells_and_are_equal():
 X_M, Y_M = 3.0 * np.arange(260), 2.0 * np.arange(200)
 
 
-def survey(variogram, exposure_s=200.0, keep_nugget=True):
+def survey(variogram, exposure_s=200.0):
     rng = np.random.default_rng(4)
     xy = rng.uniform(-20, 800, (256, 2)) * [1.0, 0.5]
     xy[0] = X_M[30], Y_M[100]  # exactly a cell's centre
     spread = np.zeros((len(xy), 3))
     spread[::9] = 40.0, 10.0, 20.0
     counts = rng.poisson(4.0 * exposure_s, len(xy))
-    return PoissonKriging(variogram, keep_nugget=keep_nugget).fit(xy, counts, np.full(len(xy), exposure_s), spread)
+    return PoissonKriging(variogram).fit(xy, counts, np.full(len(xy), exposure_s), spread)
 
 
 def by_points(kriging, x_m, y_m, mask):
@@ -142,22 +142,19 @@ def by_points(kriging, x_m, y_m, mask):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("keep_nugget", [True, False])
 @pytest.mark.parametrize(
     "variogram",
     [
         Variogram("matern32", 0.02, 60.0, 0.5),
         Variogram("exponential", 0.0, 200.0, 0.5, 2.0, 33.0),
-        Variogram("matern52", 0.02, 15.0, 0.5),
-        Variogram("gaussian", 0.02, 60.0, 0.5),
         Variogram("gaussian", 0.02, 200.0, 0.5, 2.0, 33.0),
     ],
 )
-def test_large_rasters_of_many_samples_by_tiles_are_those_of_points(variogram, keep_nugget):
+def test_large_rasters_of_many_samples_by_tiles_are_those_of_points(variogram):
     mask = np.random.default_rng(1).random((len(Y_M), len(X_M))) < 0.95
     mask[100, 30] = True
     mask[:60, :50] = False
-    kriging, shares = survey(variogram, keep_nugget=keep_nugget), []
+    kriging, shares = survey(variogram), []
     with mock.patch.object(KrigingSystem, "surfaces", side_effect=AssertionError("not by tiles")):
         rasters = kriging.predict_grid(X_M, Y_M, mask, shares.append)
     cells, expected = by_points(kriging, X_M, Y_M, mask)

@@ -1,8 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Kriging on line: maps are those of kriging, and depend on nothing that was kept, bit for bit."""
+"""Kriging of one raster again and again: maps are those of kriging, and depend on nothing kept, bit for bit."""
 
-from dataclasses import replace
 from unittest import mock
 
 import numpy as np
@@ -12,70 +11,11 @@ from hypothesis import strategies as st
 
 from soilmoist_ros.mapping import FieldGrid, PoissonKriging, Samples, Variogram, make_soil_map
 from soilmoist_ros.mapping.kriging import rows as kriging_rows
-from soilmoist_ros.mapping.kriging.rows import BLOCK, MIN_TAIL, FewTargets, KrigingRows, RasterKriging
+from soilmoist_ros.mapping.kriging.rows import RasterKriging
 from soilmoist_ros.mapping.samples import path_spread
-from soilmoist_ros.mapping.variogram.model import Amplitude
 
 SMALL = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 40)], 4.0)
-FINE = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 50), (0, 40)], 1.0)
 MEAN_RATE = 3.0
-RNG = np.random.default_rng(8)
-TARGETS = RNG.uniform(0, 60, (40, 2))
-SAMPLES = Samples(
-    RNG.uniform(0, 60, (90, 2)), RNG.poisson(400, 90), np.full(90, 100.0), path_spread(RNG.uniform(-6, 6, (90, 2)))
-)
-STATIONARY = Variogram("matern32", 0.02, 20.0, 0.4, 2.0, 30.0)
-UNEVEN = replace(
-    STATIONARY, amplitude=Amplitude((0.0, 0.0), (60.0, 60.0), np.linspace(-0.5, 0.7, 16).reshape(4, 4))
-)
-
-
-def first(count):
-    return Samples(SAMPLES.xy[:count], SAMPLES.counts[:count], SAMPLES.exposure_s[:count], SAMPLES.spread[:count])
-
-
-@pytest.mark.parametrize("kind", [FewTargets, KrigingRows])
-@pytest.mark.parametrize("variogram", [STATIONARY, UNEVEN])
-def test_surfaces_are_those_of_kriging_however_many_samples_came_at_once(variogram, kind):
-    targets = np.vstack([TARGETS, SAMPLES.xy[:1]])
-    grown = kind(targets, True)
-    for count in (1, 20, 70, 90, 65):
-        samples = first(count)
-        found = grown.update(samples, variogram, 4.0)
-        kriging = PoissonKriging(variogram, True, 4.0)
-        kriging.fit(samples.xy, samples.counts, samples.exposure_s, samples.spread)
-        rate, variance = kriging.predict(targets)
-        amplitude = variogram.amplitude_at(targets)
-        prior = variogram.sill * (1.0 if amplitude is None else amplitude**2)
-        np.testing.assert_allclose(found, [rate, variance - prior], atol=1e-10)
-        assert found.tobytes() == kind(targets, True).update(samples, variogram, 4.0).tobytes()
-
-
-def test_the_kriging_of_a_map_takes_the_covariance_over():
-    grid = FieldGrid.from_polygon([(0, 0), (60, 0), (60, 60), (0, 60)], 4.0)
-    raster = RasterKriging(grid.x_m, grid.y_m, grid.mask, True)
-    make_soil_map(first(60), grid, STATIONARY, raster=raster)
-    kept = make_soil_map(SAMPLES, grid, STATIONARY, raster=raster)
-    fresh = make_soil_map(SAMPLES, grid, STATIONARY)
-    assert kept.known is not None
-    assert fresh.known is None
-    for one, other in zip(kept.kriging.predict(TARGETS), fresh.kriging.predict(TARGETS), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-10)
-    places = np.vstack([grid.cells, TARGETS])
-    found = kept.kriging.rate_and_covariance(places, kept.known.with_targets)
-    for one, other in zip(found, fresh.kriging.rate_and_covariance(places), strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-12)
-
-
-def test_all_covariances_that_are_taken_over_are_numbers(monkeypatch):
-    """Above the diagonal nothing is computed; what a freed array left there may overflow in sums."""
-    empty = np.empty
-    monkeypatch.setattr(np, "empty", lambda *shape: np.full_like(empty(*shape), np.nan))
-    few = FewTargets(TARGETS, True)
-    monkeypatch.undo()
-    for count in (20, 40):
-        few.update(first(count), STATIONARY, 4.0)
-        assert np.isfinite(few.known.of_samples).all()
 
 
 def variograms(model):
@@ -136,12 +76,7 @@ class Mission:
 
 
 ACTIONS = ("append", "append", "grow", "move", "widen", "refit", "forget", "again")
-steps = st.lists(st.tuples(st.sampled_from(ACTIONS), st.integers(0, 2 * BLOCK)), min_size=1, max_size=6)
-
-
-def many_targets():
-    """No number of targets counts as few."""
-    return mock.patch.object(kriging_rows, "MAX_TARGETS", 0)
+steps = st.lists(st.tuples(st.sampled_from(ACTIONS), st.integers(0, 64)), min_size=1, max_size=6)
 
 
 def of_grid(grid, keep_nugget):
@@ -169,29 +104,19 @@ def check_mission(grid, model, keep_nugget, first, actions, seed):
         np.testing.assert_allclose(found, kriged(mission, grid, keep_nugget), rtol=0, atol=1e-9)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("few", [False, True])
 @pytest.mark.parametrize(
     ("model", "keep_nugget"), [("matern32", True), ("exponential", False), ("gaussian", True)]
 )
 @settings(max_examples=8, deadline=None)
-@given(st.integers(1, 2 * BLOCK + MIN_TAIL), steps, st.integers(0, 99))
-def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(
-    few, model, keep_nugget, first, actions, seed
-):
-    with mock.patch.object(kriging_rows, "MAX_SAMPLES", 2 * BLOCK) if few else many_targets():
-        check_mission(SMALL, model, keep_nugget, first, actions, seed)
-
-
-def test_a_mission_in_single_steps_fills_blocks():
-    raster, mission = of_grid(FINE, True), Mission("matern32", 1)
-    for _ in range(2 * BLOCK + MIN_TAIL + 1):
-        mission.append(1)
-        update(raster, mission)
-        mission.move(0)
+@given(st.integers(1, 72), steps, st.integers(0, 99))
+def test_maps_are_those_of_kriging_and_do_not_depend_on_those_before(model, keep_nugget, first, actions, seed):
+    raster, mission = of_grid(SMALL, keep_nugget), Mission(model, seed)
+    mission.append(first)
+    for name, number in [("again", 0), *actions]:
+        getattr(mission, name)(number)
         found = update(raster, mission)
-    assert len(raster._cells._blocks) == 2
-    assert found.tobytes() == update(of_grid(FINE, True), mission).tobytes()
+        assert found.tobytes() == update(of_grid(SMALL, keep_nugget), mission).tobytes()
+        np.testing.assert_allclose(found, kriged(mission, SMALL, keep_nugget), rtol=0, atol=1e-9)
 
 
 def test_samples_at_one_place_are_merged():
@@ -201,26 +126,16 @@ def test_samples_at_one_place_are_merged():
     np.testing.assert_allclose(update(raster, mission), kriged(mission, SMALL, True), rtol=0, atol=1e-9)
 
 
-def test_one_sample_is_enough():
-    raster, mission = of_grid(SMALL, True), Mission("spherical", 3)
-    mission.append(1)
-    np.testing.assert_allclose(update(raster, mission), kriged(mission, SMALL, True), rtol=0, atol=1e-12)
-
-
-@many_targets()
 def test_what_is_too_much_to_keep_is_kriged_at_once():
     raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
     mission.append(60)
-    assert update(raster, mission) is not None
-    with mock.patch.object(kriging_rows, "MAX_ROWS", 40):
+    with mock.patch.object(kriging_rows, "MAX_SAMPLES", 40):
         assert update(raster, mission) is None
         soil_map = make_soil_map(mission.samples, SMALL, mission.variogram, raster=raster)
         assert isinstance(soil_map.made_by, PoissonKriging)
-    mission.forget(30)
-    found = update(raster, mission)
-    assert found.tobytes() == update(of_grid(SMALL, True), mission).tobytes()
-    with mock.patch.object(kriging_rows, "MAX_ELEMENTS", 20 * len(SMALL.cells)):
+    with mock.patch.object(kriging_rows, "MAX_TARGETS", 20):
         assert update(raster, mission) is None
+    assert update(raster, mission).tobytes() == update(of_grid(SMALL, True), mission).tobytes()
 
 
 def test_a_matrix_near_singular_is_left_to_kriging():
@@ -236,9 +151,7 @@ def test_a_matrix_near_singular_is_left_to_kriging():
     assert update(raster, mission).tobytes() == good.tobytes()
 
 
-@pytest.mark.parametrize("few", [True, False])
-def test_near_the_least_pivot_rows_are_exact_enough(few):
-    """Against kriging, whose Cholesky factor solves without an inverse."""
+def test_near_the_least_pivot_maps_are_exact_enough():
     mission = Mission("matern32", 5)
     mission.variogram = Variogram("matern32", 0.0, 60.0, 0.5)
     mission.append(80)
@@ -246,18 +159,6 @@ def test_near_the_least_pivot_rows_are_exact_enough(few):
     mission.columns[:, 3] *= 3000  # m*/t down to some 1e-6 of the sill
     mission.columns[:, 2] = mission.rng.poisson(MEAN_RATE * mission.columns[:, 3])
     mission.columns[1::2, :2] = mission.columns[::2, :2] + [0.05, 0.0]
-    with mock.patch.object(kriging_rows, "MAX_TARGETS", 1000 if few else 0):
-        found = update(of_grid(SMALL, True), mission)
-    np.testing.assert_allclose(found, kriged(mission, SMALL, True), rtol=0, atol=1e-9)
-
-
-@many_targets()
-def test_memory_does_not_grow_while_the_robot_stands():
-    raster, mission = of_grid(SMALL, True), Mission("matern32", 3)
-    mission.append(BLOCK + 20)
-    update(raster, mission)
-    blocks = [id(block) for block in raster._cells._blocks]
-    for _ in range(200):
-        mission.move(0)
-        update(raster, mission)
-    assert [id(block) for block in raster._cells._blocks] == blocks
+    np.testing.assert_allclose(
+        update(of_grid(SMALL, True), mission), kriged(mission, SMALL, True), rtol=0, atol=1e-9
+    )
