@@ -212,7 +212,8 @@ class FieldMap:
     """The map of a field that grows: records or samples go in, :meth:`compute` makes the map of any state.
 
     :meth:`add` is quick. :meth:`compute` takes longer: 0.4 s for 300 samples and 70,000 cells after a new
-    fit of the variogram, half of that without. It may run in other threads; the map of a state is the same, bit for bit, whether or not those of earlier states were computed.
+    fit of the variogram, half of that without. It may run in other threads; the map of a state is the same, bit
+    for bit, whether or not those of earlier states were computed.
 
     :param grid: the field
     :param settings: choices
