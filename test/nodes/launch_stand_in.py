@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
@@ -61,66 +61,23 @@ class IfCondition:
         return text in {"true", "1"}
 
 
-@dataclass(kw_only=True)
-class OpaqueFunction:
-    function: Any
+def part(name: str, *fields: Any) -> type:
+    """A stand-in that only holds what it is given by keywords."""
+    return make_dataclass(name, fields, kw_only=True)
 
 
-@dataclass(kw_only=True)
-class Shutdown:
-    reason: str
-
-
-@dataclass(kw_only=True)
-class ExecuteProcess:
-    cmd: list[str]
-    output: str
-
-
-@dataclass(kw_only=True)
-class LogInfo:
-    msg: str
-
-
-@dataclass(kw_only=True)
-class EmitEvent:
-    event: Any
-
-
-@dataclass(kw_only=True)
-class ShutdownProcess:
-    process_matcher: Any
-
-
-@dataclass(kw_only=True)
-class OnProcessIO:
-    on_stderr: Any
-
-
-@dataclass
-class RegisterEventHandler:
-    event_handler: OnProcessIO
-
-
-@dataclass(kw_only=True)
-class ProcessIO:
-    text: bytes
-    pid: int = 1
-
-
-@dataclass(kw_only=True)
-class ProcessExited:
-    returncode: int
-    pid: int = 1
-    action: Any = None
-
-
-@dataclass
-class ParameterValue:
-    """A value that may be an empty list, which launch refuses elsewhere."""
-
-    value: Any
-    value_type: Any = None
+OpaqueFunction = part("OpaqueFunction", "function")
+Shutdown = part("Shutdown", "reason")
+ExecuteProcess = part("ExecuteProcess", "cmd", "output")
+LogInfo = part("LogInfo", "msg")
+EmitEvent = part("EmitEvent", "event")
+ShutdownProcess = part("ShutdownProcess", "process_matcher")
+OnProcessIO = part("OnProcessIO", "on_stderr")
+ProcessIO = part("ProcessIO", "text", ("pid", int, 1))
+ProcessExited = part("ProcessExited", "returncode", ("pid", int, 1), ("action", Any, None))
+RegisterEventHandler = make_dataclass("RegisterEventHandler", ["event_handler"])
+ParameterValue = make_dataclass("ParameterValue", ["value", ("value_type", Any, None)])
+"""A value that may be an empty list, which launch refuses elsewhere."""
 
 
 @dataclass
@@ -156,14 +113,8 @@ class Node:
     def command_line(self, folder: Path) -> list[str]:
         """Command line that ``launch_ros`` would make; parameters are written to files in a folder."""
         namespace = f"/{self.namespace.strip('/')}".rstrip("/")
-        arguments = [
-            "--ros-args",
-            *self.ros_arguments,
-            "-r",
-            f"__node:={self.name}",
-            "-r",
-            f"__ns:={namespace or '/'}",
-        ]
+        arguments = ["--ros-args", *self.ros_arguments, "-r", f"__node:={self.name}"]
+        arguments += ["-r", f"__ns:={namespace or '/'}"]
         for old, new in self.remappings or ():
             arguments += ["-r", f"{old}:={new}"]
         for number, given in enumerate(self.parameters):

@@ -72,19 +72,12 @@ def analyzers() -> dict[str, list[str]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("namespace", ["/", "/robot_1/", "/robot_1/salt/"])
-def test_each_published_name_belongs_to_one_group(namespace):
-    names = published_names()
+def test_each_published_name_belongs_to_one_group_and_no_group_waits_for_what_nobody_publishes():
+    names, found = published_names(), analyzers()
     assert len(names) > 15
-    for name in sorted(names):
-        full = namespace + name
-        groups = [group for group, texts in analyzers().items() if any(text in full for text in texts)]
+    for full in sorted(namespace + name for name in names for namespace in ("/", "/robot_1/", "/robot_1/salt/")):
+        groups = [group for group, texts in found.items() if any(text in full for text in texts)]
         assert len(groups) == 1, f"{full} belongs to {groups or 'no group'}"
-
-
-@pytest.mark.slow
-def test_no_group_waits_for_what_nobody_publishes():
-    names = published_names()
-    for group, texts in analyzers().items():
+    for group, texts in found.items():
         for text in texts:
             assert any(text in name for name in names), f"{group}: {text}"

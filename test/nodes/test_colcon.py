@@ -95,12 +95,9 @@ def test_colcon_runs_the_tests(workspace):
     assert suite.attrib["failures"] == suite.attrib["errors"] == "0"
 
 
-def test_ros2_run_finds_the_nodes(executables):
+def test_every_node_starts_from_there_and_refuses_bad_input(ros, executables, sourced):
     found = {path.name for path in executables.iterdir() if path.is_file() and os.access(path, os.X_OK)}
     assert found == NODES | {"soilmoist"}
-
-
-def test_every_node_starts_from_there_and_refuses_bad_input(ros, executables, sourced):
     ros.environment |= sourced
     bad = {name: ["-p", "field:=nonsense"] for name in NODES} | {"recorder": ["-p", "name:=a/b"]}
     processes = {name: ros.start(str(executables / name), extra=words) for name, words in bad.items()}

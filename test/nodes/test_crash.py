@@ -15,9 +15,6 @@ pytest.importorskip("rclpy")
 pytest.importorskip("topological_navigation_msgs")
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import String
-from test_mapper import FIELD as MAPPED
-from test_mapper import survey_records
 from test_planner import Planning
 from virtual_navigation import VirtualNavigation, World
 
@@ -29,15 +26,14 @@ from soilmoist_ros.pipeline import replay_bag
 from soilmoist_ros.pipeline.field_survey import open_survey
 from soilmoist_ros.recording.bag.reader import BagReader
 from soilmoist_ros.recording.bag.scan import McapScan
-from soilmoist_ros.recording.bag.verify import bag_info, recover_bag
+from soilmoist_ros.recording.bag.verify import bag_info
 from soilmoist_ros.recording.journal import decode
-from soilmoist_ros.recording.map_sources import DRIVER, RecordLog
 
 # rclpy warns when a server of the test disappears during an answer.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
-MISSION = {"hours": 0.15, "dwell": "fmi:40", "autostart": True}
-SLOW_RATE, RATE, LAST_RATE = 8.0, 40.0, 200.0
+MISSION = {"hours": 0.3, "dwell": "fmi:40", "autostart": True}
+SLOW_RATE, RATE, LAST_RATE = 3.0, 40.0, 200.0
 """Speeds of the world relative to real time; the slow one leaves a busy machine time for an event."""
 END_S = 180.0
 """Longest wait for the end of a mission of some 10 s."""
@@ -121,44 +117,12 @@ def recorded_stamps(bag):
     return [record.stamp_s for message in messages for record in counts_from_message(message)]
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_killed_recorder_leaves_all_that_had_reached_the_disk(ros, tmp_path, seed):
-    rng = np.random.default_rng(seed)
-    notes = ros.node.create_publisher(String, "notes", RECORDS)
-    recorder = ros.start("recorder", params={"out": str(tmp_path / "bags"), "name": "run"})
-    ros.wait_for(notes.get_subscription_count, message="the recorder")
-    bag, sent = tmp_path / "bags" / "run", []
-
-    def publish(count):
-        for _ in range(count):
-            sent.append(str(len(sent)))
-            notes.publish(String(data=sent[-1]))
-            time.sleep(0.005)
-
-    def all_is_written():
-        return [note.data for note in on_disk(bag, "/notes", String)] == sent
-
-    ros.wait_for((bag / "run_0.mcap").exists, message="the bag")
-    for count in rng.integers(1, 50, 3):
-        publish(count)
-        ros.wait_for(all_is_written, message="the notes on the disk")
-    written = len(sent)
-    publish(rng.integers(0, 50))
-    recorder.kill()
-    recover_bag(bag, tmp_path / "recovered")
-    with BagReader(tmp_path / "recovered") as reader:
-        texts = reader.read_texts("/notes")
-    assert len(texts) >= written
-    assert texts == sent[: len(texts)]
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path, seed):
-    rng = np.random.default_rng(seed)
-    received, folder, stops = Received(ros), tmp_path / "journal", rng.integers(0, 2)
+def test_a_planner_goes_on_but_not_by_itself(ros, tmp_path):
+    rng = np.random.default_rng(0)
+    received, folder = Received(ros), tmp_path / "journal"
     with World(ros, rate=RATE) as world, VirtualNavigation(ros, world) as navigation:
         first = Planning(ros, tmp_path, journal_dir=str(folder), **MISSION)
-        first.wait(lambda status: status.samples >= stops and status.phase is Phase.TRAVELLING)
+        first.wait(lambda status: status.samples >= 1 and status.phase is Phase.TRAVELLING)
         time.sleep(rng.uniform(0, 1.5))
         first.process.kill()
         world.rate = SLOW_RATE  # the restart takes a moment
@@ -315,54 +279,6 @@ def test_the_map_of_a_further_property_goes_on_too(ros, tmp_path):
         # A map of the killed mapper may arrive late, with a record that had not reached the planner.
         ros.wait_for(lambda: mapped("salt") == expected and mapped(""), message=f"{expected:g} counts of salt")
         assert mapped("") < 60 * len(in_journal(folder)), "a record has some 40 counts"
-        before, world.sensor = mapped("salt"), True
-        again = Planning(ros, tmp_path, journal_dir=str(folder), resume="auto", properties=["salt:0.5"], **MISSION)
-        again.wait(lambda status: status.phase not in (Phase.IDLE, Phase.PAUSED))
-        ros.wait_for(lambda: mapped("salt") > before, message="the map to go on")
-
-
-@pytest.mark.slow
-def test_a_mapper_that_is_killed_again_and_again_has_every_record_of_the_driver(ros, tmp_path):
-    """Neither planner nor recorder runs: the driver's log is the only source of what the mapper misses."""
-    rng = np.random.default_rng(11)
-    (tmp_path / "field.yaml").write_text(MAPPED)
-    session, records = tmp_path / "session", survey_records(120)
-    params = {"field": str(tmp_path / "field.yaml"), "record_dir": str(session), "max_stamp_age_s": 0.0}
-    samples = ros.collect(PointCloud2, "samples", LATCHED)
-    publisher = ros.node.create_publisher(PointCloud2, "counts", RECORDS)
-    log = RecordLog(session / DRIVER, "map")
-    published, full = [], open_survey(params["field"]).map
-
-    def publish(count):
-        for _ in range(count):
-            message = counts_to_message(records[len(published) : len(published) + 1])
-            published.extend(counts_from_message(message))
-            log.write(published[-1:])
-            publisher.publish(message)
-            time.sleep(0.005)
-
-    for _ in range(4):
-        samples.clear()
-        mapper = ros.start("mapper", params=params)
-        publish(rng.integers(1, 10))
-        ros.wait_for(lambda: samples, message="a map")
-        publish(rng.integers(1, 20))
-        mapper.kill()
-        publish(rng.integers(0, 5))
-    for record in published:
-        full.add(record)
-    expected = full.state.samples
-    samples.clear()
-    mapper = ros.start("mapper", params=params)
-    ros.wait_for(
-        lambda: samples and samples_from_message(samples[-1]).counts.sum() >= expected.counts.sum(),
-        message="every count",
-    )
-    found = samples_from_message(samples[-1])
-    np.testing.assert_array_equal(found.counts, expected.counts)
-    np.testing.assert_array_equal(found.exposure_s, expected.exposure_s)
-    assert mapper.stop() == 0
-    log.close()
 
 
 def names(folder):

@@ -28,9 +28,9 @@ LIMIT_S = 480.0
 """Longest wait for a demonstration that takes a minute on an idle machine [s]."""
 
 
-def run_demo(out, *options):
+def run_demo(out, options):
     """Run a demonstration; returns what it prints."""
-    command = [sys.executable, "-m", "soilmoist_ros.cli.main", "demo", *options, "--out", str(out)]
+    command = [sys.executable, "-m", "soilmoist_ros.cli.main", "demo", *options.split(), "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
     logs = {path.name: path.read_text(errors="replace") for path in (out / "log").glob("*.log")}
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}\n{logs}"
@@ -39,19 +39,8 @@ def run_demo(out, *options):
 
 def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(tmp_path):
     out = tmp_path / "run"
-    said = run_demo(
-        out,
-        "--field",
-        "synthetic-high",
-        "--property",
-        "rough:2",
-        "--hours",
-        "0.15",
-        "--time-factor",
-        "60",
-        "--strategy",
-        "ivr",
-    )
+    options = "--field synthetic-high --property rough:2 --hours 0.15 --time-factor 60 --strategy ivr"
+    said = run_demo(out, options)
     assert said.startswith("console    http://127.0.0.1:")
     assert said.count("map        equals the robot's last one, bit for bit") == 2
 
@@ -89,9 +78,7 @@ def test_a_second_property_is_counted_mapped_planned_for_recorded_and_reported(t
 
 def test_several_robots_share_a_map_and_keep_apart(tmp_path):
     out = tmp_path / "run"
-    said = run_demo(
-        out, "--robots", "2", "--hours", "0.12", "--strategy", "ivr", "--field", "half-wet", "--no-console"
-    )
+    said = run_demo(out, "--robots 2 --hours 0.12 --strategy ivr --field half-wet --no-console")
     assert "console" not in said
     assert "robot 2: counting" in said
     names = ("robot_1", "robot_2")
@@ -133,20 +120,12 @@ def test_several_robots_share_a_map_and_keep_apart(tmp_path):
 # Demo configuration ---------------------------------------------------------------------------------------------
 
 
-def test_mapper_and_planner_know_the_same_earlier_runs_and_other_properties_have_none(tmp_path):
-    mission = MissionSettings(field="smooth", properties=(PropertySettings("rough"),))
-    settings = DemoSettings(tmp_path, mission, earlier=(tmp_path / "may", tmp_path / "june"))
-    write_configuration(settings, surrogate_field("smooth"), tmp_path)
-    wanted = [str(tmp_path / "may"), str(tmp_path / "june")]
-    for node, expected in (("mapper", wanted), ("planner", wanted), ("rough/mapper", None)):
-        assert read_parameters(tmp_path / CONFIGURATION, node).get("earlier") == expected
-
-
-def test_all_mappers_and_planners_know_the_covariates(tmp_path):
+def test_all_mappers_and_planners_know_the_covariates_and_those_of_the_field_the_earlier_runs(tmp_path):
     settings = DemoSettings(
         tmp_path,
         MissionSettings(field="smooth", properties=(PropertySettings("rough"),)),
         covariates=(CovariateSource(tmp_path / "relief.tif", "slope"),),
+        earlier=(tmp_path / "may", tmp_path / "june"),
     )
     field = surrogate_field("smooth")
     of_field = CovariateSource(tmp_path / "image.tif", "2", name="ndvi")
@@ -156,3 +135,5 @@ def test_all_mappers_and_planners_know_the_covariates(tmp_path):
         had = read_parameters(tmp_path / CONFIGURATION, node)
         assert had["covariates"] == [f"{tmp_path / 'relief.tif'}:slope"]
         assert load_field(Path(had["field"])).covariates == (of_field,)
+        earlier = None if "/" in node else [str(tmp_path / "may"), str(tmp_path / "june")]
+        assert had.get("earlier") == earlier

@@ -26,7 +26,7 @@ from soilmoist_ros.recording.bag.reader import BagReader
 
 pytestmark = [pytest.mark.slow, pytest.mark.process]
 LIMIT_S = 180.0
-VIEWERS = 8
+VIEWERS = 2
 """Viewers in addition to the two operators."""
 
 

@@ -169,14 +169,6 @@ def far_node(field):
     return name, field.graph.xy[-1]
 
 
-def test_time_stands_still_until_somebody_listens(ros, field):
-    simulated = field(listen=False)
-    ros.wait_for(lambda: len(simulated.clock) > 20)
-    assert simulated.now_s == 0
-    simulated.listen()
-    ros.wait_for(lambda: simulated.now_s > 30)
-
-
 def test_several_robots_have_namespaces_and_one_clock(ros, field):
     closest = [ros.collect(String, f"robot_{number}/closest_node", LATCHED) for number in (1, 2)]
     simulated = field(robots=2, listen=False)
@@ -200,73 +192,61 @@ def test_several_robots_have_namespaces_and_one_clock(ros, field):
     assert found[0][0].tube_counts != found[1][0].tube_counts
 
 
-def test_a_second_property_is_counted_like_by_a_driver_of_its_own(ros, field):
-    simulated = field(properties=["rough"])
-    assert not simulated.clock or simulated.now_s <= 0, "its records have no receiver"
+def test_time_devices_properties_and_files_belong_together(ros, field, tmp_path):
+    simulated = field(
+        listen=False, properties=["rough"], field_file=str(tmp_path / "field.yaml"),
+        site_file=str(tmp_path / "site.yaml"), truth_file=str(tmp_path / "truth.yaml"),
+    )  # fmt: skip
+    simulated.listen()
+    assert not simulated.clock or simulated.now_s <= 0, "the records of the property have no receiver"
     received = ros.collect(PointCloud2, "/rough/counts", RECORDS)
-    ros.wait_for(lambda: len(received) > 5 and len(simulated.logger.found) > 5, message="records of both")
+    logger, gnss = simulated.logger.found, simulated.gnss.found
+    ros.wait_for(lambda: len(received) > 5 and len(logger) >= 5 and len(gnss) >= 50)
+    stamps = [to_seconds(message.clock) for message in simulated.clock]
+    assert stamps == sorted(stamps)
+    records, fixes = list(logger), list(gnss)
+    assert [record.record_number for record in records] == list(range(1, len(records) + 1))
+    assert [one.stamp_s for one in records] == [START_S + 10 * number for number in range(1, len(records) + 1)]
+    assert [fix.stamp_s for fix in fixes] == [START_S + number for number in range(len(fixes))]
+    assert simulated.logger.parser.problems == simulated.gnss.parser.problems == []
     stamps = [record.stamp_s for message in list(received) for record in counts_from_message(message)]
     assert stamps == [START_S + 10.0 * number for number in range(1, len(stamps) + 1)]
     assert {message.header.frame_id for message in received} == {"map"}
     (record,) = counts_from_message(received[0])
     assert (record.x_m, record.y_m) == pytest.approx(simulated.place(), abs=0.2)
     assert 1.0 < record.corrected_rate < 10.0
-    assert record.raw_counts != sum(simulated.logger.found[0].tube_counts)
-
-
-def test_time_devices_and_files_belong_together(ros, field, tmp_path):
-    simulated = field(
-        field_file=str(tmp_path / "field.yaml"), site_file=str(tmp_path / "site.yaml"),
-        truth_file=str(tmp_path / "truth.yaml"),
-    )  # fmt: skip
-    ros.wait_for(lambda: len(simulated.logger.found) >= 5 and len(simulated.gnss.found) >= 50)
-    stamps = [to_seconds(message.clock) for message in simulated.clock]
-    assert stamps == sorted(stamps)
-    records = list(simulated.logger.found)
-    assert [record.record_number for record in records] == list(range(1, len(records) + 1))
-    assert [record.stamp_s for record in records] == [
-        START_S + 10 * number for number in range(1, len(records) + 1)
-    ]
-    fixes = list(simulated.gnss.found)
-    assert [fix.stamp_s for fix in fixes] == [START_S + number for number in range(len(fixes))]
-    assert simulated.logger.parser.problems == []
-    assert simulated.gnss.parser.problems == []
+    assert record.raw_counts != sum(records[0].tube_counts)
     truth = surrogate_field(str(tmp_path / "truth.yaml"))
     assert truth.rate_at([[10.5, 10.5]]) == pytest.approx(surrogate_field("half-wet").rate_at([[10.5, 10.5]]))
     assert load_field(tmp_path / "field.yaml").frame == truth.frame
     assert "truth" not in (tmp_path / "field.yaml").read_text()
+    for listener in simulated.listeners:
+        listener.close()
+    simulated.listen()  # a new client gets the header first, then new lines
+    ros.wait_for(lambda: len(simulated.logger.found) >= 3)
+    assert simulated.logger.parser.metadata["simulated"] == "yes"
+    assert simulated.process.stop(signal.SIGINT) == 0
 
 
-def test_a_goal_ends_where_it_should(ros, field):
-    simulated = field(speed=60.0)
-    name, xy = far_node(simulated)
-    start = ros.wait_for(lambda: simulated.closest)[0].data
+def test_goals_end_where_they_should_are_cancelled_and_taken_over(ros, field):
+    simulated = field(speed=20.0, listen=False)
+    (name, xy), near = far_node(simulated), simulated.graph.names[0]
+    first, second = Goal(simulated, name), Goal(simulated, near)
+    simulated.listen()
+    assert first.end() == (GoalStatus.STATUS_ABORTED, False)
+    assert second.end() == (GoalStatus.STATUS_SUCCEEDED, True)
+    assert not Goal(simulated, "nowhere").handle.accepted
     goal = Goal(simulated, name)
     assert goal.end() == (GoalStatus.STATUS_SUCCEEDED, True)
     ros.wait_for(lambda: simulated.is_at(xy), message="the receiver at the node")
     ros.wait_for(lambda: simulated.current and simulated.current[-1].data == name, message="the current node")
     assert "none" in [message.data for message in simulated.current]
     # Feedback may be lost before discovery and after the result.
-    way = simulated.graph.path(start, name)
     assert len(goal.routes) > 1
-    assert goal.routes == [node for node in way if node in goal.routes]
-
-
-def test_a_goal_is_cancelled(ros, field):
-    simulated = field(speed=20.0)
-    goal = Goal(simulated, far_node(simulated)[0])
-    assert len(goal.cancel()) == 1
-    assert goal.end() == (GoalStatus.STATUS_CANCELED, False)
-
-
-def test_a_newer_goal_takes_over(ros, field):
-    simulated = field(listen=False)
-    first = Goal(simulated, far_node(simulated)[0])
-    second = Goal(simulated, simulated.graph.names[0])
-    simulated.listen()
-    assert first.end() == (GoalStatus.STATUS_ABORTED, False)
-    assert second.end() == (GoalStatus.STATUS_SUCCEEDED, True)
-    assert not Goal(simulated, "nowhere").handle.accepted
+    assert goal.routes == [node for node in simulated.graph.path(near, name) if node in goal.routes]
+    back = Goal(simulated, near)
+    assert len(back.cancel()) == 1
+    assert back.end() == (GoalStatus.STATUS_CANCELED, False)
 
 
 def test_the_surprises_of_thorvald(ros, field):
@@ -287,18 +267,6 @@ def test_the_surprises_of_thorvald(ros, field):
     assert simulated.is_at(before)
 
 
-def test_a_server_that_dies_comes_back(ros, field, tmp_path):
-    scenario = tmp_path / "dies.yaml"
-    scenario.write_text("navigation: {absent: [{at_s: 30, for_s: 300}]}")
-    simulated = field(speed=50.0, scenario=str(scenario), listen=False)
-    goal = Goal(simulated, far_node(simulated)[0])
-    simulated.listen()
-    ros.wait_for(lambda: not goal._client.server_is_ready(), message="the end of the server")
-    again = Goal(simulated, simulated.graph.names[0])
-    assert again.end() == (GoalStatus.STATUS_SUCCEEDED, True)
-    assert not goal._result.done()
-
-
 def test_a_server_dies_while_requests_wait(ros, field, tmp_path):
     dies = ", ".join(f"{{at_s: {begin_s}, for_s: 5}}" for begin_s in range(10, 1000, 10))
     scenario = tmp_path / "dies.yaml"
@@ -315,8 +283,13 @@ def test_a_server_dies_while_requests_wait(ros, field, tmp_path):
     ros.node.destroy_client(client)
 
 
-def test_a_goal_pose_is_driven_to(ros, field):
+def test_without_the_action_it_still_drives_to_goal_poses(ros, field, tmp_path):
+    absent = tmp_path / "absent" / "topological_navigation_msgs"
+    absent.mkdir(parents=True)
+    (absent / "__init__.py").write_text("")  # an installation without actions
+    ros.environment["PYTHONPATH"] = str(absent.parent)
     simulated = field(speed=50.0)
+    assert "topological_navigation_msgs is not installed" in simulated.process.output()
     publisher = ros.node.create_publisher(PoseStamped, "goal_pose", DEFAULT)
     ros.wait_for(publisher.get_subscription_count)
     pose = PoseStamped()
@@ -333,22 +306,6 @@ def test_a_goal_pose_is_driven_to(ros, field):
     assert simulated.is_at((33.0, 21.0))
 
 
-def test_without_the_action_it_still_drives_to_goal_poses(ros, field, tmp_path):
-    absent = tmp_path / "absent" / "topological_navigation_msgs"
-    absent.mkdir(parents=True)
-    (absent / "__init__.py").write_text("")  # an installation without actions
-    ros.environment["PYTHONPATH"] = str(absent.parent)
-    simulated = field()
-    assert "topological_navigation_msgs is not installed" in simulated.process.output()
-    publisher = ros.node.create_publisher(PoseStamped, "goal_pose", DEFAULT)
-    ros.wait_for(publisher.get_subscription_count)
-    pose = PoseStamped()
-    pose.header.frame_id = "map"
-    pose.pose.position.x, pose.pose.position.y = 12.0, 8.0
-    publisher.publish(pose)
-    ros.wait_for(lambda: simulated.is_at((12.0, 8.0)))
-
-
 def test_a_link_that_is_cut_can_be_opened_again(ros, field, tmp_path):
     scenario = tmp_path / "cut.yaml"
     scenario.write_text("logger: {outages: [{kind: cut, at_s: 60, for_s: 40}]}")
@@ -362,35 +319,3 @@ def test_a_link_that_is_cut_can_be_opened_again(ros, field, tmp_path):
     assert [record.record_number for record in first.found] == [1, 2, 3, 4, 5]
     assert simulated.logger.found[0].record_number >= 10
     assert simulated.gnss.connected
-
-
-def test_it_survives_clients_that_come_and_go(ros, field):
-    simulated = field()
-    ros.wait_for(lambda: simulated.logger.found)
-    for listener in simulated.listeners:
-        listener.close()
-    simulated.listen()  # a new client gets the header first, then new lines
-    ros.wait_for(lambda: len(simulated.logger.found) >= 3)
-    assert simulated.logger.parser.metadata["simulated"] == "yes"
-    assert simulated.process.stop(signal.SIGINT) == 0
-
-
-def test_bad_input_is_reported_without_a_traceback(ros):
-    process = ros.start("field_simulator", params={"field": "synthetic-hihg", "logger_port": 0, "gnss_port": 0})
-    assert process.wait() == 2
-    assert "did you mean 'synthetic-high'" in process.output()
-    assert "Traceback" not in process.output()
-
-
-@pytest.mark.parametrize(
-    ("params", "message"),
-    [
-        ({"start_time": "soon"}, "the start time 'soon' is no ISO 8601 time"),
-        ({"scenario": "torvald"}, "did you mean 'thorvald'"),
-        ({"host": "192.0.2.1"}, "cannot listen on 192.0.2.1:0"),
-    ],
-)
-def test_other_bad_input_too(ros, params, message):
-    process = ros.start("field_simulator", params={"logger_port": 0, "gnss_port": 0, **params})
-    assert process.wait() == 2
-    assert message in process.output()

@@ -68,16 +68,9 @@ def by_name(started):
     return nodes
 
 
-def test_the_console_is_started_on_demand(tmp_path, monkeypatch, seen):
-    nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"console": "true", "field": "f.yaml"}))
-    assert (seen(nodes["console"])["field"], seen(nodes["console"])["host"]) == ("f.yaml", "127.0.0.1")
-    given = {"console": "true", "field": "f.yaml", "covariates": "[a.tif]", "out": str(tmp_path / "mine")}
-    told = seen(by_name(stand_in.start(ROBOT, monkeypatch, given))["console"])
-    assert (told["runs"], told["covariate_dir"]) == (str(tmp_path / "mine"), "covariates")
-    team = stand_in.start(
-        SIMULATION, monkeypatch, {"console": "true", "robots": "2", "out": str(tmp_path / "run")}
-    )
-    assert seen(by_name(team)["console"])["robots"] == ["/robot_1", "/robot_2"]
+def ended(node, code=0, context=None):
+    """What a launch does when a node has ended."""
+    return node.on_exit(stand_in.ProcessExited(returncode=code), context or stand_in.LaunchContext())
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
@@ -86,9 +79,6 @@ def test_every_argument_is_described(path, monkeypatch):
     declared = [one for one in description.entities if isinstance(one, stand_in.DeclareLaunchArgument)]
     assert len(declared) == len(stand_in.arguments_of(description)) > 5
     assert [one.name for one in declared if len(one.description or "") < 15] == []
-
-
-def test_there_are_three_files():
     assert sorted([ROBOT, SIMULATION, REPLAY]) == FILES
 
 
@@ -105,18 +95,28 @@ def test_the_robot_starts_the_recorder_first_and_leaves_all_parameters_alone(mon
             values["record_dir"] = ""
         assert (values.pop("node"), values.pop("use_sim_time")) == (f"/{name}", False)
         assert values == defaults(name)
-        assert action.on_exit(stand_in.ProcessExited(returncode=0), stand_in.LaunchContext()) == []
+        assert ended(action) == []
 
 
-def test_arguments_go_to_every_node_that_has_the_parameter(monkeypatch, seen):
+def test_arguments_go_to_every_node_that_has_the_parameter_before_the_file(monkeypatch, seen, tmp_path):
+    path = tmp_path / "mine.yaml"
+    about = {"/**": {"use_sim_time": False}, "/**/planner": {"hours": 4.0, "speed_mps": 0.9}}
+    path.write_text(yaml.safe_dump({name: {"ros__parameters": values} for name, values in about.items()}))
     given = {"field": "f.yaml", "site": "24", "hours": "3", "dwell": "fmi:60", "out": "runs", "namespace": "r1"}
+    given |= {"params_file": str(path), "use_sim_time": "true", "console": "true", "covariates": "[a.tif]"}
     nodes = by_name(stand_in.start(ROBOT, monkeypatch, given))
     values = {name: seen(action) for name, action in nodes.items()}
-    assert [values[name]["field"] for name in ("mapper", "planner", "sensor_driver")] == ["f.yaml"] * 3
+    assert {values[name]["field"] for name in ("mapper", "planner", "sensor_driver", "console")} == {"f.yaml"}
     assert [values[name]["site"] for name in ("mapper", "sensor_driver")] == ["24"] * 2
-    assert (values["planner"]["hours"], values["planner"]["dwell"]) == (3.0, "fmi:60")
+    planner, console = values["planner"], values["console"]
+    assert (planner["hours"], planner["dwell"], planner["speed_mps"], planner["use_sim_time"]) == (
+        3.0, "fmi:60", 0.9, True,
+    )  # fmt: skip
     assert values["recorder"]["out"] == "runs"
+    assert (console["host"], console["runs"], console["covariate_dir"]) == ("127.0.0.1", "runs", "covariates")
     assert {value["node"] for value in values.values()} == {f"/r1/{name}" for name in nodes}
+    with pytest.raises(InputError, match="planner: parameter hours must be a number, got 'two'"):
+        stand_in.start(ROBOT, monkeypatch, {"hours": "two"})
 
 
 def test_each_further_property_has_a_mapper_of_its_own(monkeypatch, seen, tmp_path):
@@ -185,15 +185,6 @@ def test_the_map_of_an_interrupted_mission_goes_on(monkeypatch, seen, tmp_path):
     assert [values["start_property"] for values in mappers] == ["", "compaction", "/salt"]
 
 
-def test_arguments_come_before_the_file_and_the_file_before_the_defaults(monkeypatch, seen, tmp_path):
-    path = tmp_path / "mine.yaml"
-    about = {"/**": {"use_sim_time": False}, "planner": {"hours": 4.0, "speed_mps": 0.9}}
-    path.write_text(yaml.safe_dump({name: {"ros__parameters": values} for name, values in about.items()}))
-    given = {"params_file": str(path), "hours": "1", "use_sim_time": "true"}
-    values = seen(by_name(stand_in.start(ROBOT, monkeypatch, given))["planner"])
-    assert (values["hours"], values["speed_mps"], values["use_sim_time"]) == (1.0, 0.9, True)
-
-
 def installed(name, prefix, monkeypatch):
     """Make a package known to the ament index."""
     marker = prefix / "share" / "ament_index" / "resource_index" / "packages" / name
@@ -202,33 +193,23 @@ def installed(name, prefix, monkeypatch):
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{prefix}:{os.environ.get('AMENT_PREFIX_PATH', '')}")
 
 
-@pytest.mark.parametrize("given", [{}, {"robots": "2"}])
-def test_foxglove_bridge_is_started_on_demand_on_this_computer_only(tmp_path, monkeypatch, given):
+def test_foxglove_bridge_is_started_on_demand_on_this_computer_only(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match=r"foxglove_bridge, which is not installed.*ros-jazzy-foxglove-bridge"):
+        stand_in.start(ROBOT, monkeypatch, {"foxglove": "true"})
     installed("foxglove_bridge", tmp_path / "prefix", monkeypatch)
-    for path, more in ((ROBOT, {"namespace": "r1"}), (SIMULATION, {**given, "out": str(tmp_path / "run")})):
+    team = {"robots": "2", "out": str(tmp_path / "run")}
+    for path, more in ((ROBOT, {"namespace": "r1"}), (SIMULATION, team)):
         nodes = stand_in.start(path, monkeypatch, {"foxglove": "true", **more})
         (bridge,) = (one for one in nodes if one.package == "foxglove_bridge")
         simulated = path == SIMULATION
         assert bridge.parameters == [{"address": "127.0.0.1", "port": 8765, "use_sim_time": simulated}]
         assert bridge.namespace == more.get("namespace", "")
+        with pytest.raises(InputError, match=r"'yes' is no choice -> choose true .the node foxglove_bridge"):
+            stand_in.start(path, monkeypatch, {"foxglove": "yes", **more})
     nodes = stand_in.start(ROBOT, monkeypatch, {"foxglove": "true", "foxglove_port": "9", "foxglove_host": "::"})
     assert nodes[0].parameters[0].items() >= {"address": "::", "port": 9}.items()
     with pytest.raises(InputError, match="'all' is no TCP port"):
         stand_in.start(ROBOT, monkeypatch, {"foxglove": "true", "foxglove_port": "all"})
-
-
-def test_a_missing_foxglove_bridge_is_named_with_its_package(monkeypatch):
-    with pytest.raises(InputError, match="foxglove_bridge, which is not installed") as error:
-        stand_in.start(ROBOT, monkeypatch, {"foxglove": "true"})
-    assert "apt install ros-jazzy-foxglove-bridge" in str(error.value)
-    assert not any(one.package == "foxglove_bridge" for one in stand_in.start(ROBOT, monkeypatch, {}))
-
-
-@pytest.mark.parametrize("choice", ["console", "yes"])
-def test_only_foxglove_bridge_serves_foxglove(tmp_path, monkeypatch, choice):
-    for path, more in ((ROBOT, {}), (SIMULATION, {"robots": "2", "out": str(tmp_path / "run")})):
-        with pytest.raises(InputError, match=f"'{choice}' is no choice -> choose true .the node foxglove_bridge"):
-            stand_in.start(path, monkeypatch, {"foxglove": choice, "console": "true", **more})
 
 
 def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_path):
@@ -256,13 +237,7 @@ def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_pa
     # The recorder subscribes to what it finds; the counts of another property are not those of the robot.
     recorder = ["/r1/fix", "/r1/battery_state", "/r1/tf", "/r1/counts", "/r1/samples"]
     assert resolved.pop("/r1/recorder") == recorder
-    assert resolved.pop("/r1/salt/mapper") == [
-        "/r1/salt/fix",
-        "/r1/salt/battery_state",
-        "/r1/salt/tf",
-        "/r1/salt/counts",
-        "/r1/salt/samples",
-    ]
+    assert resolved.pop("/r1/salt/mapper") == [f"/r1/salt/{name.lstrip('/')}" for name in topics]
     assert not resolved
     for wrong, message in [("/tf", "is no rule"), ("/tf:=my tf", "'my tf' is not the name of a topic")]:
         with pytest.raises(InputError, match=message):
@@ -272,14 +247,9 @@ def test_topics_of_the_robot_have_the_names_of_the_arguments(monkeypatch, tmp_pa
 def test_nothing_is_recorded_without_record_and_all_ends_with_the_mission_if_wished(monkeypatch):
     nodes = by_name(stand_in.start(ROBOT, monkeypatch, {"record": "false", "exit_when_finished": "true"}))
     assert list(nodes) == ["mapper", "planner", "sensor_driver"]
-    context = stand_in.LaunchContext()
-    on_exit = nodes["planner"].on_exit
-    assert isinstance(on_exit(stand_in.ProcessExited(returncode=0), context)[0], stand_in.Shutdown)
-    for code in (1, -9, -11):
-        assert on_exit(stand_in.ProcessExited(returncode=code), context) == [], (
-            "a planner that crashed starts again"
-        )
-    assert nodes["mapper"].on_exit(stand_in.ProcessExited(returncode=0), context) == []
+    assert isinstance(ended(nodes["planner"])[0], stand_in.Shutdown)
+    assert ended(nodes["mapper"]) == []
+    assert all(ended(nodes["planner"], code) == [] for code in (1, -9, -11)), "one that crashed starts again"
 
 
 SAID = (
@@ -391,11 +361,6 @@ def test_driver_and_mapper_store_records_in_one_folder_and_each_launch_is_anothe
     assert folders[0] != folders[1]
 
 
-def test_a_wrong_argument_stops_the_launch_with_a_message(monkeypatch):
-    with pytest.raises(InputError, match="planner: parameter hours must be a number, got 'two'"):
-        stand_in.start(ROBOT, monkeypatch, {"hours": "two"})
-
-
 def test_the_simulation_joins_all_nodes_on_one_simulated_field(monkeypatch, seen, tmp_path):
     given = {"field": "synthetic-high", "out": str(tmp_path / "run"), "logger_port": "5001", "seed": "7"}
     nodes = by_name(stand_in.start(SIMULATION, monkeypatch, given))
@@ -413,8 +378,9 @@ def test_the_simulation_joins_all_nodes_on_one_simulated_field(monkeypatch, seen
     assert (planner["autostart"], planner["exit_when_finished"]) == (True, True)
     assert values["mapper"]["simulated"] is True
     assert Path(values["recorder"]["out"], values["recorder"]["name"]) == tmp_path / "run" / "bag"
-    (ends,) = nodes["planner"].on_exit(stand_in.ProcessExited(returncode=0), stand_in.LaunchContext())
-    assert isinstance(ends, stand_in.Shutdown)
+    assert isinstance(ended(nodes["planner"])[0], stand_in.Shutdown)
+    default = stand_in.arguments_of(stand_in.load(SIMULATION, monkeypatch))["out"].default_value
+    assert default.startswith("soilmoist_simulation_2"), "two simulations do not share a folder"
 
 
 def test_every_property_is_simulated_mapped_and_planned_for(monkeypatch, seen, tmp_path):
@@ -432,20 +398,18 @@ def test_every_property_is_simulated_mapped_and_planned_for(monkeypatch, seen, t
 
 
 def test_several_simulated_robots_share_mapper_recorder_and_clock(monkeypatch, seen, tmp_path):
-    given = {
-        "robots": "2",
-        "property": "rough:0.5",
-        "out": str(tmp_path / "run"),
-        "hours": "0.5",
-        "gnss_port": "5002",
-    }
+    given = {"robots": "2", "property": "rough:0.5", "out": str(tmp_path / "run"), "hours": "0.5"}
+    with pytest.raises(InputError, match="several robots have the namespaces robot_1"):
+        stand_in.start(SIMULATION, monkeypatch, {**given, "namespace": "r1"})
+    given |= {"gnss_port": "5002", "console": "true"}
     actions = stand_in.start(SIMULATION, monkeypatch, given)
     values = {found["node"]: found for one in actions for found in [seen(one)]}
     assert set(values) == {
-        "/recorder", "/mapper", "/rough/mapper", "/field_simulator",
+        "/recorder", "/mapper", "/rough/mapper", "/field_simulator", "/console",
         *(f"/robot_{number}/{node}" for number in (1, 2) for node in ("planner", "sensor_driver")),
     }  # fmt: skip
     assert (values["/field_simulator"]["robots"], values["/field_simulator"]["ports_file"]) == (2, "")
+    assert values["/console"]["robots"] == ["/robot_1", "/robot_2"]
     addresses = [values[f"/robot_{number}/sensor_driver"]["gnss_uri"] for number in (1, 2)]
     assert addresses == ["tcp://127.0.0.1:5002", "tcp://127.0.0.1:5004"]
     assert values["/mapper"]["others"] == values["/robot_1/planner"]["others"] == ["/robot_1", "/robot_2"]
@@ -460,17 +424,6 @@ def test_several_simulated_robots_share_mapper_recorder_and_clock(monkeypatch, s
     assert isinstance(last[0], stand_in.Shutdown)
 
 
-def test_several_robots_have_no_other_namespace(monkeypatch, tmp_path):
-    given = {"robots": "2", "namespace": "r1", "out": str(tmp_path)}
-    with pytest.raises(InputError, match="several robots have the namespaces robot_1"):
-        stand_in.start(SIMULATION, monkeypatch, given)
-
-
-def test_two_simulations_do_not_share_a_folder(monkeypatch):
-    argument = stand_in.arguments_of(stand_in.load(SIMULATION, monkeypatch))["out"]
-    assert argument.default_value.startswith("soilmoist_simulation_2")
-
-
 def test_replay_plays_records_to_a_mapper_that_follows_the_recorded_time(monkeypatch, seen):
     given = {"bag": "runs/bag", "rate": "10", "namespace": "/r1/", "fit": "soft_l1"}
     mapper, player = stand_in.start(REPLAY, monkeypatch, given)
@@ -482,45 +435,21 @@ def test_replay_plays_records_to_a_mapper_that_follows_the_recorded_time(monkeyp
     assert not played & {f"/r1/{topic}" for topic in ("samples", "model", "soil_map", "uncertainty")}
 
 
-def test_replay_needs_a_bag(monkeypatch):
-    with pytest.raises(AssertionError, match="bag is required"):
-        stand_in.start(REPLAY, monkeypatch, {})
-
-
-@pytest.mark.parametrize(("text", "value"), [("true", True), ("True", True), ("false", False), ("", None)])
-def test_texts_become_values(text, value):
-    given = parameters_from("mapper", {"simulated": text, "no_parameter": "1"})
-    assert given == ({} if value is None else {"simulated": value})
-
-
-def test_texts_that_look_like_something_else_stay_texts():
-    assert parameters_from("mapper", {"field": "24", "site": "true"}) == {"field": "24", "site": "true"}
-
-
-def test_unreadable_texts_are_named():
+def test_texts_become_values_of_the_parameter_or_are_named():
+    for text, value in (("true", True), ("True", True), ("false", False)):
+        assert parameters_from("mapper", {"simulated": text, "no_parameter": "1"}) == {"simulated": value}
+    texts = {"field": "24", "site": "true"}
+    assert parameters_from("mapper", {**texts, "simulated": ""}) == texts
     with pytest.raises(InputError, match="mapper: parameter cell_m must be a number"):
         parameters_from("mapper", {"cell_m": "[1"})
 
 
-def test_the_stand_in_does_not_stay(monkeypatch):
-    with monkeypatch.context() as patch:
-        stand_in.load(ROBOT, patch)
-        assert "launch_ros.actions" in sys.modules
-    assert "launch_ros.actions" not in sys.modules
-
-
 def test_each_node_gets_its_enclave(monkeypatch, tmp_path):
-    given = {"out": str(tmp_path), "enclaves": "/soilmoist", "namespace": "r1", "property": "salt"}
-    launched = stand_in.start(ROBOT, monkeypatch, given)
-    enclaves = {action.ros_arguments[1] for action in launched}
-    assert {"/soilmoist/r1/planner", "/soilmoist/r1/mapper", "/soilmoist/r1/salt/mapper"} <= enclaves
-    assert not any(action.ros_arguments for action in stand_in.start(ROBOT, monkeypatch, {"out": str(tmp_path)}))
-
-
-def test_the_simulated_robot_gets_its_enclave_too(monkeypatch, tmp_path):
     given = {"out": str(tmp_path), "enclaves": "/soilmoist"}
-    launched = stand_in.start(SIMULATION, monkeypatch, given)
-    enclaves = {action.ros_arguments[1] for action in launched}
-    assert {"/soilmoist/field_simulator", "/soilmoist/planner"} <= enclaves
+    robot = stand_in.start(ROBOT, monkeypatch, {**given, "namespace": "r1", "property": "salt"})
+    simulation = stand_in.start(SIMULATION, monkeypatch, given)
+    enclaves = {action.ros_arguments[1].removeprefix("/soilmoist/") for action in (*robot, *simulation)}
+    assert {"r1/planner", "r1/mapper", "r1/salt/mapper", "field_simulator", "planner"} <= enclaves
+    assert not any(action.ros_arguments for action in stand_in.start(ROBOT, monkeypatch, {"out": str(tmp_path)}))
     with pytest.raises(InputError, match="rehearse with one robot"):
         stand_in.start(SIMULATION, monkeypatch, {**given, "robots": "2"})

@@ -31,7 +31,6 @@ from msg_adapters.model import model_from_message
 from msg_adapters.point_cloud import FRAME, to_seconds
 from msg_adapters.soil_map import change_from_message, soil_map_from_message
 from msg_adapters.soilmoist_types import map_summary_to_message
-from soilmoist_ros.foundation.errors import Level
 from soilmoist_ros.mapping.field_map import FieldMap, FieldMapSettings
 from soilmoist_ros.mapping.grid import FieldGrid
 from soilmoist_ros.mapping.knowledge import EarlierSurvey
@@ -134,7 +133,7 @@ def surveyed(field, records, **options):
     return survey
 
 
-def test_maps_are_those_of_the_core_bit_for_bit(ros, start, field):
+def test_maps_are_those_of_the_core_bit_for_bit_until_a_reset(ros, start, field):
     records = survey_records()
     outputs = Outputs(ros)
     summaries = ros.collect(MapSummary, "map_summary", LATCHED)
@@ -157,6 +156,22 @@ def test_maps_are_those_of_the_core_bit_for_bit(ros, start, field):
     assert fit.variogram == soil_map.variogram
     assert json.loads(outputs.model[-1].data)["n_samples"] == 6
     np.testing.assert_array_equal(np.array(outputs.uncertainty[-1].data) < 0, ~core.grid.mask.ravel())
+    late = Outputs(ros)
+    ros.wait_for(lambda: late.complete(records[-1].stamp_s), message="latched topics")
+    assert len(late.soil_map) == 1
+
+    answer = ros.call(Trigger, "mapper/reset")
+    assert (answer.success, answer.message) == (True, "24 records removed")
+    ros.wait_for(lambda: outputs.complete(0.0), message="the empty map")
+    late = Outputs(ros)
+    ros.wait_for(lambda: late.complete(0.0), message="the empty map")
+    assert len(samples_from_message(late.samples[-1])) == 0
+    assert model_from_message(late.model[-1]).fit is None
+    assert np.isnan(soil_map_from_message(late.soil_map[-1])["rate"]).all()
+    assert set(late.uncertainty[-1].data) == {-1, 100}
+    publish(publisher, records[:1])
+    ros.wait_for(lambda: outputs.complete(records[0].stamp_s))
+    assert len(samples_from_message(outputs.samples[-1])) == 1
 
 
 def test_a_planner_has_the_map_of_the_mapper_when_the_rate_drifts(ros, start, field):
@@ -188,17 +203,6 @@ def test_a_planner_has_the_map_of_the_mapper_when_the_rate_drifts(ros, start, fi
     planned = planner.update()
     np.testing.assert_array_equal(planned.rate, soil_map.rate)
     np.testing.assert_array_equal(planned.variance, soil_map.variance)
-
-
-def test_who_comes_late_gets_the_last_map(ros, start):
-    records = survey_records(8)
-    early = Outputs(ros)
-    _, publisher = start()
-    publish(publisher, records)
-    ros.wait_for(lambda: early.complete(records[-1].stamp_s))
-    late = Outputs(ros)
-    ros.wait_for(lambda: late.complete(records[-1].stamp_s), message="latched topics")
-    assert len(late.soil_map) == 1
 
 
 def test_bad_records_do_no_harm_and_are_counted_by_reason(ros, start):
@@ -237,18 +241,6 @@ def test_bad_records_do_no_harm_and_are_counted_by_reason(ros, start):
     }
     assert values()["samples"] == "1"
     assert samples_from_message(outputs.samples[-1]).counts.sum() == sum(one.raw_counts for one in good)
-
-
-def test_a_driver_of_another_field_is_a_warning(ros, start):
-    _, publisher = start()
-    health = ros.collect(DiagnosticArray, "/diagnostics", DEFAULT)
-    publish(publisher, [record(i, 4000.0, 10.0) for i in range(3)])
-
-    def warned():
-        parts = [part for message in health for part in diagnostics_from_message(message)]
-        return any(part.level is Level.WARN and "the same field file" in part.message for part in parts)
-
-    ros.wait_for(warned, message="a warning")
 
 
 def test_save_writes_the_outputs_and_a_later_mapper_starts_from_them(ros, start, tmp_path):
@@ -325,7 +317,7 @@ def test_the_map_of_a_property_is_of_the_field_that_is_chosen_at_its_planner(ros
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_a_save_that_a_signal_meets_is_finished_or_leaves_the_one_before(ros, start, tmp_path, number):
     records, folder = survey_records(24), tmp_path / "saved"
     outputs = Outputs(ros)
@@ -352,59 +344,8 @@ def test_a_save_that_a_signal_meets_is_finished_or_leaves_the_one_before(ros, st
     assert (folder / "report.html").read_text().rstrip().endswith("</html>")
 
 
-def test_reset_forgets_everything_also_for_who_comes_late(ros, start):
-    records = survey_records(8)
-    outputs = Outputs(ros)
-    _, publisher = start()
-    publish(publisher, records)
-    ros.wait_for(lambda: outputs.complete(records[-1].stamp_s))
-    answer = ros.call(Trigger, "mapper/reset")
-    assert (answer.success, answer.message) == (True, "8 records removed")
-    ros.wait_for(lambda: outputs.complete(0.0), message="the empty map")
-    late = Outputs(ros)
-    ros.wait_for(lambda: late.complete(0.0), message="the empty map")
-    assert len(samples_from_message(late.samples[-1])) == 0
-    assert model_from_message(late.model[-1]).fit is None
-    assert np.isnan(soil_map_from_message(late.soil_map[-1])["rate"]).all()
-    assert set(late.uncertainty[-1].data) == {-1, 100}
-    publish(publisher, records[:1])
-    ros.wait_for(lambda: outputs.complete(records[0].stamp_s))
-    assert len(samples_from_message(outputs.samples[-1])) == 1
-
-
-def test_names_follow_the_namespace(ros, field):
-    process = ros.start("mapper", params={"field": str(field)}, namespace="/robot1")
-    outputs = ros.collect(PointCloud2, "/robot1/samples", LATCHED)
-    publisher = ros.node.create_publisher(PointCloud2, "/robot1/counts", RECORDS)
-    ros.wait_for(publisher.get_subscription_count)
-    publish(publisher, survey_records(1))
-    ros.wait_for(lambda: outputs)
-    assert ros.call(Trigger, "/robot1/mapper/reset").success
-    assert process.stop() == 0
-
-
-@pytest.mark.parametrize(
-    ("params", "said"),
-    [
-        ({"fild": "example"}, "did you mean 'field'?"),
-        ({"field": "exampel"}, "did you mean 'example'?"),
-        ({}, "no field is given"),
-        ({"field": "example", "model": "matern3"}, "did you mean 'matern32'?"),
-        ({"field": "example", "merge_radius_m": -1.0}, "merge_radius_m must be 0 .. 1000 m, got -1"),
-        ({"field": "example", "cell_m": 500.0}, "change the cell size"),
-        ({"field": "example", "site": "exampl"}, "did you mean 'example'?"),
-        ({"field": "example", "start_from": "/nowhere"}, "there is no such bag"),
-        ({"field": "example", "earlier": ["/nowhere"]}, "/nowhere: does not exist"),
-    ],
-)
-def test_mistakes_in_parameters_end_it_with_a_suggestion(ros, params, said):
-    process = ros.start("mapper", params=params)
-    assert process.wait() == 2
-    assert said in process.output()
-
-
-@pytest.mark.parametrize("missed", ["late start", "outage"])
-def test_a_mapper_gets_the_records_of_another_robot_that_it_has_missed(ros, field, missed):
+def test_a_mapper_gets_the_records_of_another_robot_that_it_has_missed(ros, field):
+    """It starts late, and then stands still while others come."""
     names, stops = ["/robot_1", "/robot_2"], survey_records(24)
     params = {"field": str(field), "site": "example", "use_sim_time": True, "others": names}
     records = [replace(stops[i % 24], stamp_s=BEGIN_S + 10 * i) for i in range(500)]
@@ -416,18 +357,21 @@ def test_a_mapper_gets_the_records_of_another_robot_that_it_has_missed(ros, fiel
     def counts(name):
         return int(samples_from_message(samples[name][-1]).counts.sum()) if samples[name] else 0
 
+    def count(begin, end):
+        for last in range(begin + 50, end + 1, 50):
+            publish(publisher, records[last - 50 : last])
+            total = sum(one.raw_counts for one in records[:last])
+            ros.wait_for(lambda total=total: counts(names[0]) == total, message="the map of the first")
+
     ros.start("mapper", params=params, namespace=names[0])
-    second = ros.start("mapper", params=params, namespace=names[1]) if missed == "outage" else None
-    ros.wait_for(lambda: publisher.get_subscription_count() == (1 if second is None else 2))
-    if second is not None:
-        os.kill(second.process.pid, signal.SIGSTOP)
-    for end in range(50, 501, 50):
-        publish(publisher, records[end - 50 : end])
-        ros.wait_for(lambda end=end: counts(names[0]) == sum(one.raw_counts for one in records[:end]))
-    if second is not None:
-        os.kill(second.process.pid, signal.SIGCONT)
-    else:
-        ros.start("mapper", params=params, namespace=names[1])
+    ros.wait_for(publisher.get_subscription_count)
+    count(0, 250)
+    second = ros.start("mapper", params=params, namespace=names[1])
+    ros.wait_for(lambda: counts(names[1]) == counts(names[0]), message="the records before its start")
+    assert publisher.get_subscription_count() == 2
+    os.kill(second.process.pid, signal.SIGSTOP)
+    count(250, 500)
+    os.kill(second.process.pid, signal.SIGCONT)
     ros.wait_for(lambda: counts(names[1]) == counts(names[0]), message="the records that were missed")
     assert 0 < sum(message.width for message in sent) <= 2 * len(records)
     core = on_line(field, records)

@@ -27,7 +27,7 @@ from soilmoist_ros.exploration.navigation.pose_client import PoseClient
 from soilmoist_ros.exploration.navigation.track import Track
 from soilmoist_ros.exploration.travel.stop import Stop, Way
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.nodes.action_navigator import KEPT_GOALS, action_class
+from soilmoist_ros.nodes.action_navigator import action_class
 from soilmoist_ros.nodes.navigators import GoalPoseNavigator, GotoNodeNavigator, NavigateToPoseNavigator
 
 # rclpy warns when a server of the test disappears during an answer.
@@ -126,73 +126,53 @@ def navigation(ros, world):
         yield navigation
 
 
-def test_arrival(ros, world, navigation, drive):
+def test_arrival_along_nodes(ros, world, navigation, drive):
     driver = drive()
     ros.wait_for(lambda: not driver.navigator.waiting_for)
-    driver.go(1, FAR, WAY)
+    driver.go(1, FAR, Way(np.empty((0, 2)), (OTHER, FAR)))
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED
+    assert navigation.goals == [OTHER.name, FAR.name]
     assert world.place == (FAR.x_m, FAR.y_m)
 
 
-def test_identities_of_old_goals_are_forgotten(navigation, drive):
-    navigation.rejects = True
+QUIRKS = (
+    ("lies", True, "reported as reached, but the robot is"), ("denies", True, "without success"),
+    ("rejects", True, "rejected"), ("blocked", {FAR.name}, "aborted"),
+)  # fmt: skip
+
+
+def test_what_is_not_an_arrival(navigation, drive):
     driver = drive()
-    for goal_id in range(KEPT_GOALS + 3):
+    for goal_id, (quirk, value, reason) in enumerate(QUIRKS, 1):
+        setattr(navigation, quirk, value)
         driver.go(goal_id, FAR, WAY)
-        driver.end_of(goal_id)
-    assert list(driver.navigator._ids) == list(range(3, KEPT_GOALS + 3))
+        assert driver.end_of(goal_id).outcome is Outcome.FAILED
+        assert reason in driver.end_of(goal_id).reason
+        setattr(navigation, quirk, type(value)())
+        driver.go(10 + goal_id, OTHER, WAY)
+        assert driver.end_of(10 + goal_id).outcome is Outcome.SUCCEEDED
+    driver.go(20, Stop("nowhere", 0.0, 0.0), WAY)
+    assert driver.end_of(20).outcome is Outcome.FAILED
+    assert "is the stop on its map" in driver.end_of(20).reason
 
 
-@pytest.mark.parametrize(
-    ("quirk", "value", "reason"),
-    [
-        ("lies", True, "reported as reached, but the robot is"),
-        ("denies", True, "without success"),
-        ("rejects", True, "rejected"),
-        ("blocked", {FAR.name}, "aborted"),
-    ],
-)
-def test_what_is_not_an_arrival(navigation, drive, quirk, value, reason):
-    setattr(navigation, quirk, value)
-    driver = drive()
-    driver.go(1, FAR, WAY)
-    assert driver.end_of(1).outcome is Outcome.FAILED
-    assert reason in driver.end_of(1).reason
-    setattr(navigation, quirk, type(value)())
-    driver.go(2, FAR, WAY)
-    assert driver.end_of(2).outcome is Outcome.SUCCEEDED
-
-
-def test_a_stop_that_the_navigation_does_not_know(navigation, drive):
-    driver = drive()
-    driver.go(1, Stop("nowhere", 0.0, 0.0), WAY)
-    assert driver.end_of(1).outcome is Outcome.FAILED
-    assert "is the stop on its map" in driver.end_of(1).reason
-
-
-@pytest.mark.parametrize("cancels", ["aborts", "properly"])
-def test_cancelling_stops_the_robot_whatever_is_answered(ros, world, navigation, drive, cancels):
-    navigation.cancels = cancels
+def test_cancelling_stops_the_robot_whatever_is_answered_and_a_second_goal_waits(ros, world, navigation, drive):
     world.rate = 5.0
     driver = drive()
-    driver.go(1, FAR, WAY)
-    ros.wait_for(lambda: navigation.goals and world.goal is not None)
-    driver.cancel(1)
-    assert driver.end_of(1).outcome is Outcome.CANCELED
-    assert world.goal is None
-    assert navigation.ends == ["canceled"]
-
-
-def test_a_second_goal_waits_for_the_end_of_the_first(ros, world, navigation, drive):
-    world.rate = 10.0
-    driver = drive()
-    driver.go(1, FAR, WAY)
+    for number, cancels in enumerate(("aborts", "properly"), 1):
+        navigation.cancels = cancels
+        driver.go(number, FAR, WAY)
+        ros.wait_for(lambda number=number: len(navigation.goals) == number and world.goal is not None)
+        driver.cancel(number)
+        assert driver.end_of(number).outcome is Outcome.CANCELED
+        assert world.goal is None
+    driver.go(3, FAR, WAY)
     ros.wait_for(lambda: world.goal is not None)
-    driver.go(2, OTHER, WAY)
-    assert driver.end_of(1).outcome is Outcome.CANCELED
-    assert driver.end_of(2).outcome is Outcome.SUCCEEDED
+    driver.go(4, OTHER, WAY)
+    assert driver.end_of(3).outcome is Outcome.CANCELED
+    assert driver.end_of(4).outcome is Outcome.SUCCEEDED
     assert navigation.most_at_once == 1
-    assert navigation.ends == ["canceled", "succeeded"]
+    assert navigation.ends == ["canceled", "canceled", "canceled", "succeeded"]
 
 
 def test_goals_of_a_process_before_are_cancelled(ros, world, navigation, drive):
@@ -213,13 +193,6 @@ def test_the_server_may_come_late(ros, world, drive):
     assert "topological_navigation" in driver.navigator.waiting_for
     with VirtualNavigation(ros, world):
         assert driver.end_of(1).outcome is Outcome.SUCCEEDED
-
-
-def test_a_server_that_never_comes(drive):
-    driver = drive(GoalLimits(start_s=0.3))
-    driver.go(1, OTHER, WAY)
-    assert driver.end_of(1).outcome is Outcome.FAILED
-    assert "is not there" in driver.end_of(1).reason
 
 
 def test_the_server_may_die_in_mid_goal_and_come_back(ros, world, drive):
@@ -304,32 +277,6 @@ def test_another_action_of_the_same_navigation_drives_the_robot_too(ros, world, 
     policy.destroy()
 
 
-def test_a_goal_that_another_client_replaces_is_no_failure(ros, world, navigation, drive, other):
-    world.rate = 3.0
-    driver = drive()
-    driver.go(1, FAR, WAY)
-    ros.wait_for(lambda: navigation.goals)
-    other(OTHER)
-    ros.wait_for(lambda: driver.navigator.other_client)
-    navigation._stopped.update(bytes(identity.uuid) for identity in driver.navigator._ids.values())
-    assert driver.end_of(1).outcome is Outcome.SUPERSEDED
-    assert "another client drives the robot" in driver.end_of(1).reason
-
-
-def test_the_last_words_of_a_dead_server_are_no_client(ros, world, navigation, drive, other):
-    world.rate = 1.0
-    driver = drive()
-    other(FAR)
-    ros.wait_for(lambda: driver.navigator.other_client)
-    navigation.die()
-    ros.wait_for(lambda: not driver.navigator.other_client)
-    world.rate = 30.0
-    with VirtualNavigation(ros, world) as second:
-        driver.go(2, OTHER, WAY)
-        assert driver.end_of(2).outcome is Outcome.SUCCEEDED
-        assert second.ends == ["succeeded"]
-
-
 def test_the_action_type_must_exist():
     assert action_class("topological_navigation_msgs/action/GotoNode", "target") is GotoNode
     for name, said in [
@@ -341,23 +288,6 @@ def test_the_action_type_must_exist():
             action_class(name, "target")
     with pytest.raises(InputError, match="have no field 'pose'"):
         action_class("topological_navigation_msgs/action/GotoNode", "pose")
-
-
-def test_a_robot_at_its_node_needs_no_goal(ros, world, navigation, drive):
-    """The real server aborts a goal whose node is the closest one."""
-    world.place = (FAR.x_m, FAR.y_m)
-    driver = drive()
-    ros.wait_for(lambda: driver.track.standing_at(FAR, 2.0), message="standstill")
-    driver.go(1, FAR, WAY)
-    assert driver.end_of(1).reason == f"already at {FAR.name}"
-    assert navigation.goals == []
-
-
-def test_nodes_on_the_way_are_goals_one_after_the_other(world, navigation, drive):
-    driver = drive()
-    driver.go(1, FAR, Way(np.empty((0, 2)), (OTHER, FAR)))
-    assert driver.end_of(1).outcome is Outcome.SUCCEEDED
-    assert navigation.goals == [OTHER.name, FAR.name]
 
 
 @pytest.fixture
@@ -387,6 +317,7 @@ def drive_poses(ros, world):
 def test_nav2_arrives_by_way_points_facing_along_the_way(ros, world, nav2, drive_poses):
     driver = drive_poses()
     ros.wait_for(lambda: not driver.navigator.waiting_for)
+    assert math.isnan(driver.navigator.feedback_age_s)
     corner = (FAR.x_m, 5.0)
     driver.go(1, FAR, Way(np.array([world.place, corner, (FAR.x_m, FAR.y_m)])))
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED
@@ -395,12 +326,13 @@ def test_nav2_arrives_by_way_points_facing_along_the_way(ros, world, nav2, drive
     assert nav2.headings == [0.0, pytest.approx(math.pi / 2)]
     assert nav2.most_at_once == 1
 
+    nav2.blocked = {(OTHER.x_m, OTHER.y_m)}
+    driver.go(2, OTHER, WAY)
+    assert driver.end_of(2).outcome is Outcome.FAILED
+    assert "no path leads to the stop (Nav2 error 208: a test)" in driver.end_of(2).reason
 
-def test_nav2_feedback_is_shown_and_has_an_age(ros, world, nav2, drive_poses):
-    world.rate = 0.1
-    driver = drive_poses()
-    assert math.isnan(driver.navigator.feedback_age_s)
-    driver.go(1, FAR, WAY)
+    world.rate, nav2.blocked, nav2.cancels, nav2.handle = 0.1, set(), "properly", None
+    driver.go(3, OTHER, WAY)
 
     def heard():
         if nav2.handle is not None:  # feedback may be lost before its subscription is discovered
@@ -410,33 +342,9 @@ def test_nav2_feedback_is_shown_and_has_an_age(ros, world, nav2, drive_poses):
     ros.wait_for(heard, message="feedback")
     assert driver.navigator.on_the_way == "7.5 m to go, 2 recoveries"
     assert driver.navigator.feedback_age_s >= 0.0
-
-
-@pytest.mark.parametrize(
-    ("quirk", "value", "reason"),
-    [
-        ("lies", True, "reported as reached, but the robot is"),
-        ("rejects", True, "rejected"),
-        ("blocked", {(FAR.x_m, FAR.y_m)}, "no path leads to the stop (Nav2 error 208: a test)"),
-    ],
-)
-def test_what_is_no_arrival_for_nav2(nav2, drive_poses, quirk, value, reason):
-    setattr(nav2, quirk, value)
-    driver = drive_poses()
-    driver.go(1, FAR, WAY)
-    assert driver.end_of(1).outcome is Outcome.FAILED
-    assert reason in driver.end_of(1).reason
-
-
-def test_nav2_is_cancelled_and_never_gets_the_next_way_point(ros, world, nav2, drive_poses):
-    world.rate, nav2.cancels = 5.0, "properly"
-    driver = drive_poses()
-    driver.go(1, FAR, Way(np.array([world.place, (FAR.x_m, 5.0), (FAR.x_m, FAR.y_m)])))
-    ros.wait_for(lambda: world.goal is not None)
-    driver.cancel(1)
-    assert driver.end_of(1).outcome is Outcome.CANCELED
-    assert nav2.ends == ["canceled"]
-    assert len(nav2.goals) == 1
+    driver.cancel(3)
+    assert driver.end_of(3).outcome is Outcome.CANCELED
+    assert nav2.ends[-1] == "canceled"
 
 
 @pytest.fixture
@@ -457,34 +365,19 @@ def posing(ros, world):
     driver.close()
 
 
-def test_poses_arrive_when_the_robot_stands_there(world, posing):
+def test_poses_arrive_when_the_robot_stands_there_and_are_cancelled_by_staying(ros, world, posing):
     corner = (FAR.x_m, 5.0)
     posing.go(1, FAR, Way(np.array([world.place, corner, (FAR.x_m, FAR.y_m)])))
     assert posing.end_of(1).outcome is Outcome.SUCCEEDED
     assert world.place == (FAR.x_m, FAR.y_m)
     assert posing.poses == [(*corner, 0.0), (FAR.x_m, FAR.y_m, pytest.approx(math.pi / 2))]
-
-
-def test_poses_are_cancelled_by_staying(ros, world, posing):
     world.rate = 10.0
-    posing.go(1, FAR, WAY)
-    ros.wait_for(lambda: world.goal is not None and world.place != START)
-    posing.cancel(1)
-    assert posing.end_of(1).outcome is Outcome.CANCELED
-    assert posing.poses[-1][:2] != (FAR.x_m, FAR.y_m)
+    posing.go(2, OTHER, WAY)
+    ros.wait_for(lambda: world.goal is not None and world.place != (FAR.x_m, FAR.y_m))
+    posing.cancel(2)
+    assert posing.end_of(2).outcome is Outcome.CANCELED
+    assert posing.poses[-1][:2] != (OTHER.x_m, OTHER.y_m)
     assert world.goal is None
-
-
-def test_one_bad_fix_before_a_stop_does_not_send_the_robot_away(ros, world, posing):
-    world.rate = 10.0
-    posing.go(1, FAR, WAY)
-    ros.wait_for(lambda: math.dist(world.place, START) > 3.0)
-    world.rate = 0.5  # else its places are too old when the last one comes
-    posing.stop()
-    posing.navigator.moved((1984.8, 25.4), world.now_s, 0.02)
-    posing.navigator.cancel(1)
-    ros.wait_for(lambda: len(posing.poses) == 2, message="the pose that stops the robot")
-    assert math.dist(posing.poses[-1][:2], world.place) < 10.0
 
 
 def test_an_action_of_the_navigation_stops_the_robot_instead_of_a_pose(ros, world, posing):

@@ -22,9 +22,10 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformS
 from rclpy.node import Node
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 from test_planner import Planning
 from tf2_msgs.msg import TFMessage
-from virtual_navigation import FRAME, START_S, VirtualNavigation, World, make_map
+from virtual_navigation import FRAME, START_S, VirtualNavigation, World
 
 from msg_adapters.counts import counts_to_message
 from msg_adapters.environment import diagnostics_from_message
@@ -70,6 +71,19 @@ def test_the_drift_of_a_model_reaches_the_control(drift):
     fit, stamp_s, name, cell_m, found = control.fit.call_args.args
     assert (fit.variogram, stamp_s, name, cell_m) == (FIT.variogram, 90.0, "", 2.0)
     assert (None if found is None else found.change.drift) == drift
+
+
+def test_messages_that_cannot_be_read_are_named_and_do_no_harm():
+    node, control = MagicMock(), MagicMock()
+    PlannerInputs(node, control, MagicMock(), map_topic="")
+    receive = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
+    for topic, message in (("samples", PointCloud2()), ("model", String(data="{")), ("counts", PointCloud2())):
+        receive[topic](message)
+        receive[topic](message)
+    said = [call.args[0].partition(":")[0] for call in node.get_logger().error.call_args_list]
+    assert said == ["samples cannot be used", "model cannot be used", "counts cannot be used"], "once each"
+    assert not control.samples.called
+    assert not control.fit.called
 
 
 MEADOW = Field("meadow", LocalFrame(53.0, 0.0), np.array([[0, 0], [60, 0], [60, 40], [0, 40]], float), cell_m=4.0)
@@ -260,19 +274,6 @@ def test_a_robot_with_another_datum_arrives_at_the_right_places(ros, tmp_path):
             place = (pose.pose.pose.position.x, pose.pose.pose.position.y)
             assert math.dist(place, world.place) < 2.0 * world.rate * 0.1
             assert abs(pose.pose.pose.orientation.w) == pytest.approx(1.0, abs=1e-3)
-
-
-def test_a_map_of_the_navigation_with_another_datum_is_named_and_can_be_used(ros, tmp_path):
-    """Nodes of the map lie 150 m away, and the map names its datum."""
-    latitude, longitude = FRAME.to_geographic([(-150.0, 30.0)])[0].tolist()
-    document = dict(make_map(PlaneMove(0.0, (150.0, -30.0))).document)
-    document["meta"] = {"datum_latitude": latitude, "datum_longitude": longitude}
-    world = World(ros, rate=20.0, navigations_map=json.dumps(document))  # fast ones end on the way
-    with world, VirtualNavigation(ros, world) as navigation:
-        planning = Planning(ros, tmp_path, autostart=True, exit_when_finished=True, navigation_datum="map")
-        assert planning.process.wait() == 0
-        assert planning.status.samples >= 2
-        assert set(navigation.ends) == {"succeeded"}
 
 
 # The datum of a navigation from the robot's datum service; its type is imported at run time, and a fake here ----

@@ -15,7 +15,6 @@ import pytest
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.nodes import process_group
-from soilmoist_ros.nodes import process_group as loopback
 from soilmoist_ros.nodes.process_group import (
     DOMAINS,
     LAST_PORT,
@@ -130,38 +129,26 @@ def start(nodes, *names):
 
 def test_nodes_end_with_the_group_the_last_started_first(journal, tmp_path):
     with group(tmp_path) as nodes:
-        start(nodes, "good", "good_2", "good_3")
+        start(nodes, "good", "good_2", "salt/good")
         ready(journal, 3)
         assert nodes.ended() == {}
-    ends = [name for name, _, text in said(journal) if text == "SIGINT"]
-    assert ends == ["good_3", "good_2", "good"]
-    assert all(gone(number) for number in numbers(journal))
-
-
-def test_a_node_can_be_there_again_in_a_namespace(journal, tmp_path):
-    with group(tmp_path) as nodes:
-        start(nodes, "good", "salt/good")
-        ready(journal, 2)
         assert nodes.log("salt/good").name == "salt_good.log"
         commands = [Path(f"/proc/{number}/cmdline").read_text().split("\0") for number in numbers(journal)]
         assert {"__ns:=/", "__ns:=/salt"} == {word for words in commands for word in words if "__ns" in word}
-
-
-def test_nodes_end_when_the_body_fails(journal, tmp_path):
-    with pytest.raises(KeyboardInterrupt), group(tmp_path) as nodes:  # noqa: PT012
-        start(nodes, "good", "plain")
-        ready(journal, 2)
-        raise KeyboardInterrupt
+        with pytest.raises(ValueError, match="good was started before"):
+            start(nodes, "good")
+    assert [name for name, _, text in said(journal) if text == "SIGINT"] == ["good", "good_2", "good"]
     assert all(gone(number) for number in numbers(journal))
 
 
-def test_a_node_that_ignores_sigint_is_killed_and_the_others_end_well(journal, tmp_path):
-    with group(tmp_path) as nodes:
-        start(nodes, "good", "deaf", "good_2")
-        ready(journal, 3)
+def test_a_node_that_ignores_sigint_is_killed_and_the_others_end_well_when_the_body_fails(journal, tmp_path):
+    with pytest.raises(KeyboardInterrupt), group(tmp_path) as nodes:  # noqa: PT012
+        start(nodes, "good", "deaf", "plain", "good_2")
+        ready(journal, 4)
         nodes.stop(limit_s=2.0)
-        assert [name for name, _, text in said(journal) if text == "SIGINT"] == ["good_2", "good"]
-        assert all(gone(number) for number in numbers(journal))
+        raise KeyboardInterrupt
+    assert [name for name, _, text in said(journal) if text == "SIGINT"] == ["good_2", "good"]
+    assert all(gone(number) for number in numbers(journal))
 
 
 def test_who_does_not_want_to_wait_leaves_nothing_behind(journal, tmp_path, monkeypatch):
@@ -179,19 +166,13 @@ def test_who_does_not_want_to_wait_leaves_nothing_behind(journal, tmp_path, monk
 def test_what_a_node_has_started_ends_with_it(journal, tmp_path):
     with group(tmp_path) as nodes:
         start(nodes, "parent")
-        ready(journal, 1)
-    child = int(said(journal)[0][2].split()[1])
-    wait_for(lambda: gone(child))
-
-
-def test_what_a_node_has_started_ends_also_when_the_node_ends_by_itself(journal, tmp_path):
-    with group(tmp_path) as nodes:
-        nodes.start("parent", tmp_path / "leave")
-        ready(journal, 1)
+        nodes.start("parent_2", tmp_path / "leave")  # ends by itself
+        ready(journal, 2)
         wait_for(nodes.ended)
-        assert nodes.ended() == {"parent": 0}
-        child = int(said(journal)[0][2].split()[1])
-        wait_for(lambda: gone(child))
+        assert nodes.ended() == {"parent_2": 0}
+        children = {name: int(text.split()[1]) for name, _, text in said(journal)}
+        wait_for(lambda: gone(children["parent_2"]))
+    wait_for(lambda: gone(children["parent"]))
 
 
 def test_how_nodes_have_ended(journal, tmp_path):
@@ -205,13 +186,6 @@ def test_how_nodes_have_ended(journal, tmp_path):
         assert nodes.log("short").read_text() == "I have failed\n"
     assert nodes.ended() == {}
     nodes.stop()  # a second stop does nothing
-
-
-def test_a_name_is_started_once(journal, tmp_path):
-    with group(tmp_path) as nodes:
-        start(nodes, "good")
-        with pytest.raises(ValueError, match="good was started before"):
-            start(nodes, "good")
 
 
 PROGRAM = """
@@ -266,40 +240,22 @@ def test_an_interrupt_reaches_nodes_of_a_program_in_the_background(journal, tmp_
     assert "KeyboardInterrupt" in log
 
 
-def test_a_real_node(ros, tmp_path):
-    """The node receives its parameters, and ends cleanly."""
-    from std_srvs.srv import Trigger
-
-    from soilmoist_ros.recording.run_folder import write_parameters
-
-    path = write_parameters(tmp_path, "mapper", {"field": "example", "save_dir": str(tmp_path)})
-    with ProcessGroup(ros.environment, tmp_path / "log") as nodes:
-        nodes.start("mapper", path)
-        assert ros.call(Trigger, "mapper/reset").success
-        process = nodes._processes["mapper"]
-    assert process.returncode == 0, nodes.log("mapper").read_text()
-
-
 # Private domains on loopback ------------------------------------------------------------------------------------
 
 HOLD = """
 import sys
-from soilmoist_ros.nodes import process_group as loopback
 from soilmoist_ros.nodes.process_group import free_domain
-loopback.DOMAINS = [*map(int, sys.argv[1:])] or loopback.DOMAINS
 with free_domain() as domain:
     print(domain, flush=True)
     sys.stdin.read()
 """
-ASIDE = 101
-"""A domain that nobody else takes meanwhile."""
 DISCOVERY = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
 
 
-def hold(folder, *domains):
+def hold(folder):
     """A process with another folder for its files, as in a container that shares the network."""
     process = subprocess.Popen(
-        [sys.executable, "-c", HOLD, *map(str, domains)],
+        [sys.executable, "-c", HOLD],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -313,37 +269,18 @@ def release(process):
     process.communicate()
 
 
-def test_every_holder_has_a_domain_of_its_own(tmp_path):
+def test_every_holder_has_a_domain_of_its_own_until_it_ends(tmp_path, monkeypatch):
     with free_domain() as first, free_domain() as second:
         other, third = hold(tmp_path)
-        try:
-            assert len({first, second, third}) == 3
-        finally:
-            release(other)
-
-
-def test_the_domain_of_a_killed_process_is_free_again(tmp_path, monkeypatch):
-    other, domain = hold(tmp_path, ASIDE)
-    assert domain == ASIDE
-    monkeypatch.setattr(loopback, "DOMAINS", [domain])
-    release(other)
-    with free_domain() as mine:
-        assert mine == domain
-
-
-def test_a_domain_is_given_back_after_an_error(monkeypatch):
-    monkeypatch.setattr(loopback, "DOMAINS", [ASIDE])
-    with pytest.raises(OSError, match="the body"), free_domain() as domain:
-        raise OSError("the body")
-    with free_domain() as again:
-        assert again == domain
-
-
-def test_all_in_use(monkeypatch):
-    with free_domain() as domain:
-        monkeypatch.setattr(loopback, "DOMAINS", [domain])
+        assert len({first, second, third}) == 3
+        monkeypatch.setattr(process_group, "DOMAINS", [third])
         with pytest.raises(InputError, match=r"in use.*end other simulations"), free_domain():
             pass
+        release(other)
+        with pytest.raises(OSError, match="the body"), free_domain() as domain:
+            raise OSError("the body")
+        with free_domain() as again:
+            assert again == domain == third
 
 
 def test_ports_lie_below_those_that_linux_hands_out():
@@ -358,6 +295,8 @@ def test_nodes_meet_whatever_the_shell_has_set(tmp_path, monkeypatch):
     from ros_system import RosSystem
     from std_srvs.srv import Trigger
 
+    from soilmoist_ros.recording.run_folder import write_parameters
+
     for name, value in zip(DISCOVERY, ("OFF", "192.0.2.1", "192.0.2.1:11811"), strict=True):
         monkeypatch.setenv(name, value)
     for name in DISCOVERY:
@@ -365,5 +304,9 @@ def test_nodes_meet_whatever_the_shell_has_set(tmp_path, monkeypatch):
         monkeypatch.setenv(name, loopback_environment(3)[name])  # the observer runs in this process
     with RosSystem(tmp_path) as ros:
         assert ros.environment["ROS_DOMAIN_ID"] == str(ros.domain)
-        ros.start("mapper", params={"field": "example"})
-        assert ros.call(Trigger, "mapper/reset").success
+        path = write_parameters(tmp_path, "mapper", {"field": "example", "save_dir": str(tmp_path)})
+        with ProcessGroup(ros.environment, tmp_path / "log") as nodes:
+            nodes.start("mapper", path)
+            assert ros.call(Trigger, "mapper/reset").success
+            process = nodes._processes["mapper"]
+        assert process.returncode == 0, nodes.log("mapper").read_text()

@@ -102,20 +102,15 @@ def driver(ros, tmp_path):
 
 def test_it_arrives_and_a_robot_at_its_node_gets_no_goal(ros, driver):
     world = driver.world
-    driver.navigator.go(1, FAR, Way(NO_CORNERS))
+    corner = next(stop for stop in STOPS if (stop.x_m, stop.y_m) == (OTHER.x_m, FAR.y_m))
+    driver.navigator.go(1, FAR, Way(NO_CORNERS, (corner, FAR)))
     assert driver.end_of(1).outcome is Outcome.SUCCEEDED, driver.end_of(1).reason
     assert world.place == pytest.approx((FAR.x_m, FAR.y_m), abs=0.1)
+    assert (corner.x_m, corner.y_m) in driver.nav2.goals
     track = driver.navigator._track
     ros.wait_for(lambda: track.standing_at(FAR, 2.0), message="standstill")
     driver.navigator.go(2, FAR, Way(NO_CORNERS))
     assert driver.end_of(2).reason == f"already at {FAR.name}"
-
-
-def test_nodes_on_the_way_are_passed_in_turn(driver):
-    corner = next(stop for stop in STOPS if (stop.x_m, stop.y_m) == (OTHER.x_m, FAR.y_m))
-    driver.navigator.go(1, FAR, Way(NO_CORNERS, (corner, FAR)))
-    assert driver.end_of(1).outcome is Outcome.SUCCEEDED, driver.end_of(1).reason
-    assert (corner.x_m, corner.y_m) in driver.nav2.goals
 
 
 def test_a_cancelled_goal_stops_the_robot(ros, driver):

@@ -1,0 +1,71 @@
+# SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Mistakes in parameters are refused with a suggestion, by each node; test_colcon.py has the processes."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+import yaml
+
+pytest.importorskip("rclpy")
+import rclpy
+
+from soilmoist_ros.foundation.errors import InputError
+
+LOOPBACK = Path(__file__).resolve().parents[2] / "config" / "dds" / "loopback.xml"
+CLASSES = {
+    "planner": "Planner", "mapper": "Mapper", "sensor_driver": "SensorDriver", "recorder": "Recorder",
+    "field_simulator": "FieldSimulator",
+}  # fmt: skip
+USUAL = {"planner": {"field": "smooth"}, "mapper": {"field": "example"}, "sensor_driver": {"field": "example"}}
+POSES = {"navigator": "goal_pose", "graph": "free"}
+
+
+@pytest.mark.parametrize(
+    ("node", "given", "said"),
+    [
+        ("planner", {"strategy": "gredy"}, "did you mean 'greedy'"),
+        ("planner", {"dwel": "fmi:20"}, "did you mean 'dwell'"),
+        ("planner", {"dwell": "fim:20"}, "did you mean 'fmi'"),
+        ("planner", {"field": "patchs"}, "did you mean 'patches'"),
+        ("planner", {"action_type": "topological_navigation_msgs/action/GotoNod"}, "has no action 'GotoNod'"),
+        ("planner", {"graph": "no_such_map.yaml"}, "cannot be read"),
+        ("planner", {"graph": "free"}, "graph is free"),
+        ("planner", {"others": ["robot 2"]}, "'/robot 2' is not a namespace"),
+        ("planner", {"properties": ["/compaction:-1"]}, "'/compaction:-1' is not a namespace with a weight"),
+        ("planner", {**POSES, "home": "r0c"}, "did you mean 'r0"),
+        ("mapper", {"field": ""}, "no field is given"),
+        ("mapper", {"model": "matern3"}, "did you mean 'matern32'?"),
+        ("mapper", {"merge_radius_m": -1.0}, "merge_radius_m must be 0 .. 1000 m, got -1"),
+        ("mapper", {"cell_m": 500.0}, "change the cell size"),
+        ("mapper", {"site": "exampl"}, "did you mean 'example'?"),
+        ("mapper", {"start_from": "/nowhere"}, "there is no such bag"),
+        ("mapper", {"earlier": ["/nowhere"]}, "/nowhere: does not exist"),
+        ("sensor_driver", {"loger_uri": "x"}, "did you mean 'logger_uri'?"),
+        ("sensor_driver", {"logger_format": "thorvald"}, "thorvald_crs"),
+        ("sensor_driver", {"logger_uri": "tpc://host:1"}, "write it like tcp://"),
+        ("sensor_driver", {"logger_uri": "file:///no/such.log"}, "no such file"),
+        ("sensor_driver", {"gnss_uri": "tcp://host"}, "lacks the port"),
+        ("sensor_driver", {"intensity_topic": "monitor"}, "no reference for the intensity"),
+        ("recorder", {"include": "*"}, "not a regular expression"),
+        ("recorder", {"name": "../x"}, "not a valid name"),
+        ("field_simulator", {"field": "synthetic-hihg"}, "did you mean 'synthetic-high'"),
+        ("field_simulator", {"start_time": "soon"}, "the start time 'soon' is no ISO 8601 time"),
+        ("field_simulator", {"scenario": "torvald"}, "did you mean 'thorvald'"),
+        ("field_simulator", {"host": "192.0.2.1", "logger_port": 0}, "cannot listen on 192.0.2.1:0"),
+    ],
+)
+def test_mistakes_are_named_with_a_suggestion(node, given, said, tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(LOOPBACK))
+    path = tmp_path / "given.yaml"
+    path.write_text(yaml.safe_dump({node: {"ros__parameters": {**USUAL.get(node, {}), **given}}}))
+    module = importlib.import_module(f"soilmoist_ros.nodes.{node}")
+    rclpy.init(args=["node", "--ros-args", "--params-file", str(path)], domain_id=101)
+    try:
+        with pytest.raises(InputError) as caught:
+            getattr(module, CLASSES[node])()
+    finally:
+        rclpy.shutdown()
+    assert said in str(caught.value)
