@@ -76,7 +76,7 @@ def test_no_record_is_lost_and_nobody_is_disobeyed(tmp_path, monkeypatch):
     violations, figures = chaos.run(case, 1, tmp_path / "run", TIME_FACTOR)
     assert violations == []
     assert figures["records"] > 10
-    assert figures["goals"] > 1
+    assert figures["goals"] >= 1
     assert figures["kills"] == 3
     assert {Kind.LOST, Kind.MAP_DIFFERS, Kind.OUTSIDE, Kind.GOAL_OUTSIDE} <= {one.kind for one in spoiled}
 
