@@ -61,7 +61,7 @@ from soilmoist_ros.mapping import load_field
 from soilmoist_ros.nodes.node_process import run
 from soilmoist_ros.nodes.parameter_tables import CONSOLE as PARAMETERS
 from soilmoist_ros.nodes.parameters import Parameters
-from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, SENSOR, VISITS, interface_class
+from soilmoist_ros.nodes.topics import DEFAULT, LATCHED, SENSOR, VISITS, Faults, interface_class
 from soilmoist_ros.sensing import fix_from_message
 
 __all__ = ["PARAMETERS", "Console", "main"]
@@ -87,7 +87,7 @@ class Console(Node):
         self._cells: dict[str, NDArray[Any]] = {}
         self._health: dict[str, tuple[Health, float]] = {}
         self._visits = VisitHistory(self._board)
-        self._faults: dict[str, str] = {}
+        self._faults = Faults(self)
         robots = [name.strip("/") for name in values.texts("robots")] or [""]
         self._history = {robot: RobotHistory(self._board, robot) for robot in robots}
         self._board.put("robots", robots)
@@ -126,62 +126,51 @@ class Console(Node):
         self._server.close()
 
     def _subscribe(self, robots: list[str], map_topic: str) -> None:
-        for robot in robots:
-            below = f"/{robot}/" if robot else ""
-            self.create_subscription(
-                DiagnosticStatus, f"{below}mission", partial(self._on_mission, robot), LATCHED
-            )
-            self.create_subscription(NavSatFix, f"{below}fix", partial(self._on_fix, robot), SENSOR)
-            self.create_subscription(
-                BatteryState, f"{below}battery_state", partial(self._on_battery, robot), SENSOR
-            )
-            self.create_subscription(PathMessage, f"{below}plan", partial(self._on_plan, robot), LATCHED)
-            self._subscribe_typed(robot, below)
-        self.create_subscription(PointCloud2, "soil_map", self._on_map, LATCHED)
-        self.create_subscription(PointCloud2, "change", self._on_change, LATCHED)
-        self.create_subscription(PointCloud2, "samples", self._on_samples, LATCHED)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
-        if map_topic:
-            self.create_subscription(String, map_topic, self._on_graph, LATCHED)
+        def hear(kind: Any, topic: str, take: Any, profile: Any, robot: str | None = None) -> None:
+            if robot is not None:
+                topic, take = f"/{robot}/{topic}" if robot else topic, partial(take, robot)
+            self.create_subscription(kind, topic, self._faults.guarded(topic, take), profile)
 
-    def _subscribe_typed(self, robot: str, below: str) -> None:
-        """Subscribe to what needs ``soilmoist_msgs``, if it is built."""
+        for robot in robots:
+            hear(DiagnosticStatus, "mission", self._on_mission, LATCHED, robot)
+            hear(NavSatFix, "fix", self._on_fix, SENSOR, robot)
+            hear(BatteryState, "battery_state", self._on_battery, SENSOR, robot)
+            hear(PathMessage, "plan", self._on_plan, LATCHED, robot)
+        hear(PointCloud2, "soil_map", self._on_map, LATCHED)
+        hear(PointCloud2, "change", self._on_change, LATCHED)
+        hear(PointCloud2, "samples", self._on_samples, LATCHED)
+        hear(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
+        if map_topic:
+            hear(String, map_topic, self._on_graph, LATCHED)
         try:
             visit, mission = (interface_class(f"soilmoist_msgs/msg/{one}") for one in ("Visit", "Mission"))
-        except ImportError:
+        except ImportError:  # it is not built
             return
-        self.create_subscription(visit, f"{below}visits", partial(self._on_visit, robot), VISITS)
-        self.create_subscription(mission, f"{below}mission_state", partial(self._on_state, robot), LATCHED)
+        for robot in robots:
+            hear(visit, "visits", self._on_visit, VISITS, robot)
+            hear(mission, "mission_state", self._on_state, LATCHED, robot)
 
     # Messages ------------------------------------------------------------------------------------------------
 
     def _on_mission(self, robot: str, message: DiagnosticStatus) -> None:
-        try:
-            status, values = mission_from_message(message), health_from_status(message).values
-        except ValueError as error:
-            self._ignore(f"{robot} mission", error)
-            return
+        status, values = mission_from_message(message), health_from_status(message).values
         self._board.put(f"mission/{robot}", mission_view(status, values))
         self._history[robot].count(status)
         self._board.hear(f"mission/{robot}")
 
     def _on_state(self, robot: str, message: Any) -> None:
-        try:
-            areas = [place_views((one.x, one.y) for one in area.points) for area in message.ruled_out_areas]
-        except ValueError as error:
-            self._ignore(f"{robot} ruled-out areas", error)
-        else:
-            self._board.put(f"ruled_out/{robot}", areas)
         if message.field != self._chosen.get(robot, ""):
             self._chosen[robot] = message.field
             self._use_field(Path(message.field) if message.field else self._start)
+        areas = [place_views((one.x, one.y) for one in area.points) for area in message.ruled_out_areas]
+        self._board.put(f"ruled_out/{robot}", areas)
 
     def _use_field(self, path: Path) -> None:
         """Show the field that a planner uses now."""
         try:
             self._field = load_field(path)
         except InputError as error:
-            self._ignore("the field of the planner", error)
+            self._faults.ignore("the field of the planner", error)
             return
         self._board.put("field", field_view(self._field))
 
@@ -201,34 +190,20 @@ class Console(Node):
         self._walks[robot].place(float(x_m), float(y_m), position.horizontal_sd_m)
 
     def _on_plan(self, robot: str, message: PathMessage) -> None:
-        try:
-            self._board.put(f"plan/{robot}", place_views(path_to_places(message)))
-        except ValueError as error:
-            self._ignore(f"{robot} plan", error)
+        self._board.put(f"plan/{robot}", place_views(path_to_places(message)))
 
     def _on_visit(self, robot: str, message: Any) -> None:
         from msg_adapters import visit_from_message
 
-        try:
-            self._visits.add(visit_view(visit_from_message(message), robot))
-        except ValueError as error:
-            self._ignore(f"{robot} visits", error)
+        self._visits.add(visit_view(visit_from_message(message), robot))
 
     def _on_map(self, message: PointCloud2) -> None:
-        try:
-            self._cells["map"] = soil_map_from_message(message)
-        except ValueError as error:
-            self._ignore("soil_map", error)
-            return
+        self._cells["map"] = soil_map_from_message(message)
         self._show_map()
         self._board.hear("map")
 
     def _on_change(self, message: PointCloud2) -> None:
-        try:
-            self._cells["change"] = change_from_message(message)
-        except ValueError as error:
-            self._ignore("change", error)
-            return
+        self._cells["change"] = change_from_message(message)
         if "map" in self._cells:
             self._show_map()
 
@@ -238,10 +213,7 @@ class Console(Node):
         self._board.put("map", self._picture.about)
 
     def _on_samples(self, message: PointCloud2) -> None:
-        try:
-            self._board.put("samples", sample_views(samples_from_message(message)))
-        except ValueError as error:
-            self._ignore("samples", error)
+        self._board.put("samples", sample_views(samples_from_message(message)))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now_s = self._board.now_s()
@@ -249,20 +221,15 @@ class Console(Node):
             self._health[part.name] = part, now_s
 
     def _on_graph(self, message: String) -> None:
-        try:
-            found = parse_topological_map(message.data)
-        except InputError as error:
-            self._ignore("the map of the navigation", error)
-            return
+        found = parse_topological_map(message.data)
         xy, datum = found.graph.xy, found.datum
         if datum is not None:
             xy = self._field.frame.to_local(*datum.to_geographic(xy).T)
         nodes = node_views(found.graph.names, xy)
+        self._board.put("nodes", nodes)
         if lost := len(xy) - len(nodes):
             remedy = "check the datum of the map (meta)"
-            beyond = InputError("they are on the other side of the earth", remedy)
-            self._ignore(f"{lost} of {len(xy)} nodes of the navigation's map", beyond)
-        self._board.put("nodes", nodes)
+            raise InputError(f"{lost} of {len(xy)} nodes are on the other side of the earth", remedy)
 
     def _show_health(self) -> None:
         oldest_s = self._board.now_s() - STALE_S
@@ -288,12 +255,6 @@ class Console(Node):
             self.get_logger().warning(
                 f"no address for a further operator, the terminal cannot be written: {reason}"
             )
-
-    def _ignore(self, what: str, error: Exception) -> None:
-        what = what.strip()
-        if self._faults.get(what) != str(error):  # a faulty publisher repeats the fault
-            self._faults[what] = str(error)
-            self.get_logger().error(f"{what} cannot be used: {error}")
 
 
 # Commands from the operator's page to the planners, and the emergency stop --------------------------------------

@@ -241,12 +241,10 @@ class Mapper(Node):
         try:
             found = counts_from_message(message)
             require_plane(message, self._frame, self._survey.field.frame)
-            return found
-        except OtherFrameError as error:
-            self._skip(Skip.OTHER_FRAME, error)
         except ValueError as error:
-            self._skip(Skip.UNREADABLE, error)
-        return ()
+            self._skip(Skip.OTHER_FRAME if isinstance(error, OtherFrameError) else Skip.UNREADABLE, error)
+            return ()
+        return found
 
     def _fault(self, record: CountRecord, stored: bool = False) -> str:
         """Reason why the stamp of a record is impossible; what was stored before the start may be of any age."""
@@ -305,12 +303,9 @@ class Mapper(Node):
         with self._guard:
             parts = [map_health(self._online, self._worker, now_s)]
         parts += [*self._change.health, *self._exchange.health]
-        if problem := self._sources.problem:
-            parts.append(Health("records", Level.ERROR, problem))
-        if self._refused:
-            parts.append(Health("field", Level.ERROR, self._refused))
-        if lost := self._arrived.lost:
-            parts.append(Health("messages", Level.ERROR, f"{lost} messages with counts came too fast"))
+        lost = f"{self._arrived.lost} messages with counts came too fast" if self._arrived.lost else ""
+        faults = {"records": self._sources.problem, "field": self._refused, "messages": lost}
+        parts += [Health(name, Level.ERROR, fault) for name, fault in faults.items() if fault]
         self._diagnostics.publish(diagnostics_to_message(parts, now_s, self.get_fully_qualified_name()))
 
     def close(self) -> None:
@@ -326,7 +321,7 @@ class Mapper(Node):
 
 
 class ChangeOutput:
-    """Computes the change of the newest map in a thread, and publishes it."""
+    """Computes the change of the newest map in a thread, and publishes it; nothing without an earlier survey."""
 
     def __init__(self, node: Node, survey: FieldSurvey, frame: str) -> None:
         self._survey, self._frame = survey, frame
@@ -382,12 +377,8 @@ class ChangeOutput:
 class MapperExchange:
     """Lists the records of a map, hears the lists of other mappers, and sends what these lack.
 
-    Attributes
-    ----------
-    field : Field
-        the field of the map; may be changed
-    added : int
-        records that came from other mappers and were missing here
+    ``guard`` is held while records change. ``field`` may be changed; ``added`` counts records from other mappers
+    that were missing here.
     """
 
     def __init__(

@@ -112,8 +112,7 @@ CONSOLE: Final = (
 FIELD_SIMULATOR: Final = (
     of_setting("field", description="surrogate field: a name, or a field file with a truth"),
     row("properties", [], "surrogate fields whose rates are the truth of further properties, on the same "
-        "ground; the records of each are published on NAME/counts with the NAME of the field",
-        old_names=("also",)),
+        "ground; the records of each are published on NAME/counts with the NAME of the field"),
     of_setting("seed"),
     of_setting("robots", high=30, description="number of robots; several have the namespaces robot_1, robot_2, "
         "... below that of this node"),

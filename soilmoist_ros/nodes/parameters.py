@@ -30,6 +30,7 @@ _HIGHEST = 1e300
 _MAX_WHOLE = 2**62
 REMOVED: Final = {
     "agree_fixes": "10 fixes must agree to replace those that they contradict",
+    "also": "set properties",
     "backoff_s": "the wait after the first failure is 2 s",
     "beyond_m": "nodes and edges of the map up to 0.1 m outside the field belong to it",
     "blacklist_s": "a stop that failed or was skipped is ruled out for 900 s",
@@ -93,7 +94,6 @@ class Parameter:
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
-    old_names: tuple[str, ...] = ()
     live: bool = False
 
     @property
@@ -165,40 +165,19 @@ class Parameter:
         return descriptor
 
 
-def current_names(
-    table: Mapping[str, Parameter], given: Mapping[str, Any]
-) -> tuple[dict[str, Any], list[str], list[Mistake]]:
-    """Rename values from old to current parameter names, and leave out removed ones.
-
-    A text becomes the only item of a parameter that is now a list.
-
-    :returns: values, a warning for each old or removed name, and a mistake for each parameter that is set twice
-    """
-    given, warnings = dict(given), []
+def current_names(table: Mapping[str, Parameter], given: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Values by present names without removed parameters, and a warning for each of them."""
+    values, warnings = dict(given), []
     if "failsafes" in table and (single := sorted(name for name in given if name.startswith("failsafe."))):
-        responses = [f"{name.partition('.')[2]}:{given.pop(name)}" for name in single]
-        given["failsafes"] = [*responses, *(given.get("failsafes") or [])]
+        responses = [f"{name.partition('.')[2]}:{values.pop(name)}" for name in single]
+        values["failsafes"] = [*responses, *(given.get("failsafes") or [])]
         warnings.append(f"failsafe.CAUSE is read in this release only: set failsafes: [{', '.join(responses)}]")
-    names = {old: row.name for row in table.values() for old in row.old_names}
-    removed = sorted(
-        name
-        for name in given
-        if name in REMOVED and name not in table and (name not in OF_OTHERS or "strategy" in table)
-    )
-    warnings += [f"parameter {name} is not used any more: {REMOVED[name]}" for name in removed]
-    mistakes = []
-    values = {name: value for name, value in given.items() if name not in names and name not in removed}
-    for old in given.keys() & names.keys():
-        new = names[old]
-        if new in given:
-            mistakes.append(
-                Mistake(f"parameter {old} is the old name of {new}, and both are given", f"leave out {old}")
-            )
-            continue
-        listed = isinstance(table[new].default, list) and isinstance(given[old], str)
-        values[new] = [given[old]] * bool(given[old]) if listed else given[old]
-        warnings.append(f"parameter {old} is called {new} now; the old name is read in this release only")
-    return values, sorted(warnings), mistakes
+    of_planner = "strategy" in table
+    for name in sorted(given.keys() & REMOVED.keys() - table.keys()):
+        if of_planner or name not in OF_OTHERS:
+            del values[name]
+            warnings.append(f"parameter {name} is not used any more: {REMOVED[name]}")
+    return values, sorted(warnings)
 
 
 def check_values(
@@ -298,7 +277,7 @@ class Parameters:
         rows = self._rows = {row.name: row for row in table}
         self._node = node
         overrides = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
-        given, warnings, twice = current_names(rows, overrides)
+        given, warnings = current_names(rows, overrides)
         known = {*rows, *node._parameters}
         foreign = [name for name in given if name not in known and not name.startswith("qos_overrides.")]
         if foreign:
@@ -306,8 +285,8 @@ class Parameters:
             # Launch files, too, write what they set under /**: a misspelt name is rather one of this node.
             foreign = [name for name in foreign if name in for_all and not _is_misspelt(name, rows)]
         self._values, mistakes = check_values(rows, given, known={*node._parameters, *foreign})
-        if twice or mistakes:
-            raise InputError([*twice, *mistakes])
+        if mistakes:
+            raise InputError(mistakes)
         if foreign:
             names = listing(sorted(foreign))
             warnings.append(f"parameters of /** that this node does not have are ignored: {names}")

@@ -58,6 +58,7 @@ from soilmoist_ros.nodes.topics import (
     SENSOR,
     TF,
     TF_STATIC,
+    Faults,
     interface_class,
     other_type,
     quiet_node,
@@ -105,25 +106,27 @@ class PlannerInputs:
         self._map_fault = ""
         self._unreadable = ""  # why the newest map is none
         self._ticks = 0
-        self._faults: dict[str, str] = {}
+        self._faults = Faults(node)
+        self._warned = ""
         self._records = PlannerRecords(node, control, self._read_counts)
+
+        def hear(kind: Any, topic: str, take: Callable[[Any], None]) -> None:
+            node.create_subscription(kind, topic, self._faults.guarded(topic, take), LATCHED)
+
         node.create_subscription(NavSatFix, "fix", self._on_fix, SENSOR)
         node.create_subscription(BatteryState, "battery_state", self._on_battery, SENSOR)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, DEFAULT)
         for name in ("", *properties):
             below = f"{name}/" if name else ""
-            counts, samples, model = (
-                partial(on, name) for on in (self._records.put, self._on_samples, self._on_model)
-            )
             for topic in (f"{below}counts", quarantined_topic(f"{below}counts")):
-                node.create_subscription(PointCloud2, topic, counts, RECORDS)
-            node.create_subscription(PointCloud2, f"{below}samples", samples, LATCHED)
-            node.create_subscription(String, f"{below}model", model, LATCHED)
+                node.create_subscription(PointCloud2, topic, partial(self._records.put, name), RECORDS)
+            hear(PointCloud2, f"{below}samples", partial(self._on_samples, name))
+            hear(String, f"{below}model", partial(self._on_model, name))
         if map_topic:
             node.create_subscription(String, map_topic, self._on_map, LATCHED)
         for name in other_namespaces(node, others):
             control.other(name, None)
-            node.create_subscription(DiagnosticStatus, f"{name}/mission", partial(self._on_other, name), LATCHED)
+            hear(DiagnosticStatus, f"{name}/mission", partial(self._on_other, name))
         if control.team.robots:
             node.create_service(Trigger, "planner/release_lost", self._release_lost)
 
@@ -147,38 +150,27 @@ class PlannerInputs:
         try:
             records = counts_from_message(message)
             require_plane(message, self._frames.settings.frame, self._control.plane)
-        except OtherFrameError as error:
-            self._control.watch.note(Cause.COUNTS_FRAME, str(error))
-            self._ignore(f"{name} counts", error)
-            return ()
         except ValueError as error:
-            self._ignore(f"{name} counts", error)
+            if isinstance(error, OtherFrameError):
+                self._control.watch.note(Cause.COUNTS_FRAME, str(error))
+            self._faults.ignore(f"{name} counts", error)
             return ()
         return records
 
     def _on_samples(self, name: str, message: PointCloud2) -> None:
-        try:
-            require_frame(message, self._frames.settings.frame)
-            self._control.samples(samples_from_message(message), to_seconds(message.header.stamp), name)
-        except ValueError as error:
-            self._ignore(f"{name} samples", error)
+        require_frame(message, self._frames.settings.frame)
+        self._control.samples(samples_from_message(message), to_seconds(message.header.stamp), name)
 
     def _on_model(self, name: str, message: String) -> None:
-        try:
-            model = model_from_message(message)
-            self._control.fit(model.fit, model.stamp_s, name, model.cell_m, model.changing)
-        except ValueError as error:
-            self._ignore(f"{name} model", error)
+        model = model_from_message(message)
+        self._control.fit(model.fit, model.stamp_s, name, model.cell_m, model.changing)
 
     def _on_other(self, name: str, message: DiagnosticStatus) -> None:
-        try:
-            values = {each.key: each.value for each in message.values}
-            found = read_json(values.get(DATUM, "null"))
-            datum = None if found is None else (float(found[0]), float(found[1]))
-            first = name < self._node.get_namespace()
-            self._control.other(name, mission_from_message(message), first, datum)
-        except (ValueError, TypeError, LookupError) as error:
-            self._ignore(f"{name}/mission", error)
+        values = {each.key: each.value for each in message.values}
+        found = read_json(values.get(DATUM, "null"))
+        datum = None if found is None else (float(found[0]), float(found[1]))
+        first = name < self._node.get_namespace()
+        self._control.other(name, mission_from_message(message), first, datum)
 
     def _release_lost(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Say that lost robots are no longer where they were heard last."""
@@ -192,7 +184,7 @@ class PlannerInputs:
             found = parse_topological_map(message.data)
         except InputError as error:
             self._newer, self._map_fault, self._unreadable = None, "", str(error)
-            self._ignore("the map of the navigation", error)
+            self._faults.ignore("the map of the navigation", error)
             return
         self._unreadable = ""
         if self._map is not None and found.has_ways_of(self._map):
@@ -247,18 +239,12 @@ class PlannerInputs:
             self.use_map(newer)
         except InputError as error:
             self._newer, self._map_fault = newer, str(error)
-            self._ignore("the map of the navigation", error)
+            self._faults.ignore("the map of the navigation", error)
 
     def _warn_once(self, text: str) -> None:
-        if self._faults.get("warning") != text:
-            self._faults["warning"] = text
+        if self._warned != text:
+            self._warned = text
             self._node.get_logger().warning(text)
-
-    def _ignore(self, what: str, error: Exception) -> None:
-        what = what.strip()
-        if self._faults.get(what) != str(error):  # a faulty publisher repeats the fault
-            self._faults[what] = str(error)
-            self._node.get_logger().error(f"{what} cannot be used: {error}")
 
 
 class PlannerRecords:

@@ -131,20 +131,22 @@ class Recorder(Node):
             self._recorder.start()
         self._discover()
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
-        self.create_timer(_TAKE_S, self._record_arrived, clock=steady)
-        self.create_timer(_DISCOVERY_S, self._discover, clock=steady)
-        self.create_timer(_OTHER_PUBLISHERS_S, lambda: self._discover(known=True), clock=steady)
-        self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady)
-        self.create_timer(_CLOCK_S, self._look_at_clock, clock=steady)
-        if self._limits.exist:
-            self._aside.do(self._keep_limits, "the limits of bags")
-            self.create_timer(
-                _LIMITS_S, lambda: self._aside.do(self._keep_limits, "the limits of bags"), clock=steady
-            )
         self._configuration = RunConfiguration()
         self._complaint = ""
         self._collector = ParameterCollector(self, _RECORDED, self._take_parameters)
-        self.create_timer(_CONFIGURATION_S, self._store_configuration, clock=steady)
+        timers: list[tuple[float, Callable[[], object]]] = [
+            (_TAKE_S, self._record_arrived),
+            (_DISCOVERY_S, self._discover),
+            (_OTHER_PUBLISHERS_S, lambda: self._discover(known=True)),
+            (_DIAGNOSTICS_S, self._diagnose),
+            (_CLOCK_S, self._look_at_clock),
+            (_CONFIGURATION_S, lambda: self._aside.do(self._keep_configuration, "storing the configuration")),
+        ]
+        if self._limits.exist:
+            self._aside.do(self._keep_limits, "the limits of bags")
+            timers.append((_LIMITS_S, lambda: self._aside.do(self._keep_limits, "the limits of bags")))
+        for period_s, call in timers:
+            self.create_timer(period_s, call, clock=steady)
 
     def close(self) -> None:
         """Record the messages in transit, then close the bag."""
@@ -191,12 +193,11 @@ class Recorder(Node):
         soon_s = self._settings.number("full_soon_h") * 3600
         drops = self._deletes and self._splits
         limits, left = excess_text(self._excess, drops), math.inf if drops else self._excess.left_bytes
-        health = recorder_health(state, free, low_bytes, len(self._skipped), soon_s, limits, self._lost(), left)
+        health = recorder_health(
+            state, free, low_bytes, len(self._skipped), soon_s, limits, dict(self._gaps.lost), left
+        )
         now_s = self.get_clock().now().nanoseconds * 1e-9
         self._diagnostics.publish(diagnostics_to_message([health], now_s, self.get_fully_qualified_name()))
-
-    def _lost(self) -> dict[str, int]:
-        return dict(self._gaps.lost)
 
     def _look_at_clock(self) -> float:
         """Look whether the time of day is right; returns it [s since 1970-01-01 UTC]."""
@@ -208,7 +209,9 @@ class Recorder(Node):
         """What to note in a bag that is closed now."""
         now_s = self._look_at_clock()
         closed = {CLOSED_S: str(int(now_s))} if self._clock_watch.right else {}
-        return closed | {f"messages of {name} lost on the way": str(n) for name, n in self._lost().items()}
+        return closed | {
+            f"messages of {name} lost on the way": str(n) for name, n in dict(self._gaps.lost).items()
+        }
 
     def _keep_limits(self) -> None:
         """Find what is beyond the limits, and delete it if that is wanted."""
@@ -230,9 +233,6 @@ class Recorder(Node):
         if node == "planner":
             for name in property_weights(values.get("properties", ())):
                 self._collector.ask(f"{name}/mapper")
-
-    def _store_configuration(self) -> None:
-        self._aside.do(self._keep_configuration, "storing the configuration")
 
     def _keep_configuration(self) -> None:
         bag = self._recorder.state.bag

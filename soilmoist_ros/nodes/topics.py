@@ -5,14 +5,14 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from soilmoist_ros.foundation import listing
+from soilmoist_ros.foundation import InputError, listing
 from soilmoist_ros.recording import Qos, Request
 
 NO_EVENTS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
@@ -84,6 +84,32 @@ def other_type(node: Node, topic: str, expected: str) -> str:
     elsewhere = sorted(name for name in offered if node.count_publishers(name))
     here = node.resolve_topic_name(topic)
     return f"nobody publishes {here}, but {expected} is on {listing(elsewhere)}" if elsewhere else ""
+
+
+class Faults:
+    """Names what a node cannot use, each fault once: a faulty publisher repeats it."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._said: dict[str, str] = {}
+
+    def ignore(self, what: str, error: Exception) -> None:
+        """Log what cannot be used, and why."""
+        what = what.strip()
+        if self._said.get(what) != str(error):
+            self._said[what] = str(error)
+            self._node.get_logger().error(f"{what} cannot be used: {error}")
+
+    def guarded(self, what: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        """A callback that ignores messages with impossible values."""
+
+        def callback(message: Any) -> None:
+            try:
+                take(message)
+            except (ValueError, TypeError, LookupError, InputError) as error:
+                self.ignore(what, error)
+
+        return callback
 
 
 # Quality of service of publishers <-> what a recorder stores and requests ---------------------------------------

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -17,10 +16,8 @@ from soilmoist_ros.cli.answer import (
     answering,
     json_lines,
     print_knowledge,
-    print_notes,
     progress_bar,
     put,
-    rate_error,
     reporting_errors,
     say,
     warn,
@@ -73,13 +70,6 @@ def test_programs_read_one_json_object_and_nothing_else_on_standard_output():
 def test_quiet_leaves_warnings_and_errors():
     result = run(work, "--quiet")
     assert (result.stdout, result.stderr) == ("", "warning    dry\n")
-
-
-def test_the_summary_of_the_output_folder_is_part_of_the_answer(tmp_path):
-    (tmp_path / "summary.json").write_text('{"n_records": 7}')
-    result = run(lambda: wrote([], tmp_path), "--json")
-    assert json.loads(result.stdout)["summary"] == {"n_records": 7}
-    assert json.loads(result.stdout)["out"] == str(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -178,17 +168,3 @@ def test_what_informed_a_map_is_printed(informed, capsys):
     assert change.startswith(f"change     since the survey {names[-1]}: mean ")
     (covariate,) = (line for line in lines if line.startswith("covariate"))
     assert "counts/s per standard deviation (" in covariate
-
-
-def test_nothing_is_printed_of_a_map_without_them(informed, capsys):
-    print_knowledge(replace(informed, earlier=(), change=None, covariates=None))
-    assert capsys.readouterr().out == ""
-
-
-def test_notes_are_printed_as_warnings(informed, capsys):
-    print_notes(informed)
-    assert all(line.startswith("warning    ") for line in capsys.readouterr().out.splitlines())
-
-
-def test_the_error_of_a_rate_map_in_words():
-    assert rate_error(0.01234, 0.951) == ("MSE 0.0123 (counts/s)2, 95 % of the cells within their 95 % interval")

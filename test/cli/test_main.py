@@ -3,7 +3,6 @@
 """The command as a user runs it: map.py, simulate.py, replay.py, demo.py, calibrate.py, mission_options.py ...."""
 
 import json
-import re
 import shlex
 import subprocess
 import sys
@@ -15,7 +14,6 @@ import rasterio
 import rasterio.warp
 from click.testing import CliRunner
 
-from soilmoist_ros.cli.answer import EXIT_CODES
 from soilmoist_ros.cli.main import COMMANDS, EXAMPLES, RENAMED, main
 from soilmoist_ros.foundation.configuration import config_folder, resource_names
 from soilmoist_ros.sensing.moisture.site import load_site
@@ -74,22 +72,6 @@ def test_a_large_survey_is_mapped_tile_by_tile(survey, tmp_path):
     np.testing.assert_array_equal(maps["two"], maps["here"])
     assert np.nanmax(abs(maps["here"][0] - maps["exact"][0]) / maps["exact"][1]) < 0.02
     np.testing.assert_allclose(maps["here"][1], maps["exact"][1], rtol=0.01)
-
-
-@pytest.mark.slow
-def test_an_unreachable_scheduler_is_reported_before_a_large_map(survey, tmp_path):
-    options = ["--nmea", survey / "survey.nmea", "--exact", 5, "--scheduler", "nowhere", "--out", tmp_path / "out"]
-    result = run("map", survey / "survey.log", *options)
-    assert result.exit_code == 2
-    assert "'nowhere' is not the address of a Dask scheduler" in result.output
-
-
-@pytest.mark.slow
-def test_the_field_is_optional(survey, tmp_path):
-    result = run("map", survey / "survey.log", *survey_options(survey, tmp_path / "out"), "--crs", "EPSG:3857")
-    assert result.exit_code == 0, result.output
-    with rasterio.open(tmp_path / "out" / "map.tif") as raster:
-        assert raster.crs.to_epsg() == 3857
 
 
 @pytest.mark.slow
@@ -162,12 +144,6 @@ def test_unreadable_logs_exit_with_2_and_a_remedy(tmp_path, content, message):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_missing_log_is_reported(tmp_path):
-    result = run("map", tmp_path / "nothing.log", "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert "nothing.log: there is no such file -> check the path" in result.output
-
-
 def test_unsigned_longitudes_require_the_hemisphere(roving_record, tmp_path):
     log = roving_record
     result = run("map", log, "--out", tmp_path / "out")
@@ -206,16 +182,6 @@ def test_calibration_with_weights_and_the_universal_curve_in_a_window_of_time(su
     assert load_site(site).curve.parameters["curve"] == "universal"
     result = run("calibrate", cores, "--site", site, "--counts", 9, "--exposure", 9, "--from", "1999-01-01")
     assert "require --log" in result.output
-
-
-def test_calibration_by_counts_takes_both_numbers_or_none(tmp_path):
-    (tmp_path / "cores.csv").write_text("vwc\n0.2\n")
-    (tmp_path / "site.yaml").write_text("soil: {bulk_density_gcm3: 1.4}\n")
-    common = ["calibrate", tmp_path / "cores.csv", "--site", tmp_path / "site.yaml"]
-    assert run(*common, "--counts", 1000, "--exposure", 250).exit_code == 0
-    result = run(*common, "--counts", 1000)
-    assert result.exit_code == 2
-    assert "--counts and --exposure" in result.output
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -262,11 +228,6 @@ def test_the_examples_of_the_help_are_commands(name):
         assert isinstance(group.make_context(name, rest), click.Context)
 
 
-def test_the_help_shows_the_exit_codes():
-    text = run("--help").output
-    assert all(re.search(rf"^  {code} +{meaning}$", text, re.MULTILINE) for code, meaning in EXIT_CODES.items())
-
-
 def test_one_option_means_one_thing():
     """Options of one name have the same type in all commands, apart from those that differ on purpose."""
     settings = {setting.option for setting in SETTINGS.values()}  # their types are those of the settings
@@ -311,31 +272,6 @@ def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
 
 
 @pytest.mark.slow
-def test_several_robots_are_simulated(tmp_path):
-    options = (
-        "--robots",
-        2,
-        "--dwell",
-        "fmi:120",
-        "--hours",
-        0.3,
-        "--cell",
-        5,
-        "--model",
-        "matern32",
-        "--fit",
-        "reml",
-    )
-    result = run("simulate", *options, "--out", tmp_path)
-    assert result.exit_code == 0, result.output
-    (driven,) = [line for line in result.output.splitlines() if line.startswith("robots")]
-    mission = json.loads((tmp_path / "summary.json").read_text())["mission"]
-    assert mission["settings"]["robots"] == 2
-    assert driven.split(maxsplit=1)[1] == ", ".join(f"{way_m:.0f} m" for way_m in mission["robot_distances_m"])
-    assert sum(mission["robot_distances_m"]) == pytest.approx(mission["final"]["distance_m"])
-
-
-@pytest.mark.slow
 def test_further_properties_are_mapped(tmp_path):
     options = ["--property", "rough:0.5", "--property", "smooth:0", "--hours", 0.2, "--cell", 5, "--fit", "reml",
                "--strategy", "ivr", "--dwell", "optimal", "--map-from", "records"]  # fmt: skip
@@ -372,38 +308,6 @@ def test_bad_missions_exit_with_2_and_a_remedy(tmp_path, options, message):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow
-def test_a_campaign_runs_and_resumes(tmp_path):
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(
-        "title: tiny\nruns: 2\ndefaults: {hours: 0.5, dwell: 'fmi:120', cell_m: 2}\n"
-        "experiments: [{name: a, title: A, field: synthetic-high, strategy: [greedy, random]}]\n"
-    )
-    result = run("campaign", plan, "--workers", 0, "--out", tmp_path / "out")
-    assert result.exit_code == 0, result.output
-    assert "4 simulated, 0 reused, 0 failed" in result.output
-    assert {"report.html", "results.csv", "results.parquet"} <= {
-        path.name for path in (tmp_path / "out").iterdir()
-    }
-    assert "0 simulated, 4 reused" in run("campaign", plan, "--workers", 0, "--out", tmp_path / "out").output
-
-
-def test_failures_are_reported_when_no_mission_finishes(tmp_path):
-    plan, out = tmp_path / "plan.yaml", tmp_path / "out"
-    plan.write_text(
-        "title: tiny\nruns: 1\nexperiments: [{name: a, field: synthetic-high, hours: 0.5, cell_m: 5000}]\n"
-    )
-    out.mkdir()
-    (out / "runs").mkdir()
-    (out / "report.html").write_text("of an earlier try")
-    result = run("campaign", plan, "--workers", 0, "--out", out)
-    assert result.exit_code == 1, result.output
-    assert "failed: field=synthetic-high" in result.output
-    assert "cannot be gridded" in result.output
-    assert "error:" not in result.output
-    assert not (out / "report.html").exists()
-
-
 def test_a_mission_without_a_map_is_reported(tmp_path):
     result = run("simulate", "--hours", 0.05, "--preset", "paper", "--strategy", "random", "--out", tmp_path)
     assert result.exit_code == 1, result.output
@@ -427,38 +331,6 @@ def test_an_unknown_field_lists_the_known_fields(tmp_path):
     lattice = run("graph", "example", "--heading", 20, "--out", tmp_path / "graph.yaml", "--force")
     assert lattice.exit_code == 2
     assert "--heading is for crop rows: it requires --rows" in lattice.output
-
-
-def test_all_mistakes_in_a_campaign_are_reported(tmp_path):
-    plan = tmp_path / "plan.yaml"
-    plan.write_text("title: x\nrnus: 2\nexperiments: [{name: a, filed: synthetic-high}]\n")
-    result = run("campaign", plan, "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert "'rnus'" in result.output
-    assert "'filed'" in result.output
-
-
-@pytest.mark.slow
-def test_a_travel_graph_is_built_and_used_by_a_mission(tmp_path):
-    rows = run("graph", "patches", "--rows", 3, "--spacing", 5, "--heading", 20, "--out", tmp_path / "rows.json")
-    assert rows.exit_code == 0, rows.output
-    nodes = json.loads((tmp_path / "rows.json").read_text())["nodes"]
-    assert {edge["node"] for node in nodes for edge in node["node"]["edges"]} == {n["node"]["name"] for n in nodes}
-    assert run("graph", "synthetic-high", "--spacing", 10, "--out", tmp_path / "lattice.yaml").exit_code == 0
-    result = run("simulate", "--graph", tmp_path / "lattice.yaml", "--hours", 0.4, "--dwell", "fmi:60",
-                 "--out", tmp_path / "out")  # fmt: skip
-    assert result.exit_code == 0, result.output
-
-
-def test_check_covers_the_truth_of_a_field_file(tmp_path):
-    field = tmp_path / "field.yaml"
-    field.write_text(
-        "datum: {latitude_deg: 53, longitude_deg: 0}\npolygon: [[0, 0], [60, 0], [60, 50]]\n"
-        "truth: {points: missing.csv}\n"
-    )
-    result = run("check", "--field", field)
-    assert result.exit_code == 2
-    assert "missing.csv" in result.output
 
 
 def test_built_graphs_keep_the_radius_that_the_planner_keeps():
@@ -552,7 +424,7 @@ def test_a_wrong_reference_system_is_found_before_the_work(roving_record, tmp_pa
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("command", ["map", "simulate", "replay"])
+@pytest.mark.parametrize("command", ["map", "simulate"])
 def test_knowledge_that_cannot_be_read_is_found_before_the_work(command, tmp_path):
     (tmp_path / "relief.tif").write_text("no raster")
     (tmp_path / "soils.geojson").write_text("no polygons")
@@ -575,22 +447,15 @@ def test_knowledge_that_cannot_be_read_is_found_before_the_work(command, tmp_pat
             ["map", "no.log", "--site", "nosite"],
             ["no.log: there is no such file -> check the path", "name 'nosite'"],
         ),
-        (["map", "a.log", "--reference", "no.log"], ["no.log: there is no such file"]),
-        (
-            ["map", "a.log", "--earlier", "nothing"],
-            ["nothing: there is no such file -> give the folder that --out"],
-        ),
         (
             ["simulate", "--covariate", "no.tif:slope", "--earlier", "none", "--covariate", "no.gpkg"],
             ["no.tif: there is no such file of covariates -> check its path", "no.gpkg: there is"],
         ),
-        (["replay", "a.log", "--covariate", "no.tif"], ["no.tif: there is no such file of covariates"]),
         (
             ["map", "a.log", "--out", "a.log/out"],
             ["a.log: is a file, not a folder -> choose another output folder"],
         ),
         (["simulate", "--field", "nofield"], ["there is no surrogate field or field file 'nofield'"]),
-        (["season", "run", "--field", "frm"], ["did you mean 'farm'"]),
         (["calibrate", "no.csv", "--site", "no.yaml"], ["no.csv: there is", "no.yaml: there is"]),
     ],
 )

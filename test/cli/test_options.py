@@ -2,15 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Completion of names in the shell (names.py)."""
 
-import os
-import subprocess
-import sys
-
 import pytest
 from click.shell_completion import ShellComplete
 
 from soilmoist_ros.cli.main import main
-from soilmoist_ros.cli.options import NAMES
 
 
 def completed(*words):
@@ -42,16 +37,3 @@ def test_names_are_completed(words, names):
 def test_files_are_completed_where_a_file_will_do():
     assert completed("map", "--site", "")[1] == {"plain", "file"}
     assert completed("simulate", "--strategy", "")[1] == {"plain"}
-
-
-@pytest.mark.parametrize("kind", NAMES)
-def test_every_kind_has_names(kind):
-    assert list(NAMES[kind]())
-
-
-@pytest.mark.process
-def test_the_shell_gets_its_script():
-    environment = {**os.environ, "_SOILMOIST_COMPLETE": "zsh_source"}
-    code = "from soilmoist_ros.cli.main import main; main(prog_name='soilmoist')"
-    result = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
-    assert "_SOILMOIST_COMPLETE=zsh_complete" in result.stdout

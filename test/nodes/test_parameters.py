@@ -21,13 +21,11 @@ from soilmoist_ros.nodes.planner_parameters import WATCH_PARAMETERS, failsafe_re
 
 TABLE = (
     Parameter(name="field", default="", description="field file"),
-    Parameter(
-        name="speed_mps", default=0.6, description="speed", unit="m/s", low=0.1, high=3.0, old_names=("pace",)
-    ),
+    Parameter(name="speed_mps", default=0.6, description="speed", unit="m/s", low=0.1, high=3.0),
     Parameter(name="retries", default=1, description="retries", low=0),
     Parameter(name="fit", default="reml", description="variogram fit", choices=("reml", "soft_l1")),
     Parameter(name="autostart", default=True, description="start at once"),
-    Parameter(name="topics", default=["a"], description="topics", old_names=("topic",)),
+    Parameter(name="topics", default=["a"], description="topics"),
 )
 
 
@@ -141,19 +139,6 @@ def test_a_live_parameter_is_set_if_its_value_is_allowed_and_used(ros):
     parameters.show({"hours": 2.0, "field": ""})
     assert node.get_parameter("hours").value == 2.0
     assert parameters.number("hours") == 4.0, "that of the start"
-
-
-def test_old_names_are_read_with_a_warning(ros, capfd):
-    parameters = Parameters(make(ros, pace=2.0, topic="x"), TABLE)
-    assert parameters.number("speed_mps") == 2.0
-    assert parameters.texts("topics") == ["x"]
-    said = capfd.readouterr().err
-    assert "parameter pace is called speed_mps now" in said
-    assert "parameter topic is called topics now" in said
-    with pytest.raises(InputError, match="pace is the old name of speed_mps, and both are given"):
-        Parameters(make(ros, pace=2.0, speed_mps=1.0), TABLE)
-    with pytest.raises(InputError, match=r"speed_mps must be 0\.1 \.\. 3 m/s, got 9"):
-        Parameters(make(ros, pace=9.0), TABLE)
 
 
 def test_removed_parameters_are_named_and_ignored(ros, capfd):
