@@ -39,26 +39,7 @@ from soilmoist_ros.exploration.guard.failsafes import Cause
 from soilmoist_ros.exploration.guard.fence import Fence
 from soilmoist_ros.exploration.guard.robot_frames import RobotFrames
 from soilmoist_ros.exploration.guard.watch import Watch
-from soilmoist_ros.exploration.mission.events import (
-    RESTART,
-    Action,
-    Answer,
-    CancelGoal,
-    ClockStepped,
-    Command,
-    EmergencyStop,
-    Finish,
-    GoalFailed,
-    GoTo,
-    PlanFailed,
-    Planned,
-    Publish,
-    RequestPlan,
-    Save,
-    StartCounting,
-    Tick,
-    VisitDone,
-)
+from soilmoist_ros.exploration.mission import events
 from soilmoist_ros.exploration.mission.journal import MissionJournal
 from soilmoist_ros.exploration.mission.mission import SDS, Mission
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, MissionStatus, Phase, PlanKind, Verb
@@ -104,7 +85,7 @@ class Outputs(Protocol):
     def save(self, reason: str) -> None:
         """Let the mapper save the map."""
 
-    def finish(self, finish: Finish) -> None:
+    def finish(self, finish: events.Finish) -> None:
         """The mission has ended."""
 
     def wake(self) -> None:
@@ -188,7 +169,7 @@ class MissionControl:
         self._clock.go_on_from(mission.state)
         now_s = max(self._clock.now_s(), mission.state.now_s or 0.0)
         self.watch.adopt((alarm.cause for alarm in mission.state.alarms), now_s)
-        self._feed.command(Command(now_s, Verb.PAUSE, who=RESTART))
+        self._feed.command(events.Command(now_s, Verb.PAUSE, who=events.RESTART))
         state = mission.state
         if state.goal is not None:
             self.navigator.cancel(state.goal.goal_id)  # the robot may still be driving there
@@ -262,9 +243,9 @@ class MissionControl:
         """Reason why a start would be refused now although nothing is missing; empty without a reason."""
         return self._mission.state.start_hindrance
 
-    def command(self, verb: Verb) -> Answer:
+    def command(self, verb: Verb) -> events.Answer:
         """The operator asks for something that needs no details."""
-        return self._command(Command(self._clock.now_s(), verb))
+        return self._command(events.Command(self._clock.now_s(), verb))
 
     def request(self, request: OperatorRequest) -> Reply:
         """An operator, known by name, asks for something; what cannot be used changes nothing."""
@@ -309,13 +290,13 @@ class MissionControl:
 
         return use
 
-    def _command(self, command: Command) -> Answer:
+    def _command(self, command: events.Command) -> events.Answer:
         verb = command.verb
         sets_off = verb is Verb.RESUME or (verb is Verb.START and not self.under_way)
         if sets_off and (missing := self.missing()):
-            return Answer(verb, False, f"not yet, waiting for {', '.join(missing)}")
+            return events.Answer(verb, False, f"not yet, waiting for {', '.join(missing)}")
         if sets_off and (refusal := self._current.use_part(self._feed.place)):
-            return Answer(verb, False, refusal)
+            return events.Answer(verb, False, refusal)
         answer = self._feed.command(command)
         if answer.accepted and command.changes is not None and command.changes.home is not None:
             self._current.use_home(self._feed.place)
@@ -337,7 +318,7 @@ class MissionControl:
         if pressed:
             self._resume_when_ready = False
             self._watching.stopped(self._clock.now_s())
-        self._feed.give(EmergencyStop(self._clock.now_s(), pressed, source))
+        self._feed.give(events.EmergencyStop(self._clock.now_s(), pressed, source))
 
     @property
     def settings(self) -> dict[str, str | float | list[str]]:
@@ -486,7 +467,7 @@ class MissionControl:
             return
         place = np.array([(state.target.stop.x_m, state.target.stop.y_m)])
         if state.phase is Phase.TRAVELLING and taken(place, [pending], access.grid.cell_m)[0]:
-            self._feed.give(Command(self._clock.now_s(), Verb.SKIP, f"because {name} goes there"))
+            self._feed.give(events.Command(self._clock.now_s(), Verb.SKIP, f"because {name} goes there"))
 
     def doubts(self) -> list[Doubt]:
         """Doubts about the place that are new or over since the last call, on the clock that stamps records."""
@@ -513,10 +494,10 @@ class MissionControl:
         if self._clock.now_s() > 0:
             for event in self._clock.events(self._mission.state):
                 self._watching.clock(event)
-                if isinstance(event, ClockStepped):
+                if isinstance(event, events.ClockStepped):
                     _log.warning("the clock was set by %+.1f s; the mission goes on in its own time", event.step_s)
                 self._feed.give(event)
-            self._feed.give(Tick(self._clock.now_s()))
+            self._feed.give(events.Tick(self._clock.now_s()))
         state = self._mission.state
         ready = state.phase is Phase.PAUSED and state.interrupted and self.watch.places.doubt is None
         if self._resume_when_ready and ready and not (self.missing() or state.hindrance):
@@ -541,10 +522,10 @@ class MissionControl:
         """Hand the plans that are ready to the mission."""
         for answer in self._planning.answers():
             event = replace(answer, now_s=self._clock.now_s())
-            if isinstance(event, Planned):
+            if isinstance(event, events.Planned):
                 self._choice = event.choice
                 if event.choice is None and self._passing.waits(event.now_s):
-                    event = PlanFailed(event.now_s, event.plan_id, SHUT_IN)
+                    event = events.PlanFailed(event.now_s, event.plan_id, SHUT_IN)
             self._feed.give(event)
 
     def close(self) -> None:
@@ -636,33 +617,33 @@ class MissionControl:
 
     # What the mission asks for -------------------------------------------------------------------------------
 
-    def _carry_out(self, action: Action) -> None:
+    def _carry_out(self, action: events.Action) -> None:
         match action:
-            case RequestPlan():
+            case events.RequestPlan():
                 if self._access is not None:
                     self._access.travel.motion = self._learned.motion
                 if action.staying and self._mission.state.last_stamp_s is not None:
                     self._measured(self._mission.state.last_stamp_s)
                 self._queue.ask(action, self._clock.now_s())
                 self._plan_if_due()
-            case GoTo():
+            case events.GoTo():
                 self._go(action)
-            case StartCounting():
+            case events.StartCounting():
                 self._learn()
-            case CancelGoal():
+            case events.CancelGoal():
                 self._learned.give_up()
                 self.navigator.cancel(action.goal_id)
-            case VisitDone(visit=visit):
+            case events.VisitDone(visit=visit):
                 self._journal.visit(visit)
                 self._outputs.visit(visit)
                 if self._mission.state.last_stamp_s is not None:
                     self._measured(self._mission.state.last_stamp_s)
-            case Publish():
+            case events.Publish():
                 self._journal.keep(self._mission)
                 self.show()
-            case Save(reason=reason):
+            case events.Save(reason=reason):
                 self._outputs.save(reason)
-            case Finish():
+            case events.Finish():
                 self._outputs.finish(action)
             case _:
                 pass  # counting is shown by the status
@@ -671,14 +652,14 @@ class MissionControl:
         """What is mapped before the next stop is chosen: all until this time [s]."""
         self._queue.measured(ended_s + self._mission.state.stamp_offset_s)
 
-    def _go(self, goal: GoTo) -> None:
+    def _go(self, goal: events.GoTo) -> None:
         """Send a goal with its route; one that the fence refuses is never sent."""
         try:
             if self._access is None or self._feed.place is None:
                 raise InputError("where the robot is, or may go, is not known")
             way = self._passing.way(self._access, self._feed.place, goal.stop)
         except InputError as refusal:
-            self._feed.give(GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True))
+            self._feed.give(events.GoalFailed(self._clock.now_s(), goal.goal_id, f"not sent: {refusal}", True))
         else:
             self._learned.set_off(self._clock.now_s(), way.corners)
             self.team.set_off()

@@ -29,34 +29,7 @@ from functools import cached_property
 from operator import itemgetter
 from typing import Any, Final, assert_never
 
-from soilmoist_ros.exploration.mission.events import (
-    ANYBODYS,
-    RESTART,
-    STILL_M,
-    Action,
-    AlarmOver,
-    Answer,
-    CancelGoal,
-    ClockStarted,
-    ClockStepped,
-    Command,
-    EmergencyStop,
-    Event,
-    Finish,
-    GoalFailed,
-    GoalReached,
-    GoTo,
-    Moved,
-    PlanFailed,
-    Planned,
-    Publish,
-    RecordArrived,
-    RequestPlan,
-    Save,
-    StartCounting,
-    StopCounting,
-    VisitDone,
-)
+from soilmoist_ros.exploration.mission import events
 from soilmoist_ros.exploration.mission.state import (
     Goal,
     MissionState,
@@ -140,7 +113,7 @@ class Mission:
         self.state = state if state is not None else MissionState()
         self._last = _Step(rules, self.state)
 
-    def step(self, event: Event) -> tuple[Action, ...]:
+    def step(self, event: events.Event) -> tuple[events.Action, ...]:
         """Take in an event; see :func:`step`."""
         self._last = _taken(self.rules, self.state, event)
         self.state = self._last.state
@@ -174,7 +147,9 @@ class Mission:
         return cls(rules, state_from_json(snapshot))
 
 
-def step(rules: MissionRules, state: MissionState, event: Event) -> tuple[MissionState, tuple[Action, ...]]:
+def step(
+    rules: MissionRules, state: MissionState, event: events.Event
+) -> tuple[MissionState, tuple[events.Action, ...]]:
     """The next state, and the actions to carry out in their order.
 
     Time never runs backwards: an event that is late is taken to happen at the time of the one before.
@@ -185,7 +160,7 @@ def step(rules: MissionRules, state: MissionState, event: Event) -> tuple[Missio
     return taken.state, tuple(taken.actions)
 
 
-def _taken(rules: MissionRules, state: MissionState, event: Event) -> _Step:
+def _taken(rules: MissionRules, state: MissionState, event: events.Event) -> _Step:
     """A step that has been done."""
     if not math.isfinite(event.now_s):
         raise ValueError(f"the time of an event must be finite, got {event!r}")
@@ -194,7 +169,7 @@ def _taken(rules: MissionRules, state: MissionState, event: Event) -> _Step:
     taken.handle(event)
     taken.meet_deadlines()
     if shown(taken.state) != shown(state):
-        taken.do(Publish())
+        taken.do(events.Publish())
     return taken
 
 
@@ -206,9 +181,9 @@ class _Step:
         self.given_rules = rules
         self.state = state
         self.now_s = math.nan if state.now_s is None else state.now_s  # NaN before the first
-        self.actions: list[Action] = []
+        self.actions: list[events.Action] = []
 
-    def do(self, action: Action) -> None:
+    def do(self, action: events.Action) -> None:
         self.actions.append(action)
 
     @property
@@ -248,7 +223,7 @@ class _Step:
 
     # Events --------------------------------------------------------------------------------------------------
 
-    def handle(self, event: Event) -> None:
+    def handle(self, event: events.Event) -> None:
         kind = type(event)
         if (take := ALWAYS.get(kind)) is not None:
             take(self, event)
@@ -256,13 +231,13 @@ class _Step:
         if follow is not None and self.is_current(event):
             follow(self, event)
 
-    def is_current(self, event: Event) -> bool:
+    def is_current(self, event: events.Event) -> bool:
         """False for the answer to a plan request or a goal that is not the open one."""
         plan, goal = self.state.plan, self.state.goal
         match event:
-            case Planned(plan_id=plan_id) | PlanFailed(plan_id=plan_id):
+            case events.Planned(plan_id=plan_id) | events.PlanFailed(plan_id=plan_id):
                 return plan is not None and plan.plan_id == plan_id
-            case GoalReached(goal_id=goal_id) | GoalFailed(goal_id=goal_id):
+            case events.GoalReached(goal_id=goal_id) | events.GoalFailed(goal_id=goal_id):
                 return goal is not None and goal.goal_id == goal_id and not goal.over
             case _:
                 return True
@@ -277,7 +252,7 @@ class _Step:
         if still_s is not None:
             still_at, before_s = place, still_since_s if still_s and still_since_s is not None else self.now_s
             still_since_s = min(before_s, self.now_s - still_s)
-        elif still_at is None or math.dist(still_at, place) > STILL_M:
+        elif still_at is None or math.dist(still_at, place) > events.STILL_M:
             still_at, still_since_s = place, self.now_s
         self.state = replace(
             self.state,
@@ -312,7 +287,7 @@ class _Step:
         elif away_s != counting.away_s:
             self.state = replace(self.state, counting=replace(counting, away_s=away_s))
 
-    def record_arrived(self, event: RecordArrived) -> None:
+    def record_arrived(self, event: events.RecordArrived) -> None:
         """Add a record to the mission, and to the stop if it was counted there."""
         record, state, newest_s = event.record, self.state, self.state.last_stamp_s
         stamp_s = record.stamp_s - state.stamp_offset_s
@@ -355,7 +330,7 @@ class _Step:
             code = VisitEnd.MAX_DWELL if judged_s >= dwell.longest_s else VisitEnd.ENOUGH
             self.dwell_is_over(code, dwell.outcome(counting.raw_counts, counting.exposure_s))
 
-    def planned(self, event: Planned) -> None:
+    def planned(self, event: events.Planned) -> None:
         """Go to the stop that the planner has chosen, or count on, or end."""
         choice = event.choice
         if event.forecast is not None:
@@ -391,11 +366,11 @@ class _Step:
             else:
                 self.travel(travel_s, f"going to {choice.stop.name}{after_colon(choice.reason)}")
 
-    def goal_over(self, _event: GoalReached | GoalFailed) -> None:
+    def goal_over(self, _event: events.GoalReached | events.GoalFailed) -> None:
         self.state = replace(self.state, goal=replace(self.goal, over=True))
         self.stopped()
 
-    def goal_reached(self, event: GoalReached) -> None:
+    def goal_reached(self, event: events.GoalReached) -> None:
         """The goal has ended at its stop, if the robot's own place agrees: count there, or finish at home."""
         stop, place = self.goal.stop, (event.x_m, event.y_m)
         self.state = replace(self.state, goal=None)
@@ -407,7 +382,7 @@ class _Step:
         else:
             self.arrive(place)
 
-    def goal_failed(self, event: GoalFailed) -> None:
+    def goal_failed(self, event: events.GoalFailed) -> None:
         """The goal did not lead to its stop, or another client has replaced it: then people decide."""
         resume = self.to_resume
         self.state = replace(self.state, goal=None)
@@ -427,7 +402,8 @@ class _Step:
         self.state = replace(self.state, alarms=(*others, alarm))
         goal = self.state.goal
         if alarm.cause == MOVING and alarm.response.stops and (goal is None or goal.over):
-            self.do(CancelGoal(ANYBODYS, alarm.reason))  # again with each alarm: nothing else tells it to stop
+            # again with each alarm: nothing else tells it to stop
+            self.do(events.CancelGoal(events.ANYBODYS, alarm.reason))
         if self.state.under_way and (known is None or known.response is not alarm.response):
             self.respond(alarm.response, alarm.reason)
 
@@ -444,12 +420,12 @@ class _Step:
             case Response.ABORT if resume is not None:
                 self.abandon(MissionEnd.FAILSAFE, reason)
 
-    def alarm_over(self, event: AlarmOver) -> None:
+    def alarm_over(self, event: events.AlarmOver) -> None:
         alarms = tuple(alarm for alarm in self.state.alarms if alarm.cause != event.cause)
         self.state = replace(self.state, alarms=alarms)
         self.release()
 
-    def emergency(self, event: EmergencyStop) -> None:
+    def emergency(self, event: events.EmergencyStop) -> None:
         """Stop at once and stay, whatever the mission is doing; a release only ends the reason."""
         others = tuple(other for other in self.state.emergency if other != event.source)
         self.state = replace(self.state, emergency=(*others, event.source) if event.active else others)
@@ -457,16 +433,17 @@ class _Step:
             return
         reason = f"emergency stop{after_colon(event.source)}"
         goal = self.state.goal
-        self.do(CancelGoal(ANYBODYS, reason))  # another client may drive, also if a goal of the mission is open
+        # another client may drive, also if a goal of the mission is open
+        self.do(events.CancelGoal(events.ANYBODYS, reason))
         if goal is not None and goal.cancelled_s is not None:  # the others are cancelled by the pause
-            self.do(CancelGoal(goal.goal_id, reason))
+            self.do(events.CancelGoal(goal.goal_id, reason))
         resume = self.to_resume
         if self.state.under_way and resume is not None:
             self.hold(resume, f"{reason}; release it, then resume or abort")
 
     # Commands ------------------------------------------------------------------------------------------------
 
-    def start(self, _command: Command) -> Done:
+    def start(self, _command: events.Command) -> Done:
         state = self.state
         if state.phase not in (Phase.IDLE, Phase.FINISHED):
             return False, f"a mission is under way ({state.phase}): resume or abort it"
@@ -480,21 +457,21 @@ class _Step:
         self.plan("started")
         return True, self.state.reason
 
-    def pause(self, command: Command) -> Done:
+    def pause(self, command: events.Command) -> Done:
         state = self.state
         if state.phase is Phase.PAUSED or state.todo is Todo.PAUSE:
-            own = command.who == RESTART and (state.held or state.interrupted)
+            own = command.who == events.RESTART and (state.held or state.interrupted)
             self.state = replace(state, held=False, interrupted=own)  # otherwise it is the operator's from now on
             return True, state.reason
         resume = self.to_resume
         if resume is None:
             return False, f"there is nothing to pause: {state.reason}"
         self.hold(resume, f"paused by {command.by}", needs_operator=False)
-        if command.who == RESTART:
+        if command.who == events.RESTART:
             self.state = replace(self.state, interrupted=True)
         return True, self.state.reason
 
-    def resume(self, command: Command) -> Done:
+    def resume(self, command: events.Command) -> Done:
         resume = self.state.resume
         if resume is None:
             return False, f"nothing is paused: {self.state.reason}"
@@ -504,7 +481,7 @@ class _Step:
         self.go_on_with(resume, f"resumed by {command.by}" if command.who else "resumed")
         return True, self.state.reason
 
-    def abort(self, command: Command) -> Done:
+    def abort(self, command: events.Command) -> Done:
         """Stop, and end the mission where the robot is; without a mission, stop whatever drives the robot."""
         reason = f"aborted by {command.by}"
         if self.state.under_way:
@@ -512,12 +489,12 @@ class _Step:
         else:
             if self.state.phase is Phase.FINISHED:
                 self.enter(Phase.IDLE, READY)
-            self.do(CancelGoal(ANYBODYS, reason))
+            self.do(events.CancelGoal(events.ANYBODYS, reason))
             if not self.seen_standing:
                 return True, f"{reason}: whatever drives the robot is asked to stop; it is not known to stand"
         return True, self.state.reason
 
-    def skip(self, command: Command) -> Done:
+    def skip(self, command: events.Command) -> Done:
         target = self.state.target
         if target is None:
             return False, f"there is no stop to skip: {self.state.reason}"
@@ -535,7 +512,7 @@ class _Step:
         else:
             self.then(Todo.PLAN, reason)
 
-    def measure(self, command: Command) -> Done:
+    def measure(self, command: events.Command) -> Done:
         stop, queue, dwell_s = command.stop, self.state.queue, command.dwell_s
         assert stop is not None
         if not self.state.under_way or self.to_resume in (None, Todo.RETURN):
@@ -550,7 +527,7 @@ class _Step:
         names = ", ".join(queued.stop.name for queued in self.state.queue)
         return True, f"queued: {names}" if names else self.state.reason
 
-    def rule_out_area(self, command: Command) -> Done:
+    def rule_out_area(self, command: events.Command) -> Done:
         """Choose no stop in an area; driving through it stays allowed."""
         corners = command.polygon
         kept = tuple(queued for queued in self.state.queue if not inside_any([corners], xy(queued.stop))[0])
@@ -562,7 +539,7 @@ class _Step:
             self.plan_again(f"an area is ruled out by {command.by}")
         return True, f"no stop is chosen in the area; {self.state.reason}"
 
-    def order(self, command: Command) -> Done:
+    def order(self, command: events.Command) -> Done:
         queued = {one.stop.name: one for one in self.state.queue}
         unknown = [name for name in command.stops if name not in queued]
         if unknown or len(set(command.stops)) < len(command.stops):
@@ -571,7 +548,7 @@ class _Step:
         self.state = replace(self.state, queue=tuple(queued[name] for name in command.stops))
         return True, f"queued: {', '.join(command.stops) or 'nothing'}"
 
-    def change(self, command: Command) -> Done:
+    def change(self, command: events.Command) -> Done:
         new = command.changes
         if new is None or new == Changes():
             return False, "there is nothing to change"
@@ -594,7 +571,7 @@ class _Step:
         self.plan_again(f"settings changed by {command.by}")
         return True, f"changed: {', '.join(f'{name} {_plain(value)}' for name, value in values.items())}"
 
-    def return_home(self, command: Command) -> Done:
+    def return_home(self, command: events.Command) -> Done:
         resume = self.to_resume
         if self.rules.home is None:
             return False, "there is no home: set one, or abort"
@@ -635,7 +612,7 @@ class _Step:
             self.carry_out(todo, reason)
             return
         if goal.cancelled_s is None:
-            self.do(CancelGoal(goal.goal_id, reason))
+            self.do(events.CancelGoal(goal.goal_id, reason))
             goal = replace(goal, cancelled_s=self.now_s, requests=1)
         self.state = replace(self.state, goal=goal, todo=todo, cause=reason)
         self.enter(Phase.CANCELLING, f"{reason}; waiting for the robot to stop")
@@ -750,7 +727,7 @@ class _Step:
         state, staying = self.state, self.staying
         samples = state.samples + (staying is not None)
         warm_up = samples < self.rules.warm_up_stops
-        request = RequestPlan(
+        request = events.RequestPlan(
             state.plans + 1,
             PlanKind.WARM_UP if warm_up else PlanKind.EXPLORE,
             blacklisted(state),
@@ -820,7 +797,7 @@ class _Step:
         assert self.state.goal is None, "a goal is sent only after the one before has ended"
         limit_s = self.rules.goal_time_factor * travel_s + self.rules.goal_time_margin_s
         goal = Goal(self.state.goals + 1, stop, self.now_s + limit_s)
-        self.do(GoTo(goal.goal_id, stop, reason, travel_s))
+        self.do(events.GoTo(goal.goal_id, stop, reason, travel_s))
         self.state = replace(self.state, goal=goal, goals=goal.goal_id)
         self.enter(phase, reason)
 
@@ -887,7 +864,7 @@ class _Step:
         self.state = replace(self.state, counting=counting)
         self.enter(Phase.COUNTING, self.counting_reason())
         expected_s = dwell_rule(self.rules, self.state).expected_s(raw_rate(self.state))
-        self.do(StartCounting(self.target.stop, str(self.rules.dwell), expected_s))
+        self.do(events.StartCounting(self.target.stop, str(self.rules.dwell), expected_s))
 
     def counting_reason(self) -> str:
         """What the status says while counting, with the mission's dwell rule: that of a stop is not readable."""
@@ -931,7 +908,7 @@ class _Step:
         """Stop counting for the time being."""
         counting = self.state.counting
         if counting is not None and counting.since_s is not None:
-            self.do(StopCounting(reason))
+            self.do(events.StopCounting(reason))
             before_s = counting.dwell_s(self.now_s)
             self.state = replace(self.state, counting=replace(counting, before_s=before_s, since_s=None))
 
@@ -978,7 +955,7 @@ class _Step:
         self.state = replace(self.state, counting_s=self.state.counting_s + counting.before_s)
         if counting.records > 0:  # zero is a count, too
             self.state = replace(self.state, samples=self.state.samples + 1, failures=0)
-            self.do(VisitDone(self.visit(target, counting, code, reason)))
+            self.do(events.VisitDone(self.visit(target, counting, code, reason)))
         return counting.records
 
     def visit(self, target: Target, counting: OpenVisit, code: VisitEnd, reason: str) -> Visit:
@@ -1032,10 +1009,10 @@ class _Step:
         aborted = phase is Phase.IDLE
         self.state = replace(self.state, ended_s=self.now_s)
         self.enter(phase, f"{reason}; {READY}" if aborted else reason)
-        self.do(Save(reason))
+        self.do(events.Save(reason))
         # Journals of earlier versions hold no code.
         code = self.state.ended or (MissionEnd.ABORTED if aborted else MissionEnd.TIME_UP)
-        self.do(Finish(reason, code))
+        self.do(events.Finish(reason, code))
 
     # Deadlines -----------------------------------------------------------------------------------------------
 
@@ -1108,7 +1085,7 @@ class _Step:
             cause = f"{self.state.cause} (the end of the goal was not reported in {limit_s:.0f} s){self.unseen}"
             self.carry_out(todo, cause)
             return
-        self.do(CancelGoal(goal.goal_id, self.state.cause))
+        self.do(events.CancelGoal(goal.goal_id, self.state.cause))
         goal = replace(goal, cancelled_s=self.now_s, requests=goal.requests + 1)
         self.state = replace(self.state, goal=goal)
         unknown = self.state.position_s is None or self.now_s - self.state.position_s > limit_s
@@ -1137,32 +1114,32 @@ class _Step:
 
 # The tables --------------------------------------------------------------------------------------------------
 
-ALWAYS: Final[dict[type[Event], Callable[[_Step, Any], None]]] = {
-    RecordArrived: _Step.record_arrived,
-    Moved: lambda step, e: step.locate((e.x_m, e.y_m), e.sd_m, e.still_s, e.unseen_mps),
-    GoalReached: lambda step, e: step.locate((e.x_m, e.y_m), step.state.position_sd_m),
-    Command: lambda step, e: step.do(Answer(e.verb, *COMMANDS[e.verb](step, e))),
+ALWAYS: Final[dict[type[events.Event], Callable[[_Step, Any], None]]] = {
+    events.RecordArrived: _Step.record_arrived,
+    events.Moved: lambda step, e: step.locate((e.x_m, e.y_m), e.sd_m, e.still_s, e.unseen_mps),
+    events.GoalReached: lambda step, e: step.locate((e.x_m, e.y_m), step.state.position_sd_m),
+    events.Command: lambda step, e: step.do(events.Answer(e.verb, *COMMANDS[e.verb](step, e))),
     Alarm: _Step.alarm,
-    AlarmOver: _Step.alarm_over,
-    EmergencyStop: _Step.emergency,
-    ClockStarted: lambda step, e: _set(step, boot=e.boot, steady_offset_s=e.offset_s),
-    ClockStepped: lambda step, e: _set(step, stamp_offset_s=step.state.stamp_offset_s + e.step_s),
+    events.AlarmOver: _Step.alarm_over,
+    events.EmergencyStop: _Step.emergency,
+    events.ClockStarted: lambda step, e: _set(step, boot=e.boot, steady_offset_s=e.offset_s),
+    events.ClockStepped: lambda step, e: _set(step, stamp_offset_s=step.state.stamp_offset_s + e.step_s),
 }
 """What events do in every phase; a :class:`Tick` only meets deadlines."""
 
-IN_PHASE: Final[dict[tuple[type[Event], Phase], Callable[[_Step, Any], None]]] = {
-    (Planned, Phase.PLANNING): _Step.planned,
-    (PlanFailed, Phase.PLANNING): lambda step, e: step.fail(Todo.PLAN, f"planning failed: {e.reason}"),
-    (GoalReached, Phase.TRAVELLING): _Step.goal_reached,
-    (GoalReached, Phase.RETURNING): _Step.goal_reached,
-    (GoalReached, Phase.CANCELLING): _Step.goal_over,
-    (GoalFailed, Phase.TRAVELLING): _Step.goal_failed,
-    (GoalFailed, Phase.RETURNING): _Step.goal_failed,
-    (GoalFailed, Phase.CANCELLING): _Step.goal_over,
+IN_PHASE: Final[dict[tuple[type[events.Event], Phase], Callable[[_Step, Any], None]]] = {
+    (events.Planned, Phase.PLANNING): _Step.planned,
+    (events.PlanFailed, Phase.PLANNING): lambda step, e: step.fail(Todo.PLAN, f"planning failed: {e.reason}"),
+    (events.GoalReached, Phase.TRAVELLING): _Step.goal_reached,
+    (events.GoalReached, Phase.RETURNING): _Step.goal_reached,
+    (events.GoalReached, Phase.CANCELLING): _Step.goal_over,
+    (events.GoalFailed, Phase.TRAVELLING): _Step.goal_failed,
+    (events.GoalFailed, Phase.RETURNING): _Step.goal_failed,
+    (events.GoalFailed, Phase.CANCELLING): _Step.goal_over,
 }
 """What answers to plan requests and goals do in addition, in the phase that waits for them."""
 
-COMMANDS: Final[dict[Verb, Callable[[_Step, Command], Done]]] = {
+COMMANDS: Final[dict[Verb, Callable[[_Step, events.Command], Done]]] = {
     Verb.START: _Step.start,
     Verb.PAUSE: _Step.pause,
     Verb.RESUME: _Step.resume,

@@ -5,7 +5,6 @@
 import contextlib
 import logging
 import time
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -349,18 +348,6 @@ def test_a_map_that_cannot_be_used_is_named_and_changes_nothing():
     with pytest.raises(InputError, match="there is no stop 'barn'"):
         around.current.use_home(None)
     assert around.used == [around.current.access]
-
-
-def test_cells_of_the_map_are_kept_until_another_field_is_used():
-    around = Around()
-    around.current.use_cells(8.0)
-    around.current.use_graph(None)
-    around.current.use_cells(8.0)
-    assert [access.grid.cell_m for access in around.used] == [8.0]
-    use = around.current.opened(replace(FIELD, no_go=()), None)
-    assert len(around.used) == 1
-    use()
-    assert [access.grid.cell_m for access in around.used] == [8.0, 4.0]
 
 
 def test_the_part_of_the_map_is_looked_for_again_only_after_a_move():

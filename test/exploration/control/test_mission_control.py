@@ -147,26 +147,6 @@ class Around(StandIn):
         self.planned()
 
 
-@pytest.mark.slow
-def test_a_whole_mission():
-    around = Around(home="r0c0")
-    around.begin()
-    stops = 0
-    while around.finished is None:
-        around.arrive()
-        if around.finished is None:
-            around.count()
-            stops += 1
-            around.map()
-            around.planned()
-    assert "home" in around.finished.reason
-    assert around.status.samples == stops >= 3
-    assert [(visit.raw_counts, visit.exposure_s) for visit in around.visits] == [(120, 30.0)] * stops
-    assert around.saved
-    assert around.shown[-1][1] == (), "nothing is ahead any more"
-    assert around.time_s - 1000.0 <= 900.0
-
-
 def test_it_starts_only_when_all_is_there():
     around = Around()
     around.waiting_for = "the navigation"
@@ -292,20 +272,6 @@ def test_the_status_shows_places_of_the_last_seconds():
         around.time_s = 1000.0 + step
         around.control.fix((1.0 + 0.1 * step, 1.0))
     assert shown == pytest.approx([1002.0, 1004.0, 1006.0, 1008.0])
-
-
-def test_each_record_is_acknowledged_while_the_robot_counts():
-    """A simulated clock waits for it, with or without a place."""
-    around = Around(dwell="fmi:60")
-    around.begin()
-    around.arrive()
-    acknowledged = []
-    around.show = lambda status, ahead, more: acknowledged.append(float(more["record_stamp_s"]))
-    for stamp_s, place in ((1035.0, (1.0, 1.0)), (1045.0, (np.nan, np.nan)), (1055.0, around.control._feed.place)):
-        around.time_s = stamp_s
-        around.control.records([CountRecord(stamp_s, *place, 0.0, 40, 10.0, 10.0)])
-        assert set(acknowledged) == {stamp_s}
-        acknowledged.clear()
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, 21600.0])

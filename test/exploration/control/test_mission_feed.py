@@ -14,7 +14,6 @@ from soilmoist_ros.exploration.mission.events import (
     ClockStarted,
     ClockStepped,
     Command,
-    GoTo,
     Moved,
     Planned,
     Publish,
@@ -88,14 +87,6 @@ def test_the_age_of_a_place_is_that_of_its_own_source():
     for second in (70, 80):
         feed.records(float(second), [CountRecord(float(second), 0.0, 0.0, 0.0, 50, 10.0, 10.0)])
     assert feed.place_age_s == 0.0
-
-
-def test_a_broken_action_does_not_stop_the_others(caplog):
-    watched = Watched(broken=(GoTo,))
-    watched.feed.fix(PlaceFix(1.0, 0.0, 0.0))
-    watched.feed.command(Command(2.0, Verb.START))
-    assert isinstance(watched.actions[-1], Publish)
-    assert "a mistake" in caplog.text
 
 
 def test_success_is_handed_on_with_the_robots_own_position():

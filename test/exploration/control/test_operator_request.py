@@ -234,21 +234,6 @@ def test_changes_take_effect_at_the_next_plan():
     assert around.visits[-1].ended is VisitEnd.ENOUGH
 
 
-@pytest.mark.slow
-def test_a_new_strategy_does_not_begin_the_random_stream_again():
-    around = Around(budget_s=3600.0, strategy="random", dwell="fmi:20")
-    around.begin()
-    for _ in range(3):
-        measured(around)
-    assert ask(around, "change", strategy="greedy").accepted
-    measured(around)
-    assert ask(around, "change", strategy="random").accepted
-    for _ in range(3):
-        measured(around)
-    stops = [stop.name for _, stop in around.goals]
-    assert len(set(stops)) == len(stops) == 8
-
-
 def surveys(changes, settings):
     """Fields by name: half of the square, one elsewhere, one too small for the cells."""
     half = np.array([[0, 0], [10, 0], [10, 20], [0, 20]], float)
@@ -287,17 +272,6 @@ def test_a_field_and_earlier_runs_are_chosen_between_missions():
     assert ask(around, "change", hours=1.0).accepted
     assert around.status.field == "half"
     assert ask(Around(), "change", field="half").code is ReplyCode.BAD_SETTING, "where no field can be opened"
-
-
-@pytest.mark.parametrize("at_first", ["", "r0c0"])
-def test_a_home_is_chosen_together_with_earlier_runs(at_first):
-    around = Around(budget_s=3600.0, surveys=surveys, home=at_first)
-    around.time_s = 1000.0
-    around.control.use_graph(None)
-    around.control.fix((1.0, 1.0))
-    home = around.control._access.stops[7].name
-    assert ask(around, "change", home=home, earlier=("one",)).accepted
-    assert around.control.settings["home"] == around.control._mission.current_rules.home.name == home
 
 
 def test_what_is_refused_changes_nothing():

@@ -333,18 +333,6 @@ def test_an_empty_battery_ends_the_mission_where_the_robot_is(farm):
     assert not farm.control.command(Verb.START).accepted
 
 
-def test_a_battery_that_just_suffices_for_the_way_home(farm):
-    """It empties so fast that the way home needs what is left."""
-    farm.charge = 0.9
-    while not farm.alarms:
-        farm.charge -= 0.004
-        farm.second()
-    assert farm.alarms["reserve"] is Response.RETURN
-    assert farm.charge > farm.control.watch.limits.battery_low, "earlier than by the charge alone"
-    farm.run(lambda: farm.finished is not None, 400)
-    assert farm.finished.code is MissionEnd.FAILSAFE
-
-
 def test_the_way_home_is_reckoned_with_the_time_that_the_operator_gives():
     farm = Farm(budget_s=600.0).begin()
     assert farm.control.request(OperatorRequest(Verb.CHANGE, hours=1.0)).code is ReplyCode.ACCEPTED
@@ -500,20 +488,6 @@ def test_doubts_have_the_clock_of_the_records(receiver_s, step_s):
     assert last.until_s == pytest.approx(began_s + 20.0, abs=2.0)
 
 
-def test_a_doubt_goes_on_when_the_clock_is_set(farm):
-    farm.run(lambda: farm.shown.phase is Phase.COUNTING, 200).pass_by(10).control.doubts()
-    began_s, farm.fix = farm.now_s(), lambda true: (true[0] + 8.0, true[1])
-    farm.pass_by(10).control.doubts()
-    farm.stepped_s = -3600.0
-    farm.pass_by(1)
-    before, after = farm.control.doubts()
-    assert (before.outcome, before.since_s) == ("lost", pytest.approx(began_s, abs=2.0))
-    assert before.until_s - before.since_s == pytest.approx(11.0, abs=2.0)
-    assert (after.outcome, after.since_s) == ("open", pytest.approx(farm.now_s(), abs=2.0))
-    farm.fix = lambda true: true
-    assert farm.pass_by(10).control.doubts()[0].since_s == after.since_s
-
-
 # Motion
 
 
@@ -598,12 +572,6 @@ def test_a_robot_that_moves_while_its_place_is_not_believed_is_stopped(farm):
     assert farm.pass_by(12).cancelled >= before + 2
 
 
-def test_a_counting_robot_that_moves_is_stopped(farm):
-    farm.run(lambda: farm.status.phase is Phase.COUNTING).pass_by(20)
-    stopped(strays(farm, 0.3), "moving", 8)
-    farm.run(lambda: farm.status.phase is Phase.PAUSED, 20)
-
-
 def test_an_aborted_robot_that_moves_is_stopped_and_cannot_start(farm):
     farm.control.command(Verb.ABORT)
     farm.run(lambda: farm.status.phase is Phase.IDLE, 30)
@@ -617,17 +585,6 @@ def test_an_aborted_robot_that_moves_is_stopped_and_cannot_start(farm):
     answer = farm.control.command(Verb.ABORT)
     assert answer.message.endswith("it is not known to stand")
     farm.run(lambda: "moving" in farm.alarms, 8)
-
-
-def test_a_robot_that_moves_after_its_goal_has_ended_is_stopped_again(farm):
-    cancelled, cancel = [], farm.cancel
-    farm.cancel = lambda goal_id: (cancelled.append(goal_id), cancel(goal_id))
-    strays(farm, 0.4).control.command(Verb.PAUSE)
-    farm.run(lambda: "moving" in farm.alarms, 12)
-    assert (farm.status.phase, cancelled[-1]) == (Phase.CANCELLING, ANYBODYS)
-    farm.stray = None
-    farm.run(lambda: farm.status.phase is Phase.PAUSED, 60)
-    assert farm.status.needs_operator
 
 
 def test_a_robot_that_moves_after_an_emergency_stop_is_stopped_again_without_a_mission():

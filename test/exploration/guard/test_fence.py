@@ -133,5 +133,5 @@ def test_rows_run_along_y_and_a_rim_is_kept_out():
 
 
 def test_cells_too_fine():
-    with pytest.raises(InputError, match="larger keepout_resolution_m"):
+    with pytest.raises(InputError, match=r"a mask of 0.01 m has 1.2e.07 cells"):
         keepout_mask(Fence(MASKED), 0.01)

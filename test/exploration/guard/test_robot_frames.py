@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot in two frames: the datum of the navigation, headings, the tree of transforms, and the comparison."""
 
-import json
 import math
 
 import numpy as np
@@ -22,7 +21,6 @@ from soilmoist_ros.exploration.guard.robot_frames import (
     parse_datum,
     yaw_rotation,
 )
-from soilmoist_ros.exploration.travel.topological_map import parse_topological_map
 from soilmoist_ros.foundation.errors import InputError, Level
 from soilmoist_ros.foundation.geodesy import LocalFrame, PlaneMove, move_between
 from soilmoist_ros.mapping.field import Field
@@ -127,20 +125,6 @@ def test_the_datum_of_the_navigations_map():
     assert robot.waiting_for == ""
     drive(robot, move_between(DATUM, OTHER))
     assert robot.fault == ""
-
-
-def test_a_map_that_names_its_origin_says_its_datum():
-    nodes = [{"node": {"name": 0, "pose": {"position": {"x": 1, "y": 2}}, "edges": []}}]
-    text = json.dumps({"meta": {"origin": {"latitude": 52.000642, "longitude": 13.0}}, "nodes": nodes})
-    found = parse_topological_map(text)
-    robot = frames()
-    robot.take_map_datum(found.datum)
-    assert "lies 71.4 m north of the field's: set navigation_datum: map" in robot.fault
-    meant = frames("map", frame="field")
-    meant.take_map_datum(found.datum)
-    assert meant.waiting_for == ""
-    x, y = meant.move.place((0.0, 71.43))
-    assert math.hypot(x, y) < 0.02
 
 
 def test_another_datum_of_a_later_map_is_a_fault_until_it_is_back():

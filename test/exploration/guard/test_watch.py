@@ -161,12 +161,6 @@ def test_a_mission_may_begin_outside_and_at_the_edge_of_a_no_go_area():
     assert around(deep, 3, no_go_m=3.0) == {Cause.IN_NO_GO}
 
 
-def test_before_a_mission_the_robot_may_be_as_far_outside_as_it_may_enter_from():
-    observed = Observed(doing=IDLE).run(2)
-    assert around(observed, outside_m=10.0, no_go_m=7.0) == set()
-    assert around(observed, outside_m=11.0) == {Cause.OUTSIDE}
-
-
 @pytest.mark.parametrize("ahead", ["ahead_no_go_m", "ahead_outside_m"])
 def test_a_robot_off_its_route_that_heads_for_the_border_is_stopped_before_it(ahead):
     observed = Observed().run(3)
@@ -320,15 +314,6 @@ def test_a_dead_mapper():
     assert observed.overs == ["map_old"]
 
 
-def test_a_slow_mapper_is_not_dead():
-    observed = Observed()
-    observed.maps = False
-    for _ in range(10):
-        observed.run(200)
-        observed.watch.map(observed.now_s, observed.now_s - 150.0)
-    assert observed.alarms == []
-
-
 def test_navigation_that_goes_away_with_a_goal():
     observed = Observed(doing=replace(MISSION, waiting_for="the navigation /nav")).run(100)
     assert observed.alarms == [], "nothing drives the robot"
@@ -420,19 +405,6 @@ def test_reserve_of_time():
     assert observed.overs == ["reserve"]
 
 
-def test_reserve_of_charge_with_a_silent_battery():
-    """10 % an hour: two and a half hours after it was 60 % it is 35 %, and the way home takes 25 %."""
-    observed = Observed(WatchLimits(battery_silent_s=0.0), doing=replace(MISSION, way_home_s=9000.0)).run(1)
-    drain(observed, 0.7)
-    observed.run(3600 - 3)
-    drain(observed, 0.6)
-    observed.run(2 * 3600)
-    assert observed.alarms == []
-    observed.run(3600)
-    assert observed.alarms == ["reserve"]
-    assert "the charge is 35%, and 10% after" in observed.events[0].reason
-
-
 def test_a_cause_of_others_and_one_of_a_moment():
     observed = Observed().run(1)
     observed.watch.report(Cause.FRAME_MISMATCH, "3.1 m to the north")
@@ -444,31 +416,6 @@ def test_a_cause_of_others_and_one_of_a_moment():
     assert health.level is Level.ERROR
     assert health.message.startswith("frame_mismatch: 3.1 m to the north; check the datum")
     assert health.values["clock_step"] == "OK (warn, 1 so far)"
-
-
-@pytest.mark.parametrize("response", Response)
-@pytest.mark.parametrize("cause", Cause)
-def test_responses_can_be_chosen(cause, response):
-    observed = Observed(responses={cause: response}).run(1)
-    observed.records = False
-    observed.watch.report(cause, "wrong") if cause is Cause.OUTSIDE else observed.watch.note(cause, "wrong")
-    events = observed.watch.check(observed.now_s, IDLE)
-    time_based = {
-        Cause.FIX_OLD,
-        Cause.FIX_FROZEN,
-        Cause.RECORDS_OLD,
-        Cause.MAP_OLD,
-        Cause.NAVIGATION_SILENT,
-        Cause.OTHER_CLIENT,
-        Cause.RESERVE,
-        Cause.BATTERY_SILENT,
-        Cause.COUNTS_BAD,
-        Cause.MOVING,
-    }
-    if response is Response.IGNORE or cause in time_based:
-        assert events == ()
-    else:
-        assert [(event.cause, event.response) for event in events] == [(cause, response)]
 
 
 @pytest.mark.parametrize(

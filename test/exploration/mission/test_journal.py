@@ -3,7 +3,10 @@
 """A mission written down and taken up again is the same mission."""
 
 import json
+import math
 from dataclasses import replace
+
+import pytest
 
 from soilmoist_ros.exploration.mission.events import Command, GoalReached, Moved, Planned, RecordArrived
 from soilmoist_ros.exploration.mission.journal import (
@@ -12,10 +15,12 @@ from soilmoist_ros.exploration.mission.journal import (
     interrupted_records,
 )
 from soilmoist_ros.exploration.mission.mission import Mission
+from soilmoist_ros.exploration.mission.state import event_from_dict, event_to_dict
 from soilmoist_ros.exploration.mission.types import MissionRules, Phase, Verb
 from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
+from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.sensing.records import CountRecord
 
 
@@ -164,3 +169,11 @@ def test_a_full_disk_does_not_stop_the_mission(caplog):
     pages.full = False
     journal.note(mission, Moved(mission.state.now_s, 0.0, 0.0))
     assert not journal.problem
+
+
+def test_an_event_is_written_as_strict_json_and_read_back():
+    record = RecordArrived(8.0, CountRecord(10.0, 1.0, 2.0, math.nan, 30, 10.0, 8.0))
+    text = json.dumps(event_to_dict(record), allow_nan=False)
+    assert repr(event_from_dict(json.loads(text))) == repr(record), "NaN equals nothing"
+    with pytest.raises(InputError, match="'Teleported' is not a mission event"):
+        event_from_dict({"event": "Teleported", "now_s": 1.0})

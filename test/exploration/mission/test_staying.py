@@ -133,14 +133,6 @@ def test_from_a_new_home_the_old_way_home_does_not_matter():
     assert driver.send(Tick, after=300.0).phase is Phase.COUNTING
 
 
-def test_no_dwell_is_shorter_than_the_shortest():
-    driver = Driver(min_dwell_s=90.0).counting()
-    for _ in range(8):
-        assert driver.record().phase is Phase.COUNTING
-    assert driver.record().phase is Phase.PLANNING
-    assert driver.last(VisitDone).visit.records == 9
-
-
 def test_a_robot_pushed_away_counts_nothing_at_the_stop():
     driver = done()
     driver.send(Moved, 50.0, 0.0).record(place=(50.0, 0.0)).plan(NORTH)
@@ -168,17 +160,6 @@ def test_a_snapshot_of_an_earlier_version_is_counted_on():
     for _ in range(5):
         driver.record()
     assert driver.plan(NORTH).last(VisitDone).visit.records == 6
-
-
-def test_the_time_up_in_a_pause_closes_the_rest_that_was_being_counted():
-    driver = done(budget_s=130.0).record().command("pause")
-    assert driver.phase is Phase.PAUSED
-    driver.command("resume").record()
-    assert driver.phase is Phase.COUNTING
-    assert "until the time is used up" in driver.reason
-    driver.command("pause").send(Tick, after=200.0)
-    assert driver.count_of(VisitDone) == 1
-    assert driver.last(VisitDone).visit.records == 8
 
 
 def test_no_goal_is_sent_to_the_node_under_the_wheels():

@@ -258,15 +258,6 @@ def test_a_danger_ends_the_mission_where_it_is(phase):
     assert not driver.command("start").answer.accepted
 
 
-def test_a_warning_is_shown_and_nothing_else():
-    driver = Driver().counting()
-    driver.send(*danger(Response.WARN))
-    assert driver.phase is Phase.COUNTING
-    assert [alarm.cause for alarm in driver.mission.status.alarms] == ["place"]
-    driver.send(*danger(Response.IGNORE))
-    assert driver.mission.status.alarms == ()
-
-
 def test_a_paused_robot_is_not_sent_home_but_goes_there_when_it_is_resumed():
     driver = Driver(home=HOME).counting().command("pause")
     driver.send(*danger(Response.RETURN, reason="the battery is at 14 %"))
