@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal
@@ -213,9 +212,7 @@ def read_raw(topics: RunTopics, survey: FieldSurvey, chosen: ReplaySettings, arm
     :raises InputError: if the lines contain no usable record
     """
     reader, site, shift_s = topics.reader, survey.site, chosen.gnss_shift_s
-    name = logger_topic(reader, chosen.logger_topic) if chosen.logger_topic else topics.find("raw/logger", TEXT)
-    if name is None:
-        raise InputError("has no topic raw/logger", "map its counts instead", reader.path)
+    name = logger_topic(reader, chosen.logger_topic or f"{topics.counts.rpartition('/')[0]}/raw/logger")
     lines = text_lines(reader, name)
     form = load_logger_format(chosen.logger or next(iter(matching_formats(lines)), FORMAT_NAME))
     # In messages, a topic stands in place of a file name.
@@ -256,7 +253,7 @@ class Replay:
 
 
 class _Recording:
-    """What a bag holds of a run, read step by step.
+    """A run in a bag, read step by step.
 
     :param reader: the bag
     :param survey: the map of the robot's own records, without records
@@ -428,10 +425,19 @@ def replay_bag(
             remarks.append(Note(NoteCode.LOST_MESSAGES, f"The recorder noted of {one_bag.name}: {lost_messages}."))
     first, raw, reference = properties[0], recording.raw, recording.reference
     lost = loss_rows(raw.problems if raw else ())
-    files = _files(bag)
-    without_map = partial(no_map, bag, files, first, missions, configuration, losses=lost, simulated=simulated)
+    inputs = [
+        input_file(path, "bag")
+        for one_bag in (bags_of(bag) if bag.is_dir() else [bag])
+        for path in message_files(one_bag)
+    ]
+
+    def failure(error: SoilmoistError | None = None) -> NoMapError:
+        mission = replay_mission([first], missions, configuration, lambda step, share: None) if missions else None
+        run = FailedRun("", (), datetime.now(UTC), inputs=inputs, mission=mission, simulated=simulated)
+        return _no_map(bag, first, lost, error, run)
+
     if not first.states:
-        raise without_map()
+        raise failure()
     progress("mapping", 0.0)
     mapped: list[tuple[ReplayedProperty, MapRun]] = []
     for one in properties:
@@ -439,7 +445,7 @@ def replay_bag(
             run = one.survey.run(one.survey.map.snapshot())
         except (InputError, IllConditionedError) as error:
             if one is first:
-                raise without_map(error=error) from error
+                raise failure(error) from error
             remarks.append(Note(NoteCode.NOT_MAPPED, f"{one.name} is not mapped: {error}."))
             continue
         if reference is not None and one.survey is recording.survey:
@@ -448,11 +454,15 @@ def replay_bag(
         mapped.append((one, replace(run, name=one.name, label=label, truth_rate=one.truth_rate)))
     properties = [one for one, _ in mapped]
     run, *others = (run for _, run in mapped)
+    quarantined = {row.kind for row in lost if row.consequence == "quarantined"}
     run = replace(
         run,
-        inputs=[*(input_file(path, "bag") for path in files), *run.inputs],
+        inputs=[*inputs, *run.inputs],
         notes=[*run.notes, *remarks],
-        losses=_losses(lost, run.losses),
+        losses=[  # the map has the quarantined records of the lines, too
+            *lost,
+            *(row for row in run.losses if row.consequence != "quarantined" or row.kind not in quarantined),
+        ],
         logger_format=raw.format_title if raw else "",
         simulated=run.simulated or simulated or any(one.truth is not None for one in properties),
         others=others,
@@ -465,12 +475,6 @@ def replay_bag(
         ]
         run = replace(run, mission=replace(mission, properties=maps))
     return Replay(run, [recording.compared(one) for one in properties])
-
-
-def _losses(of_lines: Sequence[LossRow], of_map: Sequence[LossRow]) -> list[LossRow]:
-    """What was left out: of the raw lines, and by the map, which has the quarantined records of the lines, too."""
-    known = {row.kind for row in of_lines if row.consequence == "quarantined"}
-    return [*of_lines, *(row for row in of_map if not (row.consequence == "quarantined" and row.kind in known))]
 
 
 def _in_order(
@@ -500,44 +504,25 @@ def _mapper_topics(one: PropertyTopic, robots: Sequence[RunTopics], own: bool) -
     return robot if own else RunTopics(robot.reader, one.counts[0], alone=False)
 
 
-def _files(bag: Path) -> list[Path]:
-    """The files with the messages of a bag, or of the bags in a folder."""
-    return [path for one in (bags_of(bag) if bag.is_dir() else [bag]) for path in message_files(one)]
-
-
-def no_map(
-    bag: Path,
-    files: Sequence[Path],
-    first: ReplayedProperty,
-    missions: Sequence[RobotMission],
-    configuration: Path | None,
-    *,
-    losses: Sequence[LossRow] = (),
-    simulated: bool = False,
-    error: SoilmoistError | None = None,
+def _no_map(
+    bag: Path, first: ReplayedProperty, lost: Sequence[LossRow], error: SoilmoistError | None, run: FailedRun
 ) -> NoMapError:
     """The error for a run without a map, with all that its report shows."""
     survey = first.survey
-    snapshot = survey.map.snapshot()
-    mission = replay_mission([first], missions, configuration, lambda step, share: None) if missions else None
     troubles = read_troubles(bag)
     mistake = _mistake(first, troubles, bag, error)
     return NoMapError(
-        FailedRun(
-            why=" ".join(filter(None, [_sentence(mistake.message), _end(mission)])),
+        replace(
+            run,
+            why=" ".join(filter(None, [_sentence(mistake.message), _end(run.mission)])),
             todo=[*filter(None, [_sentence(mistake.remedy)]), _REPLAY],
-            created_utc=datetime.now(UTC),
             track=sorted(first.records, key=lambda record: record.stamp_s),
             site=survey.site.name,
             field_name=survey.field.name,
-            inputs=[
-                *(input_file(path, "bag") for path in files),
-                *(input_file(path, role) for role, path in survey.files),
-            ],
-            losses=[*losses, *loss_rows_of(snapshot)],
+            inputs=[*run.inputs, *(input_file(path, role) for role, path in survey.files)],
+            losses=[*lost, *loss_rows_of(survey.map.snapshot())],
             troubles=troubles,
-            mission=mission,
-            simulated=simulated or survey.simulated,
+            simulated=run.simulated or survey.simulated,
         )
     )
 

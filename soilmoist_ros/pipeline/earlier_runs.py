@@ -131,27 +131,26 @@ def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
     about = read_summary(path)
     datum = about.get("datum")
     if datum is None:
-        raise InputError(
-            "is not the summary of a mapped run: datum is missing", "make the run again", path / SUMMARY
-        )
-    frame = LocalFrame(datum["latitude_deg"], datum["longitude_deg"])
+        message = "is not the summary of a mapped run: datum is missing"
+        raise InputError(message, "make the run again", path / SUMMARY)
     names = [one.get("name", "") for one in about.get("properties") or ()]
     first = names[0] if names else ""
-    if name in names[1:]:
-        table, found = path / f"records_{name}.csv", name
-    elif not own and name != first:
+    if name not in names[1:] and not own and name != first:
         return None
-    else:
-        _require_same(name, first, names, path)
-        table, found = path / RECORDS, first
-    if not table.is_file():
+    table, found = (path / f"records_{name}.csv", name) if name in names[1:] else (path / RECORDS, first)
+    if found != name and not {found, name} & set(FIRST_NAMES):
         raise InputError(
-            f"has no {table.name}", "make the run again with this version, or give its recording", path
+            f"is a run of the property {', '.join(map(repr, names))}, not of {name!r}",
+            "give a run of the same property: the pattern of another one is not that of this one",
+            path,
         )
+    if not table.is_file():
+        remedy = "make the run again with this version, or give its recording"
+        raise InputError(f"has no {table.name}", remedy, path)
     rows = about.get("corrections") or ()
     return RunRecords(
         path,
-        frame,
+        LocalFrame(datum["latitude_deg"], datum["longitude_deg"]),
         _good(read_records(table), path),
         found,
         bool(about.get("simulated")),
@@ -163,22 +162,16 @@ def _of_folder(path: Path, name: str, own: bool) -> RunRecords | None:
 def _of_bag(path: Path, name: str) -> RunRecords | None:
     """Records of a recording, in the plane of the field that its nodes had; the robot's own without a name."""
     bag = bag_of(path)
-    configuration = configuration_of(bag)
-    mapper = read_parameters(configuration, f"{name.strip('/')}/mapper".strip("/"))
+    mapper = read_parameters(configuration_of(bag), f"{name.strip('/')}/mapper".strip("/"))
     if name and not mapper:
         return None
     if not mapper.get("field"):
         remedy = "map it with soilmoist replay --field, and give the folder of that"
         raise InputError("does not say in which field it was recorded", remedy, path)
     site = load_site(resource("sites", str(mapper["site"]))) if mapper.get("site") else None
-    return RunRecords(
-        path,
-        load_field(resource("fields", str(mapper["field"]))).frame,
-        _good(read_earlier(bag, name), path),
-        name,
-        bool(mapper.get("simulated")),
-        None if site is None else site.curve,
-    )
+    frame = load_field(resource("fields", str(mapper["field"]))).frame
+    records, simulated = _good(read_earlier(bag, name), path), bool(mapper.get("simulated"))
+    return RunRecords(path, frame, records, name, simulated, None if site is None else site.curve)
 
 
 def _good(records: Sequence[CountRecord], path: Path) -> list[CountRecord]:
@@ -193,17 +186,6 @@ def _good(records: Sequence[CountRecord], path: Path) -> list[CountRecord]:
     if not good:
         raise InputError(f"has no usable record among {len(records)}", "leave it out", path)
     return sorted(good, key=lambda record: record.stamp_s)
-
-
-def _require_same(name: str, first: str, names: Sequence[str], path: Path) -> None:
-    """Check that a run's first property may be the one that is mapped."""
-    if name in FIRST_NAMES or first in FIRST_NAMES or name == first:
-        return
-    raise InputError(
-        f"is a run of the property {', '.join(map(repr, names))}, not of {name!r}",
-        "give a run of the same property: the pattern of another one is not that of this one",
-        path,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,24 +282,22 @@ def _earlier(run: RunRecords, target: Target) -> EarlierRun:
     remarks = []
     if outside:
         remarks.append(f"{outside} of {len(run.records)} records lie outside the field and are left out.")
-    radius_m = target.settings.merge_radius_m
+    settings, grid = target.settings, target.grid
+    radius_m = settings.merge_radius_m
     if radius_m is None:
-        radius_m = default_merge_radius_m(target.grid, target.settings.margin_m)
-    sizes = radius_m, target.settings.sample_radius_m
-    if target.settings.drift_model == "off":
-        samples = survey_samples(records, *sizes)
+        radius_m = default_merge_radius_m(grid, settings.margin_m)
+    if settings.drift_model == "off":
+        samples = survey_samples(records, radius_m, settings.sample_radius_m)
     else:
-        samples = samples_at_end(records, *sizes, target.grid.extent_m)
-    scale = _scale(run.curve, target.settings.curve, samples)
+        samples = samples_at_end(records, radius_m, settings.sample_radius_m, grid.extent_m)
+    scale = _scale(run.curve, settings.curve, samples)
     if scale != 1.0:
         samples = replace(samples, exposure_s=samples.exposure_s * scale)
         remarks.append(
             f"By the calibrations, its sensor counts {scale:.3g} times as much over equal soil; its exposures are "
             "scaled. If it is the same sensor, map that survey again with the present site file."
         )
-    stamp_s = records[-1].stamp_s
-    name = run.path.name or str(run.path)
-    survey = EarlierSurvey(name, stamp_s, samples)
+    survey = EarlierSurvey(run.path.name or str(run.path), records[-1].stamp_s, samples)
     begin_s = records[0].stamp_s - records[0].exposure_s
     return EarlierRun(survey, run.path, begin_s, records, outside, scale, tuple(remarks), run.corrections)
 
@@ -366,15 +346,14 @@ def _inside(run: RunRecords, target: Target) -> tuple[list[CountRecord], int]:
 
 
 def _named(runs: Sequence[EarlierRun]) -> list[EarlierRun]:
-    """Runs with names that differ: of equal ones, each gets the folder above it."""
+    """Runs with names that differ: of equal ones, each gets the folder above it, and a number if needed."""
     counts = Counter(run.survey.name for run in runs)
+    longer = [f"{run.path.absolute().parent.name}/{run.survey.name}" for run in runs]
     named = []
-    for number, run in enumerate(runs, 1):
+    for number, (run, long) in enumerate(zip(runs, longer, strict=True), 1):
         name = run.survey.name
         if counts[name] > 1:
-            name = f"{run.path.absolute().parent.name}/{name}"
-            if sum(name == f"{one.path.absolute().parent.name}/{one.survey.name}" for one in runs) > 1:
-                name = f"{name} ({number})"
+            name = long if longer.count(long) == 1 else f"{long} ({number})"
         named.append(replace(run, survey=replace(run.survey, name=name)))
     return named
 
@@ -478,13 +457,8 @@ def simulated_runs(mapped: MappedProperty, soil_map: SoilMap) -> tuple[EarlierRu
     :param soil_map: its map
     """
     radius_m = default_merge_radius_m(soil_map.grid, FieldMapSettings().margin_m)
-    runs = [
-        EarlierRun(
-            one.survey(radius_m, 0.0),
-            Path(EARLIER) / f"survey_{back}",
-            one.records[0].stamp_s - one.records[0].exposure_s,
-            one.records,
-        )
-        for back, one in enumerate(mapped.series, 1)
-    ]
-    return tuple(reversed(runs))
+    found = []
+    for back, one in enumerate(mapped.series, 1):
+        begin_s = one.records[0].stamp_s - one.records[0].exposure_s
+        found.append(EarlierRun(one.survey(radius_m, 0.0), Path(EARLIER) / f"survey_{back}", begin_s, one.records))
+    return tuple(reversed(found))

@@ -49,7 +49,6 @@ from soilmoist_ros.pipeline.run import (
     Note,
 )
 from soilmoist_ros.sensing import (
-    Corrections,
     CorrectionSettings,
     CountRecord,
     Footprint,
@@ -302,52 +301,38 @@ def input_file(path: Path, role: str, n_records: int | None = None) -> InputFile
 
 
 def _correction_rows(records: Sequence[CountRecord], site: Site) -> list[CorrectionRow]:
-    settings = site.corrections
-    used, intensity = site.corrections_parameters, settings.intensity
-    rows = [
-        (
-            "air pressure",
-            "exp(beta (P - P0))",
-            "f_pressure",
-            {"beta [1/hPa]": round(used.beta_per_hpa, 6), "P0 [hPa]": round(used.reference_pressure_hpa, 2)}
-            if settings.pressure
-            else None,
-            _from_the_place(site) if settings.pressure else "",
-        ),
-        (
-            "air humidity",
-            "1 + c (Q - Q0)" if site.humidity_method == "linear" else "N(Q0) / N(Q), universal transport solution",
-            "f_humidity",
-            _humidity_parameters(site),
-            "",
-        ),
-        (
-            "incoming neutrons",
-            "C0 / C" if used.intensity_scale == 1 else "1 / (1 + k (C / C0 - 1))",
-            "f_intensity",
-            _intensity_parameters(intensity, used) if intensity else None,
-            _intensity_source(settings, records) if intensity else "",
-        ),
+    """The corrections of pressure, humidity and intensity, then the constant factors of the site file."""
+    settings, used = site.corrections, site.corrections_parameters
+    pressure, humidity, intensity = settings.pressure, settings.humidity, settings.intensity
+    of_pressure: dict[str, float | str] = {}
+    if pressure is not None:
+        of_pressure["beta [1/hPa]"] = round(used.beta_per_hpa, 6)
+        of_pressure["P0 [hPa]"] = round(used.reference_pressure_hpa, 2)
+    universal = site.humidity_method == "universal"
+    of_humidity: dict[str, float | str] = {}
+    if humidity is not None:
+        of_humidity = {} if universal else {"c [m3/g]": humidity.coefficient_m3g}
+        of_humidity["Q0 [g/m3]"] = humidity.reference_gm3
+        of_humidity |= {"at moisture [m3/m3]": settings.typical_vwc} if universal else {}
+    of_intensity: dict[str, float | str] = {} if intensity is None else {"C0": intensity.reference}
+    if intensity is not None and intensity.scaling != "none":
+        of_intensity["k"] = round(used.intensity_scale, 4)
+    h_formula = "N(Q0) / N(Q), universal transport solution" if universal else "1 + c (Q - Q0)"
+    i_formula = "C0 / C" if used.intensity_scale == 1 else "1 / (1 + k (C / C0 - 1))"
+    i_source = _intensity_source(settings, intensity, records) if intensity else ""
+    rows: list[tuple[str, str, str, dict[str, float | str], str]] = [
+        ("air pressure", "exp(beta (P - P0))", "f_pressure", of_pressure, _from_the_place(site)),
+        ("air humidity", h_formula, "f_humidity", of_humidity, ""),
+        ("incoming neutrons", i_formula, "f_intensity", of_intensity, i_source),
     ]
-    return [
-        CorrectionRow(
-            name,
-            formula,
-            parameters or {},
-            *_range([getattr(record, factor) for record in records]),
-            remark=remark if parameters else "not applied",
-        )
-        for name, formula, factor, parameters, remark in rows
-    ] + _constant_rows(settings)
-
-
-def _constant_rows(settings: CorrectionSettings) -> list[CorrectionRow]:
-    """Factors of plants and road; only those of the site file."""
-    rows = []
+    found = []
+    for name, how, factor, parameters, remark in rows:
+        spread = _range([getattr(record, factor) for record in records])
+        found.append(CorrectionRow(name, how, parameters, *spread, remark if parameters else "not applied"))
     if settings.biomass is not None:
         biomass, share = settings.biomass.used
         plants = {"B [kg/m2]": round(biomass, 3), "b [m2/kg]": round(share, 5)}
-        rows.append(CorrectionRow("plants", "1 / (1 - b B)", plants, *_range([settings.f_biomass]), "constant"))
+        found.append(CorrectionRow("plants", "1 / (1 - b B)", plants, *_range([settings.f_biomass]), "constant"))
     if settings.road is not None:
         road = {
             "width [m]": settings.road.width_m,
@@ -355,8 +340,8 @@ def _constant_rows(settings: CorrectionSettings) -> list[CorrectionRow]:
             "road [m3/m3]": settings.road.vwc,
             "field [m3/m3]": settings.typical_vwc,
         }
-        rows.append(CorrectionRow("road", "1 / (1 + F1 F2 F3)", road, *_range([settings.f_road]), "constant"))
-    return rows
+        found.append(CorrectionRow("road", "1 / (1 + F1 F2 F3)", road, *_range([settings.f_road]), "constant"))
+    return found
 
 
 def _sensed_soil(soil_map: SoilMap, track: Sequence[CountRecord], site: Site) -> SensedSoil | None:
@@ -385,14 +370,9 @@ def _from_the_place(site: Site) -> str:
     )
 
 
-def _intensity_parameters(intensity: IntensityCorrection, used: Corrections) -> dict[str, float | str]:
-    scaled = {} if intensity.scaling == "none" else {"k": round(used.intensity_scale, 4)}
-    return {"C0": intensity.reference, **scaled}
-
-
-def _intensity_source(settings: CorrectionSettings, records: Sequence[CountRecord]) -> str:
-    intensity = settings.intensity
-    assert intensity is not None
+def _intensity_source(
+    settings: CorrectionSettings, intensity: IntensityCorrection, records: Sequence[CountRecord]
+) -> str:
     monitor = f" of {intensity.monitor.name}" if intensity.monitor else ""
     scaling = "" if intensity.scaling == "none" else f", scaled as in {intensity.scaling}"
     text = f"C{monitor} from {intensity.file.name if intensity.file else 'a constant'}{scaling}"
@@ -407,16 +387,6 @@ def _intensity_source(settings: CorrectionSettings, records: Sequence[CountRecor
     gap_s = series.longest_gap_s(records[0].stamp_s, records[-1].stamp_s)
     filled = "held" if intensity.gaps == "hold" else "interpolated"
     return f"{text}; gaps up to {gap_s / 3600:.1f} h {filled}" if gap_s > 0 else text
-
-
-def _humidity_parameters(site: Site) -> dict[str, float | str] | None:
-    settings = site.corrections.humidity
-    if settings is None:
-        return None
-    reference: dict[str, float | str] = {"Q0 [g/m3]": settings.reference_gm3}
-    if site.humidity_method == "universal":
-        return {**reference, "at moisture [m3/m3]": site.corrections.typical_vwc}
-    return {"c [m3/g]": settings.coefficient_m3g, **reference}
 
 
 def _range(factors: Sequence[float]) -> tuple[float, float, float]:

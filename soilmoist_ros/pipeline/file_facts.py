@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""What field, site and log files mean, in words; doubts about them, and contradictions between them."""
+"""The meaning of field, site and log files, in words; doubts about them, and contradictions between them."""
 
 from __future__ import annotations
 
@@ -75,14 +75,11 @@ _MAX_N0_SD = 0.3
 """Standard deviation of N0 beyond which it is in another unit, as a share of N0."""
 _DRY, _WET = 0.05, 0.40
 """Moisture of dry and wet soil, for examples [m^3/m^3]."""
+_NOTED = (Kind.ASSUMED_TIME, Kind.CHOSEN_POSITIONS, Kind.DOUBTFUL_POSITIONS, Kind.CHECKSUM)
 
 
 class Finding(NamedTuple):
-    """One line about a file: what it says, or a doubt about it.
-
-    :param name: topic of the line; ``doubt`` for a doubt
-    :param text: the line
-    """
+    """A statement about a file; its name is the topic, or ``doubt``."""
 
     name: str
     text: str
@@ -106,15 +103,15 @@ def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[Findin
     left_out = shapely.union_all([shapely.Polygon(ring) for ring in field.no_go])
     value, unit = area(shape.difference(left_out).area)
     width_m, height_m = np.ptp(field.polygon, axis=0)
+    sides = np.roll(field.polygon, -1, axis=0) - field.polygon
+    east, north = sides[np.argmax(np.hypot(*sides.T))]
+    longest_deg = round(math.degrees(math.atan2(east, north))) % 180
     grid = field.grid()
     yield Finding("field", f"{field.name}: {value} {unit} at {place_text(field.centre)}")
-    yield Finding(
-        "extent",
-        f"{width_m:.0f} m east-west, {height_m:.0f} m north-south; longest side at {_longest_side_deg(field)} deg",
-    )
-    cells = f"{np.count_nonzero(grid.mask)} cells of {grid.cell_m:g} m"
+    sizes = f"{width_m:.0f} m east-west, {height_m:.0f} m north-south"
+    yield Finding("extent", f"{sizes}; longest side at {longest_deg} deg")
     no_go = f", {len(field.no_go)} no-go {'area' if len(field.no_go) == 1 else 'areas'}" if field.no_go else ""
-    yield Finding("map", f"{cells}{no_go}")
+    yield Finding("map", f"{np.count_nonzero(grid.mask)} cells of {grid.cell_m:g} m{no_go}")
     for note in field.notes:
         yield Finding("border", note)
     if doubt := unreachable(field, robot_radius_m):
@@ -128,15 +125,13 @@ def field_findings(field: Field, robot_radius_m: float = 0.0) -> Iterator[Findin
     if swapped := looks_swapped(field.centre):
         yield _doubt(f"{swapped}: in lists and GeoJSON, longitude comes first")
     if not MIN_USUAL_M2 <= shape.area <= MAX_USUAL_M2:
-        size = (
-            "smaller than the footprint of the sensor" if shape.area < MIN_USUAL_M2 else "very large for a survey"
-        )
+        small = shape.area < MIN_USUAL_M2
+        size = "smaller than the footprint of the sensor" if small else "very large for a survey"
         yield _doubt(f"{value} {unit} is {size}: are the corners in the right unit?")
     distance_m = math.hypot(shape.centroid.x, shape.centroid.y)
     if distance_m > max(5000.0, 5 * field.extent_m):
-        yield _doubt(
-            f"the boundary lies {distance_text(distance_m)} from its datum: is the datum that of this field?"
-        )
+        away = distance_text(distance_m)
+        yield _doubt(f"the boundary lies {away} from its datum: is the datum that of this field?")
 
 
 def truth_findings(known: SurrogateField) -> Iterator[Finding]:
@@ -169,13 +164,6 @@ def looks_swapped(place: LatLon) -> str:
     )
 
 
-def _longest_side_deg(field: Field) -> int:
-    """Direction of the longest side, 0..179 [deg from north]."""
-    sides = np.roll(field.polygon, -1, axis=0) - field.polygon
-    east, north = sides[np.argmax(np.hypot(*sides.T))]
-    return round(math.degrees(math.atan2(east, north))) % 180
-
-
 def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = "") -> Iterator[Finding]:
     """Nodes of a topological map that the planner would use in a field, and its doubts about the map.
 
@@ -183,30 +171,21 @@ def graph_findings(field: Field, path: Path, robot_radius_m: float, home: str = 
     :param home: name of the node to return to; empty for none
     :raises InputError: if the map cannot be read, none of its nodes lies in the field, or the home is not allowed
     """
-    from soilmoist_ros.exploration import (
-        KNOWN_ACTIONS,
-        AccessRules,
-        FieldAccess,
-        FrameSettings,
-        RobotFrames,
-        RobotMotion,
-    )
+    from soilmoist_ros import exploration
     from soilmoist_ros.simulation import mission_map
 
     found = mission_map(field, field.grid(), str(path))
-    access = FieldAccess(field, RobotMotion(), found.graph, AccessRules(robot_radius_m=robot_radius_m), home=home)
+    rules = exploration.AccessRules(robot_radius_m=robot_radius_m)
+    access = exploration.FieldAccess(field, exploration.RobotMotion(), found.graph, rules, home=home)
     datum = "none: metres from the field's datum" if found.datum is None else "its own"
-    total = len(found.graph.names)
-    yield Finding(
-        "graph",
-        f"{len(access.stops)} of {total} nodes are stops in {field.name}; datum of the map: {datum}; frame of its "
-        f"places: {found.frame or 'not named'}",
-    )
-    frames = RobotFrames(field, FrameSettings())
+    stops = f"{len(access.stops)} of {len(found.graph.names)} nodes are stops in {field.name}"
+    frame = found.frame or "not named"
+    yield Finding("graph", f"{stops}; datum of the map: {datum}; frame of its places: {frame}")
+    frames = exploration.RobotFrames(field, exploration.FrameSettings())
     frames.take_map_datum(found.datum, found.frame)
     fault = f"with its default parameters, the planner does not drive: {frames.fault}" if frames.fault else ""
-    for doubt in filter(None, (access.warning, fault, found.graph.crowded(), *found.doubts(KNOWN_ACTIONS))):
-        yield _doubt(doubt)
+    doubts = (access.warning, fault, found.graph.crowded(), *found.doubts(exploration.KNOWN_ACTIONS))
+    yield from map(_doubt, filter(None, doubts))
 
 
 def site_findings(site: Site) -> Iterator[Finding]:
@@ -216,7 +195,7 @@ def site_findings(site: Site) -> Iterator[Finding]:
     """
     side = "" if site.longitude == "signed" else f"; longitudes without a sign are {site.longitude}"
     yield Finding("site", f"{site.name}; footprint {site.footprint_radius_m:g} m{side}")
-    parameters, settings = site.corrections_parameters, site.corrections
+    used, settings = site.corrections_parameters, site.corrections
     place = settings.place or site.location
     if place is not None:
         cosmic = settings.cosmic(site.location)
@@ -225,13 +204,19 @@ def site_findings(site: Site) -> Iterator[Finding]:
             depth = f"atmospheric depth {cosmic.depth_gcm2:.0f} g/cm2"
             yield Finding("cosmic rays", f"cutoff rigidity {cosmic.cutoff_rigidity_gv:.2f} GV, {depth}")
         if settings.pressure is not None and place.altitude_m is not None:
-            yield from _on_reference(parameters.reference_pressure_hpa, place.latitude_deg, place.altitude_m)
+            usual_hpa = standard_pressure_hpa(place.latitude_deg, place.altitude_m)
+            if abs(used.reference_pressure_hpa - usual_hpa) > MAX_FROM_REFERENCE_HPA:
+                yield _doubt(
+                    f"the pressure factor is 1 at {used.reference_pressure_hpa:g} hPa, but {usual_hpa:.0f} hPa "
+                    f"are usual at {place.altitude_m:g} m: right only if N0 was calibrated with this reference "
+                    "('reference_hpa: auto' takes that of the altitude)"
+                )
     applied = [
-        f"pressure ({parameters.beta_per_hpa:.5f} 1/hPa, 1 at {parameters.reference_pressure_hpa:g} hPa)"
+        f"pressure ({used.beta_per_hpa:.5f} 1/hPa, 1 at {used.reference_pressure_hpa:g} hPa)"
         if settings.pressure
         else "no pressure",
         f"humidity ({site.humidity_method})" if settings.humidity else "no humidity",
-        f"incoming neutrons (scaling {settings.intensity.scaling}, k {parameters.intensity_scale:.3f})"
+        f"incoming neutrons (scaling {settings.intensity.scaling}, k {used.intensity_scale:.3f})"
         if settings.intensity
         else "no incoming neutrons",
         *([f"plants (factor {settings.f_biomass:.3f})"] if settings.biomass else []),
@@ -241,25 +226,24 @@ def site_findings(site: Site) -> Iterator[Finding]:
     yield from _on_monitor(settings)
     for key, why in site.unused_keys():
         yield Finding("not used", f"{key}: {why}")
-    curve = site.curve
+    curve, calibration = site.curve, site.calibration
     if curve is None:
         missing = " and ".join(name for name in ("soil", "calibration") if getattr(site, name) is None)
         yield Finding("moisture", f"not mapped, only the count rate: there is no {missing}")
         return
-    limits = soil_limits(curve.bulk_density_gcm3)
-    dry, wet = (float(curve.rate_cps(min(vwc, limits.saturation))) for vwc in (_DRY, _WET))
-    guessed = " (illustrative)" if site.calibration is not None and site.calibration.illustrative else ""
+    pores = soil_limits(curve.bulk_density_gcm3).saturation
+    dry, wet = (float(curve.rate_cps(min(vwc, pores))) for vwc in (_DRY, _WET))
+    guessed = " (illustrative)" if calibration is not None and calibration.illustrative else ""
     yield Finding(
         "moisture",
         f"N0 {curve.n0_cps:g} counts/s{guessed}, {curve.parameters['curve']} curve: {dry:.2f} counts/s on dry "
-        f"soil ({_DRY:.2f} m3/m3), {wet:.2f} on wet soil ({min(_WET, limits.saturation):.2f}); "
-        f"the pores hold {limits.saturation:.2f}",
+        f"soil ({_DRY:.2f} m3/m3), {wet:.2f} on wet soil ({min(_WET, pores):.2f}); the pores hold {pores:.2f}",
     )
     if doubt := unusual_n0(curve.n0_cps):
         yield _doubt(doubt)
     if curve.n0_sd_cps > _MAX_N0_SD * curve.n0_cps:
         yield _doubt(f"n0_sd_cps is {curve.n0_sd_cps / curve.n0_cps:.0%} of N0: is it in counts/s?")
-    if site.calibration is not None and not (site.calibration.has_origin or site.calibration.illustrative):
+    if calibration is not None and not (calibration.has_origin or calibration.illustrative):
         yield _doubt(
             "the calibration has no date, note or n0_sd_cps: give one, or write 'illustrative: true' if N0 is not "
             "from cores around this probe"
@@ -267,59 +251,38 @@ def site_findings(site: Site) -> Iterator[Finding]:
 
 
 def _on_monitor(settings: CorrectionSettings) -> Iterator[Finding]:
-    """Neutron monitor of the incoming intensity, with its reference.
-
-    :raises InputError: if its file cannot be used
-    """
+    """Neutron monitor of the incoming intensity, with its reference."""
     source, intensity = intensity_source(settings), settings.intensity
     if source is None or intensity is None:
         return
-    if not isinstance(source, NeutronMonitor):
-        yield Finding("monitor", f"constant rate {source:g}, reference C0 {intensity.reference:g}")
-        rates = [source]
-    else:
+    reference = f"reference C0 {intensity.reference:g}"
+    if isinstance(source, NeutronMonitor):
         of = source.station or (intensity.monitor.name if intensity.monitor else "a station without a name")
         first, last = (_date(float(source.stamp_s[index])) for index in (0, -1))
         rates = [float(source.rate.min()), float(source.rate.max())]
         left_out = f"; not used: {listing(source.not_used)}" if source.not_used else ""
-        yield Finding(
-            "monitor",
-            f"{of}, {first} to {last} UTC, {rates[0]:g} to {rates[-1]:g}, reference C0 {intensity.reference:g}"
-            f"{left_out}",
-        )
+        text = f"{of}, {first} to {last} UTC, {rates[0]:g} to {rates[-1]:g}, {reference}{left_out}"
+    else:
+        rates, text = [source], f"constant rate {source:g}, {reference}"
+    yield Finding("monitor", text)
     ratios = [intensity.reference / rate for rate in rates]
-    for doubt in unusual_factors({"f_intensity": (min(ratios), max(ratios))}):
-        yield _doubt(doubt)
-
-
-def _on_reference(reference_hpa: float, latitude_deg: float, altitude_m: float) -> Iterator[Finding]:
-    """Doubt about a reference pressure that is not one of the altitude."""
-    usual_hpa = standard_pressure_hpa(latitude_deg, altitude_m)
-    if abs(reference_hpa - usual_hpa) > MAX_FROM_REFERENCE_HPA:
-        yield _doubt(
-            f"the pressure factor is 1 at {reference_hpa:g} hPa, but {usual_hpa:.0f} hPa are usual at "
-            f"{altitude_m:g} m: right only if N0 was calibrated with this reference ('reference_hpa: auto' takes "
-            "that of the altitude)"
-        )
+    yield from map(_doubt, unusual_factors({"f_intensity": (min(ratios), max(ratios))}))
 
 
 def logger_findings(logger: LoggerFormat) -> Iterator[Finding]:
     """Tubes, quantities and times of a logger format."""
-    columns = " or ".join(logger.counts.columns[:2]) + (" ..." if len(logger.counts.columns) > 2 else "")
-    yield Finding("logger", f"{logger.title}: {logger.counts.unit.replace('_', ' ')} of {columns}")
+    counts, position = logger.counts, logger.position
+    columns = " or ".join(counts.columns[:2]) + (" ..." if len(counts.columns) > 2 else "")
+    yield Finding("logger", f"{logger.title}: {counts.unit.replace('_', ' ')} of {columns}")
     weather = [name for name in ("pressure", "temperature", "humidity") if getattr(logger, name) is not None]
-    place = "no positions"
-    if logger.position is not None:
-        signs = (
-            "" if logger.position.longitude_signed else "; longitudes without a sign: the site file names the side"
-        )
-        place = f"positions{signs}"
+    unsigned = position is not None and not position.longitude_signed
+    signs = "; longitudes without a sign: the site file names the side" if unsigned else ""
+    place = "no positions" if position is None else f"positions{signs}"
     yield Finding("quantities", f"{', '.join(weather) or 'no weather'}, {place}")
     yield Finding("clock", f"{logger.time.clock_text}, stamped at the {logger.time.marks} of the interval")
-    if logger.counts.left_out or logger.counts.note:
-        left_out = ", ".join(map(str, logger.counts.left_out))
-        out = f"tube {left_out} is left out. " if left_out else ""
-        yield Finding("tubes", f"{out}{logger.counts.note.strip()}".strip())
+    if counts.left_out or counts.note:
+        out = f"tube {', '.join(map(str, counts.left_out))} is left out. " if counts.left_out else ""
+        yield Finding("tubes", f"{out}{counts.note.strip()}".strip())
 
 
 def log_findings(
@@ -396,11 +359,7 @@ def position_findings(
             yield _doubt(f"{why.message}; {why.remedy}")
         elif track.heard.without:
             yield Finding("positions", track.heard.gaps)
-    for note in position_notes(problems, track):
-        yield _doubt(note)
-
-
-_NOTED = (Kind.ASSUMED_TIME, Kind.CHOSEN_POSITIONS, Kind.DOUBTFUL_POSITIONS, Kind.CHECKSUM)
+    yield from map(_doubt, position_notes(problems, track))
 
 
 def position_notes(problems: Sequence[Problem], track: Track | None) -> list[str]:
@@ -457,13 +416,10 @@ def _tube_findings(logs: Sequence[LogFile]) -> Iterator[Finding]:
     yield Finding("tubes", f"{len(rates)}, counting {texts} counts/s")
     left_out = [number in log.left_out_counts for log in logs[:1] for number in log.tubes] or [False] * len(rates)
     usual = WEAK_TUBE * np.nanmean(rates)
-    weak = [
-        number
-        for number, (rate, left) in enumerate(zip(rates, left_out, strict=True), 1)
-        if not left and not rate >= usual
-    ]
+    tubes = enumerate(zip(rates, left_out, strict=True), 1)
+    weak = [str(number) for number, (rate, left) in tubes if not left and not rate >= usual]
     if weak:
-        yield _doubt(f"tube {', '.join(map(str, weak))} counts much less than the others: is it connected?")
+        yield _doubt(f"tube {', '.join(weak)} counts much less than the others: is it connected?")
 
 
 def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]:
@@ -497,10 +453,7 @@ def _moisture_findings(logs: Sequence[LogFile], site: Site) -> Iterator[Finding]
 
 
 def contradictions(
-    field: Field | None,
-    site: Site | None,
-    places: NDArray[np.float64],
-    source: PositionSource,
+    field: Field | None, site: Site | None, places: NDArray[np.float64], source: PositionSource
 ) -> Iterator[Mistake | Finding]:
     """What files that are given together say about each other: mistakes, and lines for the user.
 
@@ -510,14 +463,14 @@ def contradictions(
     :param source: where the places come from
     """
     location = site.location if site else None
-    stands = np.array([(location.latitude_deg, location.longitude_deg)] if location else []).reshape(-1, 2)
+    checked, about = places, source
+    if not len(places):
+        checked = np.array([(location.latitude_deg, location.longitude_deg)] if location else []).reshape(-1, 2)
+        about = replace(source, subject="the probe lies")
     if field is not None:
-        reach_m = max(field.extent_m, site.footprint_radius_m if site else 0.0)
         try:
-            if len(places):
-                placement = require_near(field, places, reach_m, source)
-            else:
-                placement = require_near(field, stands, reach_m, replace(source, subject="the probe lies"))
+            reach_m = max(field.extent_m, site.footprint_radius_m if site else 0.0)
+            placement = require_near(field, checked, reach_m, about)
         except InputError as error:
             yield from error.mistakes
         else:

@@ -73,8 +73,8 @@ def read_logs(
     """Read the logs of one probe.
 
     :param paths: log files, bags, or folders and ZIP archives with such files, at least one
-    :param topic: topic with the lines in bags; see :func:`.logger_topic` if empty
     :param logger: format, a shipped name or a file; detected from the header of the first log if ``None``
+    :param topic: topic with the lines in bags; see :func:`.logger_topic` if empty
     :param skipped: gets the faults of files that cannot be used; errors if ``None``, or if no file can be used
     :raises InputError: if a file cannot be used, or if none can
     """
@@ -87,20 +87,19 @@ def read_logs(
         try:
             form = form or _format_of(path, topic)
             logs[path] = _read(path, form, site, topic)
-        except UndecidedOrderError as error:
-            undecided.append(path)
-            mistakes += error.mistakes
         except InputError as error:
             first = next(iter(logs.values()), None)
-            continued = None if first is None or form is None else _continued(path, form, site, first)
-            if continued is None:
-                mistakes += error.mistakes
-            else:
-                logs[path] = continued
-    order = next(
-        (log.logger.time.date_order for log in logs.values() if log.logger and log.logger.time.rivals), None
-    )
-    if undecided and form is not None and order not in (None, "auto"):
+            if isinstance(error, UndecidedOrderError):
+                undecided.append(path)
+            elif (
+                first is not None and form is not None and (log := _continued(path, form, site, first)) is not None
+            ):
+                logs[path] = log
+                continue
+            mistakes += error.mistakes
+    orders = (log.logger.time.date_order for log in logs.values() if log.logger and log.logger.time.rivals)
+    order = next(orders, "auto")
+    if undecided and form is not None and order != "auto":
         ordered = form.model_copy(update={"time": form.time.model_copy(update={"date_order": order})})
         logs |= {path: _read(path, ordered, site, topic) for path in undecided}
         mistakes, undecided = [one for one in mistakes if one.path not in undecided], []
@@ -243,29 +242,17 @@ def read_track(
     :param shift_s: time added to those of the positions [s]
     :raises InputError: if the logs hold no position
     """
-    fixes: list[Fix] = []
-    problems: list[Problem] = []
-    used: list[Path] = []
+    fixes, problems, used = list[Fix](), list[Problem](), list[Path]()
     for path in [*paths, *filter(is_bag, dict.fromkeys(others))]:
-        if is_bag(path):
-            from soilmoist_ros.pipeline.bag_lines import fix_topic, read_fixes, unread_positions
-            from soilmoist_ros.recording import BagReader
-
-            with BagReader(path) as reader:
-                name = fix_topic(reader, topic)
-                found, faults = (
-                    read_fixes(reader, name, log_s, shift_s) if name else ([], unread_positions(reader))
-                )
-            if name is None and path in paths:
+        found, faults = _fixes_of_bag(path, topic, log_s, shift_s) if is_bag(path) else read_positions(path, log_s)
+        problems += faults
+        if found is None:
+            if path in paths:
                 missing = Mistake("has no topic with positions", "name one with --fix-topic", path)
                 raise InputError([one.mistake for one in faults] or [missing])
-            if name is None:
-                problems += faults
-                continue
-        else:
-            found, faults = read_positions(path, log_s)
+            continue
         _require_one_place(fixes, found, used, path)
-        fixes, problems, used = fixes + found, problems + faults, [*used, path]
+        fixes, used = fixes + found, [*used, path]
     if not used:
         return None, problems
     track, noted = shifted_track(fixes, shift_s, used[0])
@@ -274,6 +261,19 @@ def read_track(
         chosen = (one.mistake for one in problems if one.kind is Kind.CHOSEN_POSITIONS)
         raise InputError([replace(why, path=used[0]), *chosen])
     return track, problems
+
+
+def _fixes_of_bag(
+    path: Path, topic: str, log_s: tuple[float, float] | None, shift_s: float
+) -> tuple[list[Fix] | None, list[Problem]]:
+    """Positions of a bag, ``None`` if it has no topic with them."""
+    # positions of a receiver are read without the extra with recordings
+    from soilmoist_ros.pipeline.bag_lines import fix_topic, read_fixes, unread_positions
+    from soilmoist_ros.recording import BagReader
+
+    with BagReader(path) as reader:
+        name = fix_topic(reader, topic)
+        return read_fixes(reader, name, log_s, shift_s) if name else (None, unread_positions(reader))
 
 
 def _require_one_place(fixes: Sequence[Fix], found: Sequence[Fix], used: Sequence[Path], path: Path) -> None:
@@ -347,10 +347,10 @@ def require_standing(log: LogFile, frame: LocalFrame, records: Sequence[CountRec
     xy = frame.to_local(*np.array(places).T)
     place = np.median(xy, axis=0)
     moved_m = float(np.quantile(np.hypot(*(xy - place).T), 0.9))
+    away_m = float(np.nanmin([math.hypot(one.x_m - place[0], one.y_m - place[1]) for one in records]))
     if not moved_m <= MAX_MOVED_M:
         message = f"is of a sensor that moved, by {distance_text(moved_m)}: a reference sensor stands still"
         raise InputError(message, "give the log of a stationary sensor", log.path)
-    away_m = float(np.nanmin([math.hypot(one.x_m - place[0], one.y_m - place[1]) for one in records]))
     if not away_m <= MAX_AWAY_M:
         message = f"is of a sensor that stood {distance_text(away_m)} from the survey"
         raise InputError(message, "give the log of a sensor in or next to the field", log.path)

@@ -35,24 +35,9 @@ _WITHOUT_TIME = {"idle", "finished"}
 
 
 class Status(NamedTuple):
-    """The mission at one time; the fields are named like the values of the message.
+    """The mission at one time; the fields are named like the values of the message, see docs/topics.md.
 
-    :param state: phase of the mission
-    :param reason: reason for people
-    :param target: name of the stop, empty without one
-    :param target_x_m: east [m], NaN without a stop
-    :param target_y_m: north [m], NaN without a stop
-    :param elapsed_dwell_s: time spent counting at the stop so far [s]
-    :param time_used_s: time since the start of the mission [s]
-    :param time_left_s: remaining budget [s]
-    :param distance_m: distance travelled [m]
-    :param samples: number of finished stops
-    :param counting_s: time spent counting at all stops [s]
-    :param raw_counts: counts at the stop so far
-    :param stamp_s: time of the status [s]
-    :param last_command: last command of an operator, with its answer; empty without one
-    :param last_command_s: its time, on the clock of ``stamp_s`` [s]; NaN without one
-    :param forecast_data: the last forecast as JSON; empty without one
+    ``last_command_s`` is on the clock of ``stamp_s``; places and times that are unknown are NaN.
     """
 
     state: str
@@ -248,30 +233,34 @@ def replay_mission(
     course.sort(key=lambda step: step[2])
     rows = [SeriesRow(0.0, 0.0, 0, 0.0, (MapErrors(),) * len(properties))]
     latest = [robot.statuses[0] for robot in robots]
-    for done, (number, status, time_s) in enumerate(course):
-        progress("the course of the mission", done / len(course))
+    for done, (number, status, time_s) in enumerate(course, 1):
+        progress("the course of the mission", (done - 1) / len(course))
         finished, latest[number] = status.samples > latest[number].samples, status
-        if finished:
-            rows.append(_row(time_s, status.stamp_s, latest, properties))
-    _, status, time_s = course[-1]
-    if rows[-1].time_s < time_s:
-        rows.append(_row(time_s, status.stamp_s, latest, properties))
+        if finished or (done == len(course) and rows[-1].time_s < time_s):
+            errors = tuple(one.errors_at(status.stamp_s) for one in properties)
+            samples = sum(one.samples for one in latest)
+            driven_m, counting_s = sum(one.distance_m for one in latest), sum(one.counting_s for one in latest)
+            rows.append(SeriesRow(time_s, driven_m, samples, counting_s, errors))
     visits = [
         (visit.arrived_s + later, replace(visit, robot=robot.number))
         for robot, later in zip(robots, later_s, strict=True)
         for visit in robot.visits
     ]
     visits.sort(key=lambda one: one[0])
-    first, *others = properties
-    survey = first.survey
+    survey, others = properties[0].survey, properties[1:]
     ends = [f"robot {robot.number}: {robot.ended}" if len(robots) > 1 else robot.ended for robot in robots]
+    rasters = [one.survey.map.grid.to_raster(one.true_rate) for one in properties]
     titles = [survey.field.name, *(one.name if one.truth is None else one.truth.title for one in others)]
+    settings = _settings(configuration, robots[0].planner, course[-1][1], others)
     return MissionResult(
-        settings=replace(_settings(configuration, robots[0].planner, status, others), robots=len(robots)),
+        settings=replace(settings, robots=len(robots)),
         series=rows,
         visits=[visit for _, visit in visits],
         tracks=tuple(robot.track for robot in robots),
-        properties=[_mapped(one, title) for one, title in zip(properties, titles, strict=True)],
+        properties=[
+            MappedProperty(one.name, title, one.records, None, truth, one.weight)
+            for one, title, truth in zip(properties, titles, rasters, strict=True)
+        ],
         frame=survey.field.frame,
         ended="; ".join(ends),
         log=mission_log(robots, later_s),
@@ -313,24 +302,6 @@ def mission_log(robots: Sequence[RobotMission], later_s: Sequence[float]) -> lis
                 lines.append((time_s, f"{name}{status.state}: {status.reason}"))
     lines.sort(key=lambda line: line[0])
     return [f"{time_s:8.0f} s  {text}" for time_s, text in lines]
-
-
-def _mapped(one: ReplayedProperty, title: str) -> MappedProperty:
-    truth_rate = one.survey.map.grid.to_raster(one.true_rate)
-    return MappedProperty(one.name, title, one.records, None, truth_rate, one.weight)
-
-
-def _row(
-    time_s: float, stamp_s: float, latest: Sequence[Status], properties: Sequence[ReplayedProperty]
-) -> SeriesRow:
-    """The mission at a time, with the errors of maps of all records up to this time."""
-    return SeriesRow(
-        time_s,
-        sum(status.distance_m for status in latest),
-        sum(status.samples for status in latest),
-        sum(status.counting_s for status in latest),
-        tuple(one.errors_at(stamp_s) for one in properties),
-    )
 
 
 def _settings(

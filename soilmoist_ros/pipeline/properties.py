@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration import Visit, property_weights
 from soilmoist_ros.foundation import IllConditionedError, InputError, LocalFrame, Mistake, finite_number, resource
-from soilmoist_ros.mapping import Field, FieldMap, MapState, PositionSource, SoilMap, load_field, require_near
+from soilmoist_ros.mapping import Field, FieldMap, MapState, PositionSource, load_field, require_near
 from soilmoist_ros.pipeline.bag_lines import (
     CLOUD,
     STATUS,
@@ -57,40 +57,36 @@ class RecordedPlaces:
     recorded: LocalFrame
     field: Field
 
-    def latlon(self, xy_m: ArrayLike) -> NDArray[np.float64]:
-        """Latitude and longitude of recorded places, shape (n, 2) [deg]."""
-        return self.recorded.to_geographic(np.asarray(xy_m, float).reshape(-1, 2))
+    @property
+    def _same(self) -> bool:
+        return self.recorded == self.field.frame
 
     def records(self, records: Sequence[CountRecord]) -> list[CountRecord]:
         """Records with their places in the plane of the field.
 
         :raises InputError: if all lie on the other side of the earth
         """
-        if self.recorded == self.field.frame or not records:
+        if self._same or not records:
             return list(records)
-        recorded = [(record.x_m, record.y_m) for record in records]
+        recorded = np.array([(record.x_m, record.y_m) for record in records])
         xy = self._to_field(recorded)
         if np.isfinite(recorded).all(axis=1).any() and not np.isfinite(xy).any():
-            require_near(self.field, self.latlon(recorded), 0.0, PositionSource("the recording"))
+            require_near(self.field, self.recorded.to_geographic(recorded), 0.0, PositionSource("the recording"))
         return [replace(record, x_m=x, y_m=y) for record, (x, y) in zip(records, xy, strict=True)]
 
     def doubts(self, reader: BagReader, counts: str) -> Doubts:
-        """Doubts of the planner of a robot about its place; empty if the bag has none."""
-        doubts, above = Doubts(), counts
-        while above:
-            above = above.rpartition("/")[0]
-            if reader.topics.get(f"{above}/{DOUBTS}") == TEXT:
-                for text in reader.read_texts(f"{above}/{DOUBTS}"):
-                    with suppress(ValueError):
-                        doubt = Doubt.from_text(text)
-                        for x, y in (("x_m", "y_m"), ("before_x_m", "before_y_m")):
-                            place = getattr(doubt, x), getattr(doubt, y)
-                            if self.recorded != self.field.frame and math.isfinite(place[0]):
-                                [(x_m, y_m)] = self._to_field([place])
-                                moved: dict[str, Any] = {x: x_m, y: y_m}
-                                doubt = replace(doubt, **moved)
-                        doubts.take(doubt)
-                break
+        """Doubts of the planner of a robot about its place, of the nearest namespace; none if the bag has none."""
+        doubts, parts = Doubts(), counts.split("/")
+        names = ["/".join([*parts[:end], DOUBTS]) for end in range(len(parts) - 1, 0, -1)]
+        found = next((name for name in names if reader.topics.get(name) == TEXT), None)
+        for text in reader.read_texts(found) if found else ():
+            with suppress(ValueError):
+                doubt = Doubt.from_text(text)
+                if not self._same:
+                    places = [(doubt.x_m, doubt.y_m), (doubt.before_x_m, doubt.before_y_m)]
+                    (x_m, y_m), (before_x_m, before_y_m) = self._to_field(places)
+                    doubt = replace(doubt, x_m=x_m, y_m=y_m, before_x_m=before_x_m, before_y_m=before_y_m)
+                doubts.take(doubt)
         return doubts
 
     def trusted_records(self, reader: BagReader, counts: Sequence[str], frame: str) -> list[CountRecord]:
@@ -102,7 +98,7 @@ class RecordedPlaces:
 
     def visits(self, visits: Sequence[Visit]) -> list[Visit]:
         """Visits with their places in the plane of the field."""
-        if self.recorded == self.field.frame or not visits:
+        if self._same or not visits:
             return list(visits)
         stood = self._to_field([(visit.x_m, visit.y_m) for visit in visits])
         planned = self._to_field([(visit.stop_x_m, visit.stop_y_m) for visit in visits])
@@ -116,7 +112,7 @@ class RecordedPlaces:
         xy = np.asarray(xy_m, float)
         known = np.isfinite(xy).all(axis=1)
         moved = np.full_like(xy, np.nan)
-        moved[known] = self.field.frame.to_local(*self.latlon(xy[known]).T)
+        moved[known] = self.field.frame.to_local(*self.recorded.to_geographic(xy[known]).T)
         return [[float(x), float(y)] for x, y in moved]
 
 
@@ -174,13 +170,11 @@ class PublishedMap:
     :param stamp_s: end of the last record in it [s since 1970-01-01 UTC]; 0 without records
     :param cells: its cells, shape (ny, nx)
     :param raw_counts: counts of all records in it, ``None`` if the bag has no samples of that time
-    :param was_reset: whether an empty map came after another one
     """
 
     stamp_s: float
     cells: NDArray[Any]
     raw_counts: float | None
-    was_reset: bool
 
 
 @dataclass(frozen=True)
@@ -208,24 +202,26 @@ def read_published_map(topics: RunTopics) -> PublishedMap | None:
 
     :raises InputError: if it cannot be read
     """
-    name = topics.find("soil_map", CLOUD)
-    if name is None:
-        return None
-    reader = topics.reader
-    last, mapped, was_reset = None, False, False
-    for message in reader.messages([name]):
-        last = reader.decode(message)
-        empty = _stamp_s(last) == 0
-        was_reset |= empty and mapped
-        mapped |= not empty
+    name, reader = topics.find("soil_map", CLOUD), topics.reader
+    last = _last_cloud(topics, "soil_map")
     if last is None:
         return None
     try:
-        cells = points(last)
-        raw_counts = _raw_counts(topics, _stamp_s(last))
+        samples = _last_cloud(topics, "samples", _stamp_s(last))
+        raw_counts = None if samples is None else float(points(samples)["raw_counts"].sum())
+        return PublishedMap(_stamp_s(last), points(last), raw_counts)
     except (KeyError, ValueError) as error:
         raise InputError(f"{name}: {error}", "was it recorded by soilmoist_ros?", reader.path) from None
-    return PublishedMap(_stamp_s(last), cells, raw_counts, was_reset)
+
+
+def _last_cloud(topics: RunTopics, named: str, stamp_s: float | None = None) -> Any:
+    """The last message of a topic, or the last one with this stamp; ``None`` without one."""
+    name, last = topics.find(named, CLOUD), None
+    for message in topics.reader.messages([name]) if name else ():
+        cloud = topics.reader.decode(message)
+        if stamp_s in (None, _stamp_s(cloud)):
+            last = cloud
+    return last
 
 
 def compare(
@@ -239,26 +235,19 @@ def compare(
     :param several: whether several robots sent the records; mapper and recorder may receive them in different
         orders
     """
-    if last is None:
-        return Comparison(None, "not compared: the bag has no map")
-    if last.stamp_s == 0:
-        reset = ", it was reset" if last.was_reset else ""
-        return Comparison(None, f"not compared: the robot's last map is empty{reset}")
+    if last is None or last.stamp_s == 0:
+        why = "the bag has no map" if last is None else "the robot's last map is empty"
+        return Comparison(None, f"not compared: {why}")
     # Records of several robots may have the same stamp; the counts say how many of these are in the map.
-    same_time = [state for state in states if state.stamp_s == last.stamp_s]
-    if not same_time:
-        return Comparison(None, "not compared: the robot's last map ends with a record that is not in the bag")
-    alike = [state for state in same_time if last.raw_counts in (None, float(state.samples.counts.sum()))]
-    if not alike or (last.was_reset and last.raw_counts is None):
-        return Comparison(
-            None,
-            "not compared: the robot's last map was made of other records than those in the bag up to then "
-            "(it was reset, or began before the recording)",
-        )
-    return _compare_bands(field_map.compute(alike[-1]), last.cells, several)
-
-
-def _compare_bands(soil_map: SoilMap | None, cells: NDArray[Any], several: bool) -> Comparison:
+    alike = [
+        state
+        for state in states
+        if state.stamp_s == last.stamp_s and last.raw_counts in (None, float(state.samples.counts.sum()))
+    ]
+    if not alike:
+        why = "it was reset, or began before or went on after the recording"
+        return Comparison(None, f"not compared: the robot's last map is of other records than the bag: {why}")
+    soil_map, cells = field_map.compute(alike[-1]), last.cells
     differs = "differs from the robot's last one: "
     known_bands = cells.dtype.names or ()
     if any(name not in known_bands for name in _OF_RATE):
@@ -287,17 +276,6 @@ def _compare_bands(soil_map: SoilMap | None, cells: NDArray[Any], several: bool)
     elif several:
         why = ": records of several robots reach mapper and recorder in different orders"
     return Comparison(False, f"{differs}by up to {largest:.1e} of its largest values{why}", largest)
-
-
-def _raw_counts(topics: RunTopics, stamp_s: float) -> float | None:
-    """Counts of all samples in the map of this time."""
-    name = topics.find("samples", CLOUD)
-    found = None
-    for message in topics.reader.messages([name]) if name else ():
-        cloud = topics.reader.decode(message)
-        if _stamp_s(cloud) == stamp_s:
-            found = float(points(cloud)["raw_counts"].sum())
-    return found
 
 
 def _stamp_s(cloud: Any) -> float:
@@ -367,25 +345,16 @@ def read_planner(configuration: Path | None, topics: RunTopics) -> dict[str, Any
     :param configuration: folder of the configuration; the planner is named with or without its namespace
     :raises InputError: if a parameter that the replay shows is not a number or text as planners have it
     """
-    for node in (f"{topics.namespace}planner", "planner"):
-        if had := read_parameters(configuration, node):
-            assert configuration is not None
-            _require_settings(had, configuration / f"{node}.yaml")
-            return had
-    return {}
-
-
-def _require_settings(had: Mapping[str, Any], path: Path) -> None:
-    """Check parameters before the work that would end with them."""
-    for name in filter(had.__contains__, _NUMBERS):
+    nodes = (f"{topics.namespace}planner", "planner")
+    node, had = next(((one, found) for one in nodes if (found := read_parameters(configuration, one))), ("", {}))
+    for name in {*_NUMBERS, *_TEXTS} & had.keys():
         number = finite_number(had[name])
-        if number is None or number < 0:
-            message = f"{name} must be a number of at least 0, not {str(had[name])!r:.40}"
-            raise InputError(message, "restore the recorded file", path)
-    for name in filter(had.__contains__, _TEXTS):
-        if not isinstance(had[name], str):
-            message = f"{name} must be a text, not {str(had[name])!r:.40}"
-            raise InputError(message, "restore the recorded file", path)
+        good = isinstance(had[name], str) if name in _TEXTS else number is not None and number >= 0
+        if not good:
+            kind = "a text" if name in _TEXTS else "a number of at least 0"
+            message = f"{name} must be {kind}, not {str(had[name])!r:.40}"
+            raise InputError(message, "restore the recorded file", (configuration or Path()) / f"{node}.yaml")
+    return had
 
 
 def _is_robot(topics: RunTopics, counts: str) -> bool:
@@ -433,18 +402,15 @@ class ReplayedProperty:
 
     def errors_at(self, stamp_s: float) -> MapErrors:
         """Errors of the map of all records up to a time, see :func:`map_errors`; NaN without map or truth."""
-        unknown = MapErrors()
         # A record with a wrong clock must not hide earlier records.
         known = [state for state in self.states if state.stamp_s <= stamp_s]
         if self.truth is None or not known:
-            return unknown
-        field_map = self.survey.map
-        try:
+            return MapErrors()
+        field_map, soil_map = self.survey.map, None
+        with suppress(IllConditionedError):  # the mapper had no map at this time either
             soil_map = field_map.compute(known[-1])
-        except IllConditionedError:  # the mapper had no map at this time either
-            return unknown
         if soil_map is None:
-            return unknown
+            return MapErrors()
         mask = field_map.grid.mask
         return map_errors(soil_map.rate[mask], soil_map.rate_sd[mask], self.true_rate, self.truth.curve)
 
@@ -454,8 +420,10 @@ def chosen_properties(found: Sequence[PropertyTopic], names: Sequence[str], bag:
 
     :raises InputError: if a name is not a property
     """
+    known = [one.name for one in found]
     for name in names:
-        _require(name, found, bag)
+        if name not in known:
+            raise InputError(f"has no property {name!r}", f"there are: {', '.join(known)}", bag)
     return [one for one in found if not names or one.name in names]
 
 
@@ -464,15 +432,7 @@ def named_truths(found: Sequence[PropertyTopic], truths: Mapping[str | int, str]
 
     :raises InputError: if there is no such property
     """
-    named = {}
-    for key, field in truths.items():
-        if isinstance(key, int) and key < len(found):
-            key = found[key].name
-        _require(str(key), found, bag)
-        named[str(key)] = field
+    names = dict(enumerate(one.name for one in found))
+    named = {names.get(key, str(key)) if isinstance(key, int) else key: field for key, field in truths.items()}
+    chosen_properties(found, list(named), bag)
     return named
-
-
-def _require(name: str, found: Sequence[PropertyTopic], bag: Path) -> None:
-    if name not in {one.name for one in found}:
-        raise InputError(f"has no property {name!r}", f"there are: {', '.join(one.name for one in found)}", bag)

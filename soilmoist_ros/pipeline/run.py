@@ -40,10 +40,11 @@ def local_time(when: datetime, zone: str) -> datetime:
 
 
 class SurveyTimes:
-    """Begin, end and duration of the records of a run."""
+    """Begin, end, duration and distance of the records of a run."""
 
     track: Sequence[CountRecord]
     created_utc: datetime
+    mission: MissionResult | None
 
     @property
     def created(self) -> str:
@@ -65,13 +66,17 @@ class SurveyTimes:
 
     @property
     def survey_duration_s(self) -> float | None:
-        """Time from the begin of the first to the end of the last counting interval [s]; ``None`` without records.
-
-        With a clock that has no date, too.
-        """
+        """Time from the begin of the first to the end of the last interval [s], with any clock; else ``None``."""
         if not self.track:
             return None
         return max(r.stamp_s for r in self.track) - min(r.stamp_s - r.exposure_s for r in self.track)
+
+    @property
+    def travelled_m(self) -> float:
+        """Distance driven [m]: the mission's distance, else the length of the line through the records' places."""
+        if self.mission is not None and self.mission.series:
+            return self.mission.series[-1].distance_m
+        return float(np.hypot(*np.diff(track_xy(self.track), axis=0).T).sum())
 
 
 def inside_boundary(soil_map: SoilMap, xy_m: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -88,20 +93,12 @@ def track_xy(track: Sequence[CountRecord]) -> NDArray[np.float64]:
     return np.asarray(xy[np.isfinite(xy).all(axis=1)])
 
 
-def distance_m(track: Sequence[CountRecord]) -> float:
-    """Length of the line through the records' places [m]."""
-    steps = np.diff(track_xy(track), axis=0)
-    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-
-
 @dataclass(frozen=True)
 class InputFile:
-    """An input file of the run.
+    """An input file of the run; unknown sizes and numbers are ``None``, an unknown checksum is empty.
 
     :param name: name or path as the user wrote it
     :param n_records: records read from it, ``None`` if it holds none (a polygon, a configuration)
-    :param size_bytes: its size, ``None`` if unknown
-    :param sha256: checksum of its bytes in hexadecimal, empty if unknown
     :param role: purpose of the file
     """
 
@@ -118,14 +115,11 @@ REFERENCE = "reference sensor"
 
 @dataclass(frozen=True)
 class CorrectionRow:
-    """An applied correction factor.
+    """An applied correction factor; the factor's mean and range are over the records.
 
     :param name: quantity corrected for, e.g. ``air pressure``
     :param formula: the formula in plain text
     :param parameters: parameter name (with its unit) -> value
-    :param mean_factor: mean of the factor over the records [-]
-    :param min_factor: smallest factor [-]
-    :param max_factor: largest factor [-]
     :param remark: e.g. where the values came from, or why the correction was not applied
     """
 
@@ -140,14 +134,10 @@ class CorrectionRow:
 
 @dataclass(frozen=True)
 class LossRow:
-    """A kind of problem in the input.
+    """A kind of problem in the input, with the message of one case.
 
-    :param kind: short name, e.g. ``no position``
-    :param count: how often
-    :param example: message of one case, with file and line
     :param consequence: ``lost``: these records are not in the map; ``quarantined``: they are not, but they are
         listed and shown; ``kept``: they are in the map, but less reliable
-    :param remedy: what the user can do about it
     """
 
     kind: str
@@ -164,9 +154,8 @@ class LossRow:
 class CalibrationInfo:
     """Origin of the relation between count rate and soil moisture.
 
-    :param n0_cps: count rate over dry soil [counts/s]
+    :param n0_cps: count rate over dry soil [counts/s]; its standard deviation is ``None`` if unknown
     :param bulk_density_gcm3: dry bulk density [g/cm^3]
-    :param n0_sd_cps: standard deviation of N0 [counts/s], ``None`` if unknown
     :param lattice_water: gravimetric lattice water [g/g]
     :param organic_water: gravimetric water equivalent of organic matter [g/g]
     :param source: e.g. ``6 soil cores of 2024-05-02``
@@ -242,11 +231,7 @@ class NoteCode(StrEnum):
 
 @dataclass(frozen=True)
 class Note:
-    """A note to the reader.
-
-    :param code: topic, for programs
-    :param message: a plain sentence, for people
-    """
+    """A note to the reader: a plain sentence, with a code for programs."""
 
     code: NoteCode
     message: str
@@ -407,13 +392,6 @@ class MapRun(SurveyTimes):
         return int(np.count_nonzero(inside_boundary(self.soil_map, xy_m))), len(xy_m)
 
     @property
-    def travelled_m(self) -> float:
-        """Distance driven [m]: the mission's distance, else the length of the line through the records' places."""
-        if self.mission is not None and self.mission.series:
-            return self.mission.series[-1].distance_m
-        return distance_m(self.track)
-
-    @property
     def tracks_xy(self) -> list[NDArray[np.float64]]:
         """Track of each robot, shape (n, 2) [m]: records of a single robot, or driven paths of several."""
         mission = self.mission
@@ -444,13 +422,7 @@ class MapRun(SurveyTimes):
 
 @dataclass(frozen=True)
 class Trouble:
-    """A fault that a node reported.
-
-    :param name: what reported it
-    :param message: the fault in words
-    :param count: how often
-    :param error: an error; otherwise a warning
-    """
+    """A fault that a node reported, how often, and whether it is an error or a warning."""
 
     name: str
     message: str
@@ -500,13 +472,6 @@ class FailedRun(SurveyTimes):
     def quarantined(self) -> Counter[str]:
         """Number of quarantined records by reason."""
         return Counter(record.quarantine for record in self.track if record.quarantine)
-
-    @property
-    def travelled_m(self) -> float:
-        """Distance driven [m]: the mission's distance, else the length of the line through the records' places."""
-        if self.mission is not None and self.mission.series:
-            return self.mission.series[-1].distance_m
-        return distance_m(self.track)
 
 
 class NoMapError(InputError):

@@ -190,6 +190,6 @@ def test_without_a_configuration_the_places_are_those_of_the_field(tmp_path):
 def test_a_field_on_the_other_side_of_the_earth_is_refused(tmp_path):
     path = field_file(tmp_path, LocalFrame(-53.268, -0.5245), FIELD.polygon)
     with pytest.raises(
-        InputError, match=r"all 14 records lie 11,8\d\d km north .* correct the sign of the latitude"
+        InputError, match=r"all 14 records lie 11,788 km north .* correct the sign of the latitude"
     ):
         replay_bag(RECORDED, ReplaySettings(field=str(path)))
