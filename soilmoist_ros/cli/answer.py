@@ -145,10 +145,7 @@ def reporting_errors(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _require_inputs(context: click.Context) -> None:
-    """Check, before anything heavy is loaded, that the files and names that were given exist.
-
-    :raises InputError: with all that are missing
-    """
+    """Check, before anything heavy is loaded, that the files and names that were given exist."""
     mistakes: list[Mistake] = []
     for parameter in context.command.params:
         require, given = getattr(parameter.type, "require", None), context.params.get(parameter.name or "")

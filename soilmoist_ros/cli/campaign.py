@@ -104,10 +104,7 @@ def _progress() -> Iterator[Progress]:
 
 
 def _prepare(plan: Campaign, out: Path, overwrite: bool) -> None:
-    """Check the output folder; missions of this campaign in it are resumed without a question.
-
-    :raises InputError: if it cannot be written, or has results that must not be replaced
-    """
+    """Check the output folder; missions of this campaign in it are resumed without a question."""
     from soilmoist_ros.lab import RUNS, missions
 
     stored = {path.stem for path in (out / RUNS).glob("*.npz")}

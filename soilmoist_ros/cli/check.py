@@ -186,11 +186,7 @@ def _compare(
             if skipped:
                 warn(f"warning: {skipped_text(skipped)}")
             track, faults = read_track(
-                nmea,
-                [] if nmea else [one.path for one in found],
-                topics[1],
-                log_times(found),
-                gnss_shift_s,
+                nmea, [] if nmea else [one.path for one in found], topics[1], log_times(found), gnss_shift_s
             )
             places, source = log_positions(found, track, chosen), position_source(found, nmea, chosen, None)
             notes = position_findings(found, track, faults, chosen)

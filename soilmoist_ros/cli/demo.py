@@ -123,10 +123,7 @@ def command(
 
 
 def _prepare(out: Path, overwrite: bool) -> None:
-    """Check the output folder, and remove the recording of an earlier demo that may be replaced.
-
-    :raises InputError: if the folder has a recording or results that must not be replaced
-    """
+    """Check the output folder, and remove the recording of an earlier demo that may be replaced."""
     recorded = (out / "bag").exists()
     if recorded and not (out / "configuration" / "field_simulator.yaml").is_file():
         raise InputError(

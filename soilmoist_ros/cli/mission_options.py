@@ -100,10 +100,7 @@ def _default(setting: Setting) -> str:
 
 
 def chosen_settings(choices: dict[str, Any]) -> MissionSettings:
-    """Mission settings from options; the mission time defaults to that of the field.
-
-    :raises InputError: if the options cannot be used
-    """
+    """Mission settings from options; the mission time defaults to that of the field."""
     from soilmoist_ros.simulation import MissionSettings, surrogate_field
 
     if (graph := choices.get("graph")) is not None and choices.get("travel") != "free":

@@ -208,10 +208,7 @@ def figures_option(command: Command) -> Command:
 
 
 def prepare_output(out: Path, overwrite: bool) -> None:
-    """Check the output folder before the work; ask on a terminal before earlier results are replaced.
-
-    :raises InputError: if it cannot be written, or has results that must not be replaced
-    """
+    """Check the output folder before the work; ask on a terminal before earlier results are replaced."""
     from soilmoist_ros.reporting import require_free, require_writable, results_in
 
     if not overwrite:
@@ -224,7 +221,6 @@ def confirmed(out: Path, held: str) -> bool:
     """True if the user agrees, on a terminal, that results are replaced; false without a terminal.
 
     :param held: the results, in words; empty if there is nothing to ask
-    :raises InputError: if the user declines
     """
     if not held or not (sys.stdin.isatty() and sys.stderr.isatty()):
         return False
@@ -235,10 +231,7 @@ def confirmed(out: Path, held: str) -> bool:
 
 @contextmanager
 def reported_failure(out: Path) -> Iterator[None]:
-    """Write the report of a run without a map.
-
-    :raises NoMapError: why there is no map
-    """
+    """Write the report of a run without a map."""
     from soilmoist_ros.pipeline import NoMapError
 
     try:
@@ -294,10 +287,7 @@ class _Covariate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     name = "FILE[:BAND]"
 
     def require(self, value: str) -> None:
-        """Check that the file can be read and has the band.
-
-        :raises InputError: if not, or if an extra is not installed
-        """
+        """Check that the file can be read and has the band."""
         if value == "none":
             return
         from soilmoist_ros.mapping import CovariateSource, require_covariates

@@ -86,10 +86,7 @@ def connect(scheduler: str, timeout_s: float = CONNECT_S) -> Any:
 
 
 def _check_address(scheduler: str, distributed: Any) -> None:
-    """Refuse an address that Dask does not understand, because Dask would hang when it closes the client.
-
-    :raises InputError: if it is not the address of a scheduler, or is encrypted and has no keys
-    """
+    """Refuse an address that Dask does not understand, because Dask would hang when it closes the client."""
     form = re.fullmatch(r"((?P<scheme>tcp|tls)://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):(?P<port>\d{1,5})", scheduler)
     if form is None or not 0 < int(form["port"]) < 65536:
         raise InputError(

@@ -334,10 +334,7 @@ class ActionNavigator(ABC):
 
 
 def action_class(name: str, field: str) -> Any:
-    """Class of an action; imported only here, so that the package installs without it.
-
-    :raises InputError: if the action is not installed or is another one
-    """
+    """Class of an action; imported only here, so that the package installs without it."""
     remedy = "source the workspace of the navigation, built for this ROS and Python, or set another navigator"
     package, _, rest = name.partition("/")
     if not package or not rest.startswith("action/"):

@@ -115,10 +115,7 @@ class BagPlayer(Node):
         self._pacer.paused = not self._pacer.paused
 
     def wait_for_listeners(self) -> None:
-        """Wait, up to a limit, until the number of subscriptions is above zero and constant.
-
-        :raises KeyboardInterrupt: if interrupted
-        """
+        """Wait, up to a limit, until the number of subscriptions is above zero and constant."""
         began_s = changed_s = time.monotonic()
         listeners = 0
         while time.monotonic() - began_s < _LISTENERS_LIMIT_S:
@@ -132,10 +129,7 @@ class BagPlayer(Node):
         self._say("no node subscribes to the played topics" if not listeners else "more and more nodes subscribe")
 
     def play(self, progress: Progress) -> int:
-        """Publish all messages; returns their number.
-
-        :raises KeyboardInterrupt: if interrupted
-        """
+        """Publish all messages; returns their number."""
         count, before_s = 0, time.monotonic()
         for message in self._playback.messages():
             while (wait_s := self._pacer.wait_s(message.log_ns)) > 0:
@@ -183,10 +177,7 @@ class BagPlayer(Node):
 def player_of(
     bag: Path, topics: str, speed: float, start_s: float, say: Callable[[str], None]
 ) -> Iterator[BagPlayer]:
-    """Make a player whose services are active.
-
-    :raises InputError: if the bag cannot be played
-    """
+    """Make a player whose services are active."""
     interrupted = threading.Event()
     # Python drops a KeyboardInterrupt that is raised within a callback of the garbage collector.
     previous = signal.signal(signal.SIGINT, lambda number, frame: interrupted.set())

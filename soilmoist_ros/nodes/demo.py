@@ -61,7 +61,6 @@ def write_configuration(settings: DemoSettings, field: SurrogateField, out: Path
     """Write field, site and parameters of the nodes.
 
     :returns: parameter files of the nodes by name, in the order of their start
-    :raises InputError: if a file cannot be written
     """
     mission, configuration = settings.mission, out / CONFIGURATION
     files = {name: str(configuration / f"{name}.yaml") for name in ("field", "site")}
@@ -171,10 +170,6 @@ def run_demo(
 
     The folder receives ``bag/``, ``configuration/``, ``log/``, ``map/``, and ``map_NAME/`` for each
     further property.
-
-    :raises InputError: if the settings cannot be used
-    :raises DemoError: if a node ends before the mission does
-    :raises KeyboardInterrupt: if interrupted, after the nodes have ended and the recording is complete
     """
     out, mission = settings.out.absolute(), settings.mission
     if (out / "bag").exists():

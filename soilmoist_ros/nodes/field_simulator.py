@@ -98,14 +98,7 @@ class FieldSimulator(Node):
         self.get_logger().info(f"scenario: {scenario.title}")
         properties = [wanted.name for wanted in settings.properties]
         self._robots = [
-            RobotInterface(
-                self,
-                robot,
-                f"{namespace}/" if namespace else "",
-                properties,
-                given,
-                start_s,
-            )
+            RobotInterface(self, robot, f"{namespace}/" if namespace else "", properties, given, start_s)
             for robot, namespace in zip(self._system.robots, robot_namespaces(settings.robots), strict=True)
         ]
         if given.text("ports_file"):
@@ -174,7 +167,6 @@ class RobotInterface:
     """Publishes the output of a simulated robot, and passes requests to it.
 
     :param below: namespace of the robot below the node's namespace, with a slash at its end; empty for none
-    :raises InputError: if a port cannot be opened
     """
 
     def __init__(

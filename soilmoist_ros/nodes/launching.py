@@ -34,10 +34,7 @@ _NAME: Final = re.compile(r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*")
 
 
 def refuse_unknown(file: str, descriptions: Iterable[Any]) -> None:
-    """Refuse arguments of ``ros2 launch`` that a launch file does not have; launch itself ignores them.
-
-    :raises InputError: with every unknown argument
-    """
+    """Refuse arguments of ``ros2 launch`` that a launch file does not have; launch itself ignores them."""
     known = [argument.name for one in descriptions for argument in one.get_launch_arguments()]
     words, names = [Path(word).name for word in sys.argv], {*known, *OF_LAUNCH}
     if Path(file).name not in words:
@@ -50,10 +47,7 @@ def refuse_unknown(file: str, descriptions: Iterable[Any]) -> None:
 
 
 def parameter_files(text: str) -> list[str]:
-    """The argument ``params_file`` as a list; launch itself goes on without a file that does not exist.
-
-    :raises InputError: if there is no such file
-    """
+    """The argument ``params_file`` as a list; launch itself goes on without a file that does not exist."""
     if text and not Path(text).is_file():
         raise InputError(f"params_file: there is no file {text!r}", "give the path of a YAML file")
     return [text] if text else []
@@ -113,7 +107,6 @@ def parameters_from(node: str, arguments: Mapping[str, str]) -> dict[str, Value]
     """Arguments that are parameters of a node, by name, converted to the type of the parameter.
 
     :param arguments: texts by name; an empty text leaves the parameter unchanged
-    :raises InputError: with every invalid value
     """
     table = {row.name: row for row in importlib.import_module(f"soilmoist_ros.nodes.{node}").PARAMETERS}
     given = {
@@ -132,8 +125,6 @@ def property_argument(given: str, old_name: str, old: str) -> list[str]:
 
     >>> property_argument("compaction:2, salt", "properties", "")
     ['compaction:2', 'salt']
-
-    :raises InputError: if both are given
     """
     if old and given:
         raise InputError(f"{old_name} is the old name of property, and both are given", f"leave out {old_name}")
@@ -152,7 +143,6 @@ def remappings(topics: Mapping[str, str], further: str = "") -> list[tuple[str, 
     [('fix', '/gps/fix'), ('/tf', 'tf'), ('/tf_static', 'tf_static')]
 
     :param topics: names of topics by the arguments in :data:`TOPICS`; an empty text leaves a topic unchanged
-    :raises InputError: if a rule or a name is invalid
     """
     rules = [(TOPICS[argument][0], name.strip()) for argument, name in topics.items() if name.strip()]
     for item in filter(None, map(str.strip, further.split(","))):
@@ -174,10 +164,7 @@ def enclave(prefix: str, namespace: str, node: str) -> list[str]:
 
 
 def foxglove_wanted(choice: str) -> bool:
-    """True if ``foxglove_bridge`` is to serve the viewer Foxglove.
-
-    :raises InputError: if the argument is invalid
-    """
+    """True if ``foxglove_bridge`` is to serve the viewer Foxglove."""
     if choice.lower() not in ("false", "0", "true", "1"):
         raise InputError(
             f"foxglove: {choice!r} is no choice",
@@ -187,10 +174,7 @@ def foxglove_wanted(choice: str) -> bool:
 
 
 def foxglove_bridge(host: str, port: str) -> dict[str, Value]:
-    """Parameters of the node ``foxglove_bridge``.
-
-    :raises InputError: if the package is not installed, or the port is invalid
-    """
+    """Parameters of the node ``foxglove_bridge``."""
     try:
         get_package_prefix("foxglove_bridge")
     except (PackageNotFoundError, OSError):  # OSError: no AMENT_PREFIX_PATH

@@ -120,10 +120,7 @@ class Mapper(Node):
         topics = [self.resolve_topic_name(topic) for topic in ("counts", *(f"{name}/counts" for name in others))]
         folder, named = parameters.text("record_dir"), parameters.text("start_property")
         self._sources = MapSources(
-            self._records,
-            Path(folder).expanduser() if folder else None,
-            self._frame,
-            self._fault,
+            self._records, Path(folder).expanduser() if folder else None, self._frame, self._fault
         )
         if earlier := parameters.text("start_from"):
             self._records.take(START, read_earlier(Path(earlier).expanduser(), named))

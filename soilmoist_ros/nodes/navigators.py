@@ -242,10 +242,7 @@ class GoalPoseNavigator:
 
 
 def make_navigator(node: Node, values: Parameters, report: Callable[[Ended], None]) -> Navigator:
-    """The navigator of a planner.
-
-    :raises InputError: if the navigator does not go with the travel graph, or its action is not installed
-    """
+    """The navigator of a planner."""
     text, number = values.text, values.number
     radius_m, speed_mps = number("arrival_radius_m"), number("speed_mps")
     frame = text("navigation_frame") or text("frame")

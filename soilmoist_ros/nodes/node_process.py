@@ -184,10 +184,7 @@ def run(make_node: Callable[[], Node], make_executor: Callable[[], Executor] = E
 
 
 def check_arguments(arguments: Sequence[str], node: str) -> None:
-    """Refuse arguments before ``--ros-args``, which ROS ignores, or takes for old rules of names.
-
-    :raises InputError: if there is one, other than an old rule
-    """
+    """Refuse arguments before ``--ros-args``, which ROS ignores, or takes for old rules of names."""
     names = {row.name for row in table_of(node)}
     for word in takewhile(lambda word: word != "--ros-args", arguments[1:]):
         if ":=" in word and word.partition(":=")[0] not in names:

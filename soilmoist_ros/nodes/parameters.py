@@ -113,10 +113,7 @@ class Parameter:
         return f"<= {self.high:g}" if self.high is not None else ""
 
     def checked(self, value: Any) -> Value:
-        """The value, converted to the parameter's type.
-
-        :raises ValueError: if the type or the value is not allowed; the message names what is allowed
-        """
+        """The value, converted to the parameter's type."""
         wanted: Any = type(self.default)
         if wanted is float and type(value) is int:
             value = float(value)
@@ -205,10 +202,7 @@ def check_values(
 
 
 def other_namespaces(node: Node, namespaces: Iterable[str]) -> list[str]:
-    """Absolute namespaces of other robots, without the namespace of this node.
-
-    :raises InputError: if a namespace is invalid
-    """
+    """Absolute namespaces of other robots, without the namespace of this node."""
     plain = dict.fromkeys(f"/{name.strip('/')}" for name in namespaces)
     if "/" in plain:
         raise InputError("others: a robot has no namespace", "give each robot one of its own, such as /robot_2")
@@ -266,11 +260,11 @@ def _names(content: Any, above: str = "") -> Iterator[str]:
 class Parameters:
     """The checked and declared parameters of a node, read by type, as they were at the start.
 
-    Only live ones can change while the node runs, see :meth:`watch`.
+    Only live ones can change while the node runs, see :meth:`watch`. Unknown names and invalid values are refused.
+    Names under ``/**`` are meant for all nodes of a robot: unknown ones are ignored with a line in the log, unless
+    they are misspelt.
 
     :param arguments: command line with the parameter files; by default that of the process
-    :raises InputError: with every unknown name and every invalid value. Names under ``/**`` are meant for all
-        nodes of a robot: unknown ones are ignored with a line in the log, unless they are misspelt
     """
 
     def __init__(self, node: Node, table: Sequence[Parameter], arguments: Sequence[str] | None = None) -> None:

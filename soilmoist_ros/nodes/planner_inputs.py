@@ -197,10 +197,7 @@ class PlannerInputs:
         self._use_newer()
 
     def use_map(self, found: TopologicalMap) -> None:
-        """Use the travel graph of the navigation's map, as soon as the navigation's datum is known.
-
-        :raises InputError: if it does not fit the field
-        """
+        """Use the travel graph of the navigation's map, as soon as the navigation's datum is known."""
         if doubts := found.doubts(KNOWN_ACTIONS if self._by_name else ()):
             self._warn_once("; ".join(doubts))
         self._frames.robot.take_map_datum(found.datum, found.frame)
@@ -296,8 +293,6 @@ class PlannerRecords:
 
 class PlannerFrames:
     """Listens to TF if its message type is installed, and publishes ``robot_pose`` with each fix.
-
-    :raises InputError: if the navigation's datum is invalid
 
     Attributes
     ----------

@@ -31,13 +31,7 @@ from soilmoist_ros.exploration import (
 )
 from soilmoist_ros.foundation import InputError, did_you_mean, resource
 from soilmoist_ros.mapping import CovariateSource, Field, FieldMapSettings, Knowledge, load_field, read_covariates
-from soilmoist_ros.nodes.parameter_tables import (
-    ANTENNA,
-    COVARIATES,
-    EARLIER,
-    of_setting,
-    row,
-)
+from soilmoist_ros.nodes.parameter_tables import ANTENNA, COVARIATES, EARLIER, of_setting, row
 from soilmoist_ros.nodes.parameters import Parameters
 from soilmoist_ros.pipeline import Target, read_earlier_runs
 from soilmoist_ros.sensing import MoistureCurve, PlaceLimits, load_site
@@ -133,11 +127,7 @@ RECORD_S: Final = 10.0
 
 
 def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
-    """Settings for the choice of stops.
-
-    :raises InputError: if an earlier run or a covariate cannot be used, the
-        strategy's solver is not installed, or the target is the moisture and there is no calibration
-    """
+    """Settings for the choice of stops."""
     text, number = parameters.text, parameters.number
     make_strategy(text("strategy"), text("preset"))
     calibration = load_site(text("site")).curve if text("site") else None
@@ -165,10 +155,7 @@ def explorer_settings(parameters: Parameters, field: Field) -> ExplorerSettings:
 
 
 def chosen_survey(parameters: Parameters, changes: Changes | None) -> tuple[Field, ExplorerSettings]:
-    """The field and the settings, with the field, earlier runs and covariates that an operator has chosen.
-
-    :raises InputError: as :func:`explorer_settings`, or if the field file cannot be used
-    """
+    """The field and the settings, with the field, earlier runs and covariates that an operator has chosen."""
     chosen = changes.of_survey if changes is not None else {}
     values = parameters.changed({name: one if isinstance(one, str) else list(one) for name, one in chosen.items()})
     field = load_field(resource("fields", values.text("field")))
@@ -203,10 +190,7 @@ def _required(calibration: MoistureCurve | None) -> MoistureCurve:
 
 
 def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop | None = None) -> MissionRules:
-    """Rules of the mission.
-
-    :raises InputError: if the dwell rule is invalid
-    """
+    """Rules of the mission."""
     number = parameters.number
     recommended = settings.preset == "recommended"
     return MissionRules(
@@ -230,10 +214,7 @@ def mission_rules(parameters: Parameters, settings: ExplorerSettings, home: Stop
 
 
 def failsafe_responses(parameters: Parameters) -> dict[Cause, Response]:
-    """What follows each cause.
-
-    :raises InputError: if a cause or a response is not known
-    """
+    """What follows each cause."""
     responses = {cause: failsafe.response for cause, failsafe in FAILSAFES.items()}
     for text in parameters.texts("failsafes"):
         cause, _, response = (part.strip() for part in text.partition(":"))
@@ -246,10 +227,7 @@ def failsafe_responses(parameters: Parameters) -> dict[Cause, Response]:
 
 
 def make_watch(parameters: Parameters) -> Watch:
-    """The watch of a planner.
-
-    :raises InputError: if limits contradict each other, or a failsafe is not known
-    """
+    """The watch of a planner."""
     number, usual_mps = parameters.number, parameters.number("speed_mps")
     speed_mps = number("max_speed_mps") or max(_PLACE.max_speed_mps, _FASTER * usual_mps)
     if speed_mps <= usual_mps:
@@ -257,19 +235,12 @@ def make_watch(parameters: Parameters) -> Watch:
             f"max_speed_mps is {speed_mps:g}, but the robot drives at speed_mps = {usual_mps:g}",
             "set max_speed_mps above speed_mps, or to 0",
         )
-    place = PlaceLimits(
-        max_speed_mps=speed_mps,
-        max_sd_m=number("max_fix_sd_m"),
-        max_gap_s=number("fix_old_s"),
-    )
+    place = PlaceLimits(max_speed_mps=speed_mps, max_sd_m=number("max_fix_sd_m"), max_gap_s=number("fix_old_s"))
     values: dict[str, Any] = {name: number(name) for name in LIMITS}
     if values["fix_frozen_s"] and parameters.text("navigator") == "goal_pose":
         values["fix_frozen_s"] = max(values["fix_frozen_s"], POSES_FROZEN_S)
     try:
-        limits = WatchLimits(
-            place=place,
-            **values,
-        )
+        limits = WatchLimits(place=place, **values)
     except ValueError as error:
         raise InputError(str(error), "correct the parameters") from None
     return Watch(limits, failsafe_responses(parameters))

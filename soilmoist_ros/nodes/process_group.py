@@ -57,10 +57,7 @@ class ProcessGroup:
         remaps: Mapping[str, str] = MappingProxyType({}),
         program: Sequence[str] = (),
     ) -> None:
-        """Start a node.
-
-        :raises ValueError: if the node was started before, and not killed
-        """
+        """Start a node."""
         if name in self._processes:
             raise ValueError(f"{name} was started before")
         namespace, _, node = name.rpartition("/")
@@ -144,8 +141,6 @@ def free_domain() -> Iterator[int]:
 
     The reservation is a TCP port of the domain, which DDS does not use. It also holds against containers that
     share the network, but no files.
-
-    :raises InputError: if all domains are in use
     """
     for domain in DOMAINS:
         with socket.socket() as reservation:

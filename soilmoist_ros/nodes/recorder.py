@@ -297,10 +297,7 @@ class ParameterCollector:
     """Collects the parameters of nodes in the same namespace, or in namespaces below it."""
 
     def __init__(
-        self,
-        node: Node,
-        names: Iterable[str],
-        take: Callable[[str, Mapping[str, object]], None],
+        self, node: Node, names: Iterable[str], take: Callable[[str, Mapping[str, object]], None]
     ) -> None:
         self._take = take
         self._node = node

@@ -228,7 +228,6 @@ class DriverOutputs:
         """Open the log of records, if there is one.
 
         :return: the last header of the logger, if it is stored there
-        :raises InputError: if the folder cannot be written
         """
         if not self._folder:
             return None
@@ -292,10 +291,7 @@ class StoredHeader:
         """The last header, ``None`` if there is none."""
 
     def update(self, header: Header) -> None:
-        """Store a header, unless it is stored already.
-
-        :raises OSError: if the disk refuses it
-        """
+        """Store a header, unless it is stored already."""
         if header != self.header:
             content = {**self._logger, **asdict(header)}
             del content["stored_s"]  # the time of the file

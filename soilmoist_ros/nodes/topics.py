@@ -56,8 +56,6 @@ def interface_class(name: str) -> Any:
     """Class of a message, service or action that may not be installed, ready for use.
 
     Its C library, which Python's class needs, is loaded here: rclpy would do so later, with another exception.
-
-    :raises ImportError: if it cannot be used, with the reason
     """
     package, folder, kind = name.split("/")
     try:

@@ -113,10 +113,7 @@ class NavigationServer(ABC):
 
 
 class GotoNodeServer(NavigationServer):
-    """Serves GotoNode.
-
-    :raises ImportError: if topological_navigation_msgs is not usable
-    """
+    """Serves GotoNode."""
 
     def __init__(self, node: Node, robot: SimulatedRobot, below: str) -> None:
         kind = interface_class("topological_navigation_msgs/action/GotoNode")
@@ -140,10 +137,7 @@ class GotoNodeServer(NavigationServer):
 
 
 class NavigateToPoseServer(NavigationServer):
-    """Serves NavigateToPose. Like Nav2 it sends published poses to itself, so that they can be cancelled.
-
-    :raises ImportError: if nav2_msgs is not installed
-    """
+    """Serves NavigateToPose. Like Nav2 it sends published poses to itself, so that they can be cancelled."""
 
     def __init__(self, node: Node, robot: SimulatedRobot, below: str) -> None:
         kind = interface_class("nav2_msgs/action/NavigateToPose")

@@ -137,11 +137,7 @@ MONITOR = "# STATION: JUNG, OULU\n2026-05-01 00:00:00;151.0;100.0\n2026-05-03 00
             "reference: 1500",
             "incoming neutrons is 9.87 to 9.93: are monitor and 'reference' of one",
         ),
-        (
-            "0.7,",
-            "2520,",
-            "N0 of 2520 counts/s is unusual: 0.7 counts/s if it is per hour",
-        ),
+        ("0.7,", "2520,", "N0 of 2520 counts/s is unusual: 0.7 counts/s if it is per hour"),
         (', date: "2026-05-01"', "", "no date, note or n0_sd_cps: give one, or write 'illustrative: true'"),
         ("file: monitor.txt, monitor: JUNG", "constant: 100", "incoming neutrons is 1.50 to 1.50"),
     ],

@@ -8,8 +8,7 @@ from soilmoist_ros.foundation.errors import did_you_mean
 
 
 @pytest.mark.parametrize(
-    ("word", "meant"),
-    [("pathces", "patches"), ("gyp", "gypsum_transect"), ("st", ""), ("", ""), ("zzz", "")],
+    ("word", "meant"), [("pathces", "patches"), ("gyp", "gypsum_transect"), ("st", ""), ("", ""), ("zzz", "")]
 )
 def test_a_similar_word_or_the_only_one_that_begins_so_is_meant(word, meant):
     known = ["patches", "gypsum_transect", "station_kansas", "strips"]

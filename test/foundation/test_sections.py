@@ -63,10 +63,7 @@ class Journey(Section):
     ("text", "said"),
     [
         ("start: [53.2, -0.5]\n", "is [53.2, -0.5] -> write its keys, such as {latitude_deg: ...}"),
-        (
-            "start: {latitude_deg: 53 16 4.8 N, longitude_deg: 0}\n",
-            "write degrees with decimals",
-        ),
+        ("start: {latitude_deg: 53 16 4.8 N, longitude_deg: 0}\n", "write degrees with decimals"),
         (
             "start: {latitude_deg: 0, longitude_deg: '0°31\\'28.2\"W'}\n".replace("\\'", "''"),
             "write degrees with decimals",
