@@ -49,9 +49,6 @@ class ClockDrift:
     def __len__(self) -> int:
         return len(self._pairs)
 
-    def __repr__(self) -> str:
-        return f"ClockDrift({self.message})"
-
     def add(self, stamp_s: float, ahead_s: float) -> None:
         """Add a comparison."""
         if not math.isfinite(ahead_s):

@@ -201,10 +201,16 @@ def fix_from_message(message: Any, received_s: float = NAN) -> Fix:
     if not is_place(latitude_deg, longitude_deg):
         where = f"latitude {latitude_deg:g}, longitude {longitude_deg:g}"
         return Fix.without_place(stamp_s, NoPlace.NO_COORDINATES, where)
-    covariance, kind = _covariance_of(message)
+    covariance, kind = UNKNOWN_COVARIANCE, CovarianceKind.UNKNOWN
+    if message.position_covariance_type in set(CovarianceKind) - {CovarianceKind.UNKNOWN}:
+        numbers = [float(value) for value in message.position_covariance]
+        east, north, up = ((numbers[row], numbers[row + 1], numbers[row + 2]) for row in (0, 3, 6))
+        covariance, kind = (east, north, up), CovarianceKind(int(message.position_covariance_type))
+    variance = (covariance[0][0] + covariance[1][1]) / 2
+    sd_m = math.sqrt(variance) if variance >= 0 else NAN
     return Fix(
         stamp_s=stamp_s,
-        position=Position(latitude_deg, longitude_deg, float(message.altitude), _horizontal_sd(covariance)),
+        position=Position(latitude_deg, longitude_deg, float(message.altitude), sd_m),
         status=status,
         geoid_separation_m=0.0,
         covariance_m2=covariance,
@@ -221,20 +227,6 @@ def stamp_of(message: Any) -> float:
 _NAV_SAT = {int(status): status for status in FixStatus}
 # gps_msgs/GPSStatus has more of them: 18 DGPS, 19 and 20 RTK fixed and float, 33 WAAS
 _GPS_FIX = {**_NAV_SAT, 18: FixStatus.SBAS, 19: FixStatus.RTK, 20: FixStatus.RTK, 33: FixStatus.SBAS}
-
-
-def _covariance_of(message: Any) -> tuple[Covariance, CovarianceKind]:
-    numbers = [float(value) for value in message.position_covariance]
-    known = {int(kind) for kind in CovarianceKind if kind is not CovarianceKind.UNKNOWN}
-    if message.position_covariance_type not in known:
-        return UNKNOWN_COVARIANCE, CovarianceKind.UNKNOWN
-    east, north, up = ((numbers[row], numbers[row + 1], numbers[row + 2]) for row in (0, 3, 6))
-    return (east, north, up), CovarianceKind(int(message.position_covariance_type))
-
-
-def _horizontal_sd(covariance: Covariance) -> float:
-    mean = (covariance[0][0] + covariance[1][1]) / 2
-    return math.sqrt(mean) if mean >= 0 else NAN
 
 
 class Heard:

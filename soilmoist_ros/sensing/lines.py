@@ -199,15 +199,15 @@ class LineReader:
 
     def _put(self, line: bytes) -> None:
         with self._taken:
-            while not self._taken.wait_for(lambda: self._has_room(line), _WAIT_S):
+            while not self._taken.wait_for(
+                lambda: len(self._waiting) < MAX_WAITING and self._waiting_bytes + len(line) <= MAX_WAITING_BYTES,
+                _WAIT_S,
+            ):
                 if self._stopping.is_set():
                     return
             self._waiting.append(line)
             self._waiting_bytes += len(line)
         self._on_line()
-
-    def _has_room(self, line: bytes) -> bool:
-        return len(self._waiting) < MAX_WAITING and self._waiting_bytes + len(line) <= MAX_WAITING_BYTES
 
 
 # Recorded lines, played at the recorded speed or faster ---------------------------------------------------------
@@ -354,7 +354,8 @@ def read_lines(path: Path, binary: bool = False) -> tuple[list[bytes], bool]:
     for magic, what in _MAGIC.items():
         if data.startswith(magic):
             raise InputError(f"is {what}, not a text file", "unpack it or export it as text first", path)
-    if not binary and _is_binary(data[:4096]):
+    start = b"" if binary or utf16(data[:4096]) else data[:4096].replace(b"\x00", b"")  # zeros: the power failed
+    if sum(byte < 32 and byte not in b"\t\r\n\x0c\x1a" for byte in start) > 0.05 * len(start):
         raise InputError("is not a text file", "give the text file that the logger wrote", path)
     return split_lines(data)
 
@@ -393,14 +394,6 @@ def log_files(paths: Iterable[Path]) -> list[Path]:
             raise InputError("has no file", "give a log file, or a folder or archive with log files", path)
         found += files
     return found
-
-
-def _is_binary(start: bytes) -> bool:
-    if utf16(start):
-        return False
-    start = start.replace(b"\x00", b"")  # a power cut leaves blocks of zeros
-    control = sum(byte < 32 and byte not in b"\t\r\n\x0c\x1a" for byte in start)
-    return control > 0.05 * len(start)
 
 
 def split_lines(data: bytes) -> tuple[list[bytes], bool]:

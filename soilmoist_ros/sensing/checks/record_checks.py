@@ -153,9 +153,6 @@ class Dispersion:
         self._sum = 0.0
         self._last: CountRecord | None = None
 
-    def __repr__(self) -> str:
-        return f"Dispersion({self.index:.2f}, {self.pairs} pairs)"
-
     @property
     def index(self) -> float:
         """Index of dispersion [-], NaN without a pair."""

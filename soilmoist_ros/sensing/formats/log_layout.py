@@ -177,24 +177,17 @@ class _Columns:
     def find_tubes(self, alternatives: Sequence[str]) -> dict[int, Source]:
         """Columns by tube number: those that match a pattern with ``{tube}``, or a plain name as tube 1."""
         for name in alternatives:
-            if TUBE not in name:
-                single = self.find([name])
-                found = {1: single} if single else {}
-            else:
-                found = self._find_pattern(name)
+            before, tube, after = name.partition(TUBE)
+            pattern = re.compile(rf"{plain_name(before)}0*(\d{{1,3}}){plain_name(after)}", re.ASCII)
+            found: dict[int, Source] = {}
+            if not tube and (single := self.find([name])):
+                found[1] = single
+            for index, plain in enumerate(self._plain if tube else ()):
+                if match := pattern.fullmatch(plain):
+                    found.setdefault(int(match[1]), Source(index, self.names[index]))
             if found:
                 return dict(sorted(found.items()))
         return {}
-
-    def _find_pattern(self, name: str) -> dict[int, Source]:
-        before, _, after = name.partition(TUBE)
-        pattern = re.compile(rf"{plain_name(before)}0*(\d{{1,3}}){plain_name(after)}", re.ASCII)
-        found: dict[int, Source] = {}
-        for index, plain in enumerate(self._plain):
-            match = pattern.fullmatch(plain)
-            if match:
-                found.setdefault(int(match[1]), Source(index, self.names[index]))
-        return found
 
 
 def is_header(logger: LoggerFormat, fields: Sequence[str]) -> bool:

@@ -99,7 +99,8 @@ class FieldReader:
         counts = self._counts(fields, live)
         live = [NAN if math.isnan(count) else time for count, time in zip(counts, live, strict=True)]
         live_s = max(time for time in live if not math.isnan(time))
-        self._check_live_time(live_s, period_s)
+        if period_s is not None and live_s < self._logger.record_period.minimal_live_fraction * period_s:
+            self._note(Kind.SHORT_LIVE_TIME, f"only {live_s:g} s of {period_s:g} s were counted")
         # Not the counts of the record: those of a rate depend on the time since the line before.
         written = (self._read(fields[source.index]) for source in self.layout.counts)
         key = hash((number, stamp_s, *written))  # the numbers need five times the memory
@@ -188,7 +189,12 @@ class FieldReader:
         without.
         """
         if self._logger.live_time.from_stamps and not any(self.layout.live):
-            live_s = self._interval(since_s, steps) if period_s is None else self._time_since(period_s, since_s)
+            if period_s is None:
+                live_s = self._interval(since_s, steps)
+            elif 0 < since_s < 1.5 * period_s:
+                live_s = since_s
+            else:
+                live_s = self._assumed_live_time(period_s, "the previous line's time is not known")
             return [live_s] * len(self.layout.tubes)
         return [self._live_time(fields, source, period_s) for source in self.layout.live]
 
@@ -207,12 +213,6 @@ class FieldReader:
             _lose(Kind.NO_LIVE_TIME, f"{what}: how long this record counted is unknown")
         self._usual_s, self._unusual_s = since_s, NAN
         return since_s
-
-    def _time_since(self, period_s: float, since_s: float) -> float:
-        """Time since the previous line [s]; the record period if the previous line is missing."""
-        if 0 < since_s < 1.5 * period_s:
-            return since_s
-        return self._assumed_live_time(period_s, "the previous line's time is not known")
 
     def _live_time(self, fields: Sequence[str], source: Source | None, period_s: float | None) -> float:
         if source is None:
@@ -246,11 +246,6 @@ class FieldReader:
                 remedy="give record_period.default_s in the logger format",
             )
         return period_s
-
-    def _check_live_time(self, live_s: float, period_s: float | None) -> None:
-        fraction = self._logger.record_period.minimal_live_fraction
-        if period_s is not None and live_s < fraction * period_s:
-            self._note(Kind.SHORT_LIVE_TIME, f"only {live_s:g} s of {period_s:g} s were counted")
 
     def _counts(self, fields: Sequence[str], live: Sequence[float]) -> list[float]:
         left_out = self._logger.counts.left_out

@@ -280,14 +280,21 @@ def mean_of_cores(
     :raises ValueError: if no core has a weight
     """
     around = around or Surroundings()
-    known = _mean_density(cores)
+    dense = [(core.bulk_density_gcm3, core.weight) for core in cores if not math.isnan(core.bulk_density_gcm3)]
+    total = sum(weight for _, weight in dense)
+    known = sum(density * weight for density, weight in dense) / total if total > 0 else None
     density = known or around.bulk_density_gcm3
     groups = profiles_of(cores)
     vwc = float(np.mean([core.vwc for core in cores])) if cores else math.nan
     for _ in range(_MAX_ITERATIONS):
         water = vwc + density * around.bound_water
         weights = [_weights(group, weighting, around, water, density) for group in groups]
-        means = np.array([_average(group, within) for group, (_, within) in zip(groups, weights, strict=True)])
+        means = np.array(
+            [
+                float(within @ [core.vwc for core in group] / within.sum()) if within.any() else 0.0
+                for group, (_, within) in zip(groups, weights, strict=True)
+            ]
+        )
         across = np.array([weight if within.any() else 0.0 for weight, within in weights])
         if not across.sum() > 0:
             raise ValueError("no core has a weight: all are too deep or too far away")
@@ -299,7 +306,9 @@ def mean_of_cores(
     spread = float(share @ (means - vwc) ** 2)
     error = math.sqrt(spread / (effective - 1)) if effective > 1 + 1e-9 else math.nan
     has_depth = any(not math.isnan(core.top_cm) for core in cores)
-    depth = _depth_cm(weighting, around, vwc, density) if has_depth else math.nan
+    water = vwc + density * around.bound_water
+    depth = franz_depth_cm(water) if weighting == "conventional" else _footprint(around, water).depth_cm(density)
+    depth = depth if has_depth else math.nan
     return CoreMean(vwc, error, known, len(cores), len(groups), depth, _weights_text(groups, weighting))
 
 
@@ -311,18 +320,6 @@ def _weights_text(groups: Sequence[Sequence[SoilCore]], weighting: Weighting) ->
         return "equal weights"
     alone = "" if distance and depth else " of the distance alone" if distance else " of the depth alone"
     return f"{weighting} weights{alone}"
-
-
-def _mean_density(cores: Sequence[SoilCore]) -> float | None:
-    known = [(core.bulk_density_gcm3, core.weight) for core in cores if not math.isnan(core.bulk_density_gcm3)]
-    total = sum(weight for _, weight in known)
-    return sum(density * weight for density, weight in known) / total if total > 0 else None
-
-
-def _average(group: Sequence[SoilCore], weights: Array) -> float:
-    if not weights.sum() > 0:
-        return 0.0  # all of its cores lie too deep
-    return float(weights @ [core.vwc for core in group] / weights.sum())
 
 
 def _weights(
@@ -367,10 +364,3 @@ def _footprint(around: Surroundings, water: float) -> Footprint:
     return Footprint(
         water, around.humidity_gm3, around.pressure_hpa, around.vegetation_m, around.footprint_radius_m
     )
-
-
-def _depth_cm(weighting: Weighting, around: Surroundings, vwc: float, density: float) -> float:
-    water = vwc + density * around.bound_water
-    if weighting == "conventional":
-        return franz_depth_cm(water)
-    return _footprint(around, water).depth_cm(density)

@@ -167,15 +167,10 @@ class Site(Section):
         yield "name", self.name
 
     @model_validator(mode="after")
-    def _place_is_known(self) -> Site:
-        # Fails for a value that is ``auto`` without a place.
-        _ = self.corrections_parameters
-        return self
-
-    @model_validator(mode="after")
-    def _one_clock(self) -> Site:
+    def _consistent(self) -> Site:
         if self.logger_time_zone and self.logger_utc_offset_hours is not None:
             raise ValueError("give 'logger_time_zone' or 'logger_utc_offset_hours', not both")
+        _ = self.corrections_parameters  # fails for a value that is ``auto`` without a place
         return self
 
     @property
@@ -286,23 +281,18 @@ def load_site(name_or_path: str | Path) -> Site:
     :raises InputError: if there is no such file, or with every mistake in the file
     """
     path = resource("sites", name_or_path) if isinstance(name_or_path, str) else name_or_path
-    site = _with_key_illustrative(load_model(path, Site), path)
+    site = load_model(path, Site)
+    calibration = site.calibration
+    marked = calibration is not None and "illustrative" in (calibration.note or "")
+    if calibration is not None and marked and "illustrative" not in calibration.model_fields_set:
+        _log.warning("%s: write 'illustrative: true' below 'calibration': the note will not count", path)
+        site = site.model_copy(update={"calibration": calibration.model_copy(update={"illustrative": True})})
     intensity = site.corrections.intensity
     if intensity is None or intensity.file is None or intensity.file.is_absolute():
         return site
     resolved = intensity.model_copy(update={"file": path.parent / intensity.file})
     corrections = site.corrections.model_copy(update={"intensity": resolved})
     return site.model_copy(update={"corrections": corrections})
-
-
-def _with_key_illustrative(site: Site, path: Path) -> Site:
-    calibration = site.calibration
-    if calibration is None or "illustrative" in calibration.model_fields_set:
-        return site
-    if "illustrative" not in (calibration.note or ""):
-        return site
-    _log.warning("%s: write 'illustrative: true' below 'calibration'; the note will not be searched for it", path)
-    return site.model_copy(update={"calibration": calibration.model_copy(update={"illustrative": True})})
 
 
 # Calibration against soil cores: N0 and its uncertainty, written into the site file -----------------------------

@@ -286,7 +286,11 @@ class PlaceJudge:
         if self.fix is not None and self._is_old(fix) and fix.measured_s < self.fix.measured_s:
             return Verdict.PAST
         self.relocated_m = 0.0
-        if self._track and not self._is_elsewhere(fix) and self._within_reach(fix, self._track):
+        # A jump may last long, but nobody has driven to a place that is nearer to the rejected ones.
+        elsewhere = bool(self._track and self.rejected and self._candidates) and (
+            math.dist(self._candidates[-1].xy, fix.xy) < math.dist(self._track[-1].xy, fix.xy)
+        )
+        if self._track and not elsewhere and self._within_reach(fix, self._track):
             self._accept(fix)
             return Verdict.PLAUSIBLE
         if self._stood is not None and self._is_back(fix):
@@ -306,12 +310,6 @@ class PlaceJudge:
             self.rejected_since_s = fix.now_s
         self.rejected += 1
         return Verdict.JUMP
-
-    def _is_elsewhere(self, fix: PlaceFix) -> bool:
-        """True if a place is nearer to the rejected ones: a jump may last long, but nobody has driven there."""
-        if not self.rejected or not self._candidates:
-            return False
-        return math.dist(self._candidates[-1].xy, fix.xy) < math.dist(self._track[-1].xy, fix.xy)
 
     def _accept(self, fix: PlaceFix) -> None:
         if not self._track or self._time_s(self._track[-1], fix) >= SPACING_S:

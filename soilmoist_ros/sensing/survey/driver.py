@@ -140,13 +140,13 @@ class Driver:
                 if now_s > 0:
                     self.stream.compare_clocks(reading.stamp_s, now_s)
         more = jammed or len(logger_lines) == LINES_PER_STEP
-        ready, header = self._ready(steady_s), self.stream.parser.header if readings else None
+        # A record of a doubt that has ended stays as it is: the mapper places it.
+        ready = [
+            placed if (placed := self.doubts.placed(record)).quarantine else record
+            for record in self.stream.take_ready(steady_s)
+        ]
+        header = self.stream.parser.header if readings else None
         return Batch(logger_lines, gnss_lines, fixes, readings, ready, more, header)
-
-    def _ready(self, steady_s: float) -> list[CountRecord]:
-        """Records that are ready. One of a doubt that has ended stays as it is: the mapper places it."""
-        ready = self.stream.take_ready(steady_s)
-        return [placed if (placed := self.doubts.placed(record)).quarantine else record for record in ready]
 
     def health(self, now_s: float) -> list[Health]:
         """State of all parts at a time [s since 1970 UTC]."""
@@ -201,7 +201,8 @@ def link_health(name: str, status: LinkStatus) -> Health:
         level = max(level, Level.WARN)
         message += (
             f": mixes the lines of {len(status.senders)} senders ({', '.join(status.senders)}); "
-            f"name the right one in the address, such as {_with_sender(status)}"
+            f"name the right one in the address, such as "
+            f"{status.uri}{'&' if '?' in status.uri else '?'}from={status.senders[0]}"
         )
     values = {
         "address": status.uri,
@@ -220,10 +221,6 @@ def link_health(name: str, status: LinkStatus) -> Health:
     return Health(name, level, message, values)
 
 
-def _with_sender(status: LinkStatus) -> str:
-    return f"{status.uri}{'&' if '?' in status.uri else '?'}from={status.senders[0]}"
-
-
 def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s: float = 0.0) -> Health:
     """State of the records."""
     problems, last = stream.logger_problems, stream.last_record
@@ -233,18 +230,20 @@ def records_health(stream: SensorStream, now_s: float, n_bytes: int = 0, heard_s
         "serial number": stream.parser.serial or "unknown",
         "records": str(stream.records_out),
         "records waiting for a fix": str(stream.survey.waiting),
-        "records without a position": str(stream.records_without_position),
+        "records without a position": str(problems.noted[Kind.NO_POSITION]),
         "records per minute": _number(60 * stream.record_rate_hz, 2),
         "records and lines lost": str(problems.losses),
         "records quarantined": str(stream.quarantined.total()),
         "masked tubes": _masked(stream) or "none",
         "index of dispersion": _number(stream.survey.checks.totals.used.index, 2),
         "logger clock minus ours [s]": _number(difference_s, 1),
-        **_intensity_values(stream),
         **_by_kind("dropped", problems.lost),
         **_by_kind("noted", problems.noted),
         **{f"quarantined: {reason_text(code)}": str(count) for code, count in sorted(stream.quarantined.items())},
     }
+    if (latest := stream.survey.latest_intensity) is not None:
+        values["incoming intensity"] = "none yet" if math.isnan(latest.rate) else f"{latest.rate:g}"
+        values["age of the intensity [s]"] = f"{stream.survey.intensity_age_s:.0f}"
     if problems.last_loss is not None:
         values["last loss"] = str(problems.last_loss)
     if problems.last_quarantined is not None:
@@ -297,7 +296,7 @@ def _masked(stream: SensorStream) -> str:
 
 def _doubt(stream: SensorStream) -> tuple[Level, str] | None:
     """What speaks against the counts of the last records, ``None`` if nothing does."""
-    bad, recent = stream.recent_quarantined
+    bad, recent = stream.recent_bad.count(True), len(stream.recent_bad)
     masked, last = _masked(stream), stream.logger_problems.last_quarantined
     if not bad:
         return (Level.WARN, f"not used: {masked}; check its high voltage and its cable") if masked else None
@@ -318,14 +317,6 @@ def _header_fault(stream: SensorStream) -> str:
         f"the columns are those of a stored header{date}: if the logger or its program was changed since then, "
         "switch the logger off and on, or delete header.json in record_dir and start again"
     )
-
-
-def _intensity_values(stream: SensorStream) -> dict[str, str]:
-    latest, age_s = stream.survey.latest_intensity, stream.survey.intensity_age_s
-    if latest is None:
-        return {}
-    text = f"{latest.rate:g}" if math.isfinite(age_s) else "none yet"
-    return {"incoming intensity": text, "age of the intensity [s]": f"{age_s:.0f}"}
 
 
 def _intensity_fault(stream: SensorStream) -> str:

@@ -19,6 +19,7 @@ from soilmoist_ros.foundation import InputError, LocalFrame, Mistake, listing
 from soilmoist_ros.sensing.checks.weather import unlikely_weather
 from soilmoist_ros.sensing.corrections.factors import absolute_humidity_gm3
 from soilmoist_ros.sensing.formats.logger_reader import LogFile
+from soilmoist_ros.sensing.gnss import utc_text
 from soilmoist_ros.sensing.moisture.site import Site
 from soilmoist_ros.sensing.position.track import NO_ARMS, LeverArms, Track
 from soilmoist_ros.sensing.problems import Kind, Problem
@@ -236,9 +237,9 @@ def calibration_counts(
     everything = [entry.record for entry in _in_order_of_time(logs)]
     raw = [record for record in everything if start_s < record.stamp_s <= end_s]
     if not raw:
-        first, last = (_utc(everything[index].stamp_s) for index in (0, -1))
+        first, last = (utc_text(everything[index].stamp_s) for index in (0, -1))
         raise InputError(
-            "has no record between these times", f"the log lasts from {first} to {last}", logs[0].path
+            "has no record between these times", f"the log lasts from {first} to {last} UTC", logs[0].path
         )
     problems: list[Problem] = []
     survey = _survey_of(everything, site, None, None, problems, keep_unplaced=True)
@@ -284,10 +285,6 @@ def stationary_records(logs: Sequence[LogFile], site: Site) -> list[CountRecord]
 
 def _mean(values: Sequence[float]) -> float:
     return math.fsum(values) / len(values) if values else math.nan
-
-
-def _utc(stamp_s: float) -> str:
-    return datetime.fromtimestamp(stamp_s, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
 
 
 def _in_order_of_time(logs: Sequence[LogFile]) -> list[_Entry]:

@@ -40,9 +40,6 @@ class ProblemCount:
         self.last_loss: Problem | None = None
         self.last_quarantined: Problem | None = None
 
-    def __repr__(self) -> str:
-        return f"ProblemCount({self.losses} losses, {self.noted.total()} noted)"
-
     def add(self, problem: Problem) -> None:
         """Count a problem."""
         (self.lost if problem.lost else self.noted)[problem.kind] += 1
@@ -90,7 +87,8 @@ class SensorStream:
         self.records_out = 0
         self.quarantined: Counter[str] = Counter()
         """Number of records of each reason of quarantine."""
-        self._bad: deque[bool] = deque(maxlen=LAST_RECORDS)
+        self.recent_bad: deque[bool] = deque(maxlen=LAST_RECORDS)
+        """True for each of the last records that is quarantined."""
         self.faulty = FaultyLines()
         """Lines since the last record that could be corrected."""
         self._nmea = NmeaParser(on_problem=self.gnss_problems.add)
@@ -101,9 +99,6 @@ class SensorStream:
         """Logger's clock against the last epoch of the receiver; lines may be late by a second or two."""
         self._drift_reported = False
         self._clock_differences_s: deque[float] = deque(maxlen=LAST_RECORDS)
-
-    def __repr__(self) -> str:
-        return f"SensorStream({self.parser.format.title!r}, {self.records_out} records)"
 
     def take_logger_line(self, line: bytes, now_s: float) -> LoggerRecord | None:
         """Process a line of the logger; returns the raw record, if any, with the logged weather."""
@@ -161,7 +156,7 @@ class SensorStream:
         ready = self.survey.take_ready(now_s)
         self.records_out += len(ready)
         self.quarantined.update(record.quarantine for record in ready if record.quarantine)
-        self._bad.extend(bool(record.quarantine) for record in ready)
+        self.recent_bad.extend(bool(record.quarantine) for record in ready)
         if ready:
             self.faulty = FaultyLines()
         self._good.extend([True] * len(ready))
@@ -175,11 +170,6 @@ class SensorStream:
     def sentences_read(self) -> int:
         """Number of intact sentences of the receiver, of any type."""
         return self._nmea.sentences_read
-
-    @property
-    def records_without_position(self) -> int:
-        """Number of records returned without a position."""
-        return self.logger_problems.noted[Kind.NO_POSITION]
 
     @property
     def clock_difference_s(self) -> float:
@@ -196,11 +186,6 @@ class SensorStream:
     def record_period_s(self) -> float:
         """Usual time between records [s], nominal for the first ones; zero if unknown. Called from any thread."""
         return self._period_s or self.parser.period_s or 0.0
-
-    @property
-    def recent_quarantined(self) -> tuple[int, int]:
-        """Number of recent records that are quarantined, and number of recent records."""
-        return self._bad.count(True), len(self._bad)
 
     @property
     def recent_losses(self) -> int:

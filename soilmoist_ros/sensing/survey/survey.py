@@ -133,9 +133,6 @@ class Survey:
         self._last: LoggerRecord | None = None
         self._waiting: deque[_Waiting] = deque()
 
-    def __repr__(self) -> str:
-        return f"Survey(site={self._site.name!r}, {len(self._places.track)} fixes, {self.waiting} records waiting)"
-
     @property
     def waiting(self) -> int:
         """Number of records that wait for a fix."""
