@@ -19,7 +19,7 @@ from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from soilmoist_ros.exploration.planning.property_names import property_weights
+from soilmoist_ros.exploration.planning.properties import property_weights
 from soilmoist_ros.nodes.launching import (
     TOPICS,
     LastWords,

@@ -119,7 +119,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.planning.dwell import Optimal as Optimal
     from soilmoist_ros.exploration.planning.dwell import dwell_rule as dwell_rule
     from soilmoist_ros.exploration.planning.dwell import parse_dwell as parse_dwell
-    from soilmoist_ros.exploration.planning.efficiency import least_variance as least_variance
     from soilmoist_ros.exploration.planning.forecast import Forecast as Forecast
     from soilmoist_ros.exploration.planning.forecast import forecast_from_text as forecast_from_text
     from soilmoist_ros.exploration.planning.forecast import forecast_to_text as forecast_to_text
@@ -128,8 +127,8 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.planning.planning_model import spread_cells as spread_cells
     from soilmoist_ros.exploration.planning.properties import Property as Property
     from soilmoist_ros.exploration.planning.properties import correction_factor as correction_factor
-    from soilmoist_ros.exploration.planning.property_names import property_name as property_name
-    from soilmoist_ros.exploration.planning.property_names import property_weights as property_weights
+    from soilmoist_ros.exploration.planning.properties import property_name as property_name
+    from soilmoist_ros.exploration.planning.properties import property_weights as property_weights
     from soilmoist_ros.exploration.planning.prospect import Counting as Counting
     from soilmoist_ros.exploration.strategies.registry import BUILT_IN as BUILT_IN
     from soilmoist_ros.exploration.strategies.registry import STRATEGIES as STRATEGIES
@@ -188,11 +187,9 @@ __getattr__, __dir__, __all__ = open_door(
         "navigation.pose_client": "CancelAll PoseClient PoseRequest SendPose drivers",
         "navigation.track": "Track",
         "planning.dwell": "DWELL_RULES DwellRule Optimal dwell_rule parse_dwell",
-        "planning.efficiency": "least_variance",
         "planning.forecast": "Forecast forecast_from_text forecast_to_text hundredths",
         "planning.planning_model": "MIN_RATE_CPS spread_cells",
-        "planning.properties": "Property correction_factor",
-        "planning.property_names": "property_name property_weights",
+        "planning.properties": "Property correction_factor property_name property_weights",
         "planning.prospect": "Counting",
         "strategies.registry": "BUILT_IN STRATEGIES StrategyKind make_strategy strategy_kind warm_up",
         "strategies.strategy": "Choice Situation Strategy",

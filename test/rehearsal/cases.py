@@ -293,7 +293,7 @@ def _rows(field: Field) -> TravelGraph:
             edges += [(rows[-1][end].name, row[end].name) for end in (0, -1)]
         rows += [row] if row else []
     both = [*edges, *((b, a) for a, b in edges)]
-    return TravelGraph.from_edges([stop for row in rows for stop in row], sorted(set(both)), connected=False)
+    return TravelGraph.from_edges([stop for row in rows for stop in row], sorted(set(both)))
 
 
 def _graph(rng: np.random.Generator, kind: str, field: Field) -> TravelGraph:
@@ -317,7 +317,7 @@ def _graph(rng: np.random.Generator, kind: str, field: Field) -> TravelGraph:
             edges.append((stops[a].name, stops[b].name))
             if rng.uniform() > 0.06:
                 edges.append((stops[b].name, stops[a].name))
-    return TravelGraph.from_edges(stops, edges, connected=False)
+    return TravelGraph.from_edges(stops, edges)
 
 
 def _can_leave(graph: TravelGraph, stop: Stop, area: BaseGeometry) -> bool:
@@ -325,7 +325,7 @@ def _can_leave(graph: TravelGraph, stop: Stop, area: BaseGeometry) -> bool:
     names = graph.names
     inside = shapely.covers(area, shapely.linestrings(graph.xy[graph.edges]))
     edges = [(names[a], names[b]) for a, b in graph.edges[inside].tolist()]
-    part = TravelGraph.from_edges(graph.stops, edges, connected=False).components()
+    part = TravelGraph.from_edges(graph.stops, edges).components()
     return bool((part == part[graph.index(stop.name)]).sum() > 1)
 
 

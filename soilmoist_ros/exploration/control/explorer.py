@@ -20,9 +20,8 @@ from soilmoist_ros.exploration.control.team import PendingMeasurement, foreseen,
 from soilmoist_ros.exploration.mission.events import Planned, RequestPlan
 from soilmoist_ros.exploration.mission.types import Changes, MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import DwellRule, Optimal
-from soilmoist_ros.exploration.planning.forecast import Forecast
-from soilmoist_ros.exploration.planning.forecaster import MAX_CELLS as FORECAST_CELLS
-from soilmoist_ros.exploration.planning.forecaster import Forecaster, prior_forecast
+from soilmoist_ros.exploration.planning.forecast import MAX_CELLS as FORECAST_CELLS
+from soilmoist_ros.exploration.planning.forecast import Forecast, Forecaster, prior_forecast
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel, spread_cells
 from soilmoist_ros.exploration.planning.properties import Property, variation
 from soilmoist_ros.exploration.planning.prospect import MAX_CELLS, MAX_STOPS, Counting, Prospect

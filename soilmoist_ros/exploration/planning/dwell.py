@@ -40,15 +40,9 @@ class DwellRule(Protocol):
     @property
     def longest_s(self) -> float:
         """Time at the stop after which counting ends, regardless of the counts [s]."""
-        ...
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """True if to stop counting.
-
-        :param raw_counts: raw counts at the stop
-        :param live_s: exposure of these counts [s]
-        """
-        ...
+        """True if to stop counting, by the raw counts at the stop and their exposure [s]."""
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
         """Expected dwell, for planning [s]; ``longest_s`` where the rate is unknown (NaN) or not positive.
@@ -56,15 +50,12 @@ class DwellRule(Protocol):
         :param rate_cps: corrected rate expected at the stop [counts/s]
         :param factor: product of the correction factors, ``raw rate = rate / factor`` [-]
         """
-        ...
 
     def progress(self, raw_counts: int, live_s: float) -> float:
         """Share of the dwell that is done, 0..1; 1 exactly if :meth:`enough`."""
-        ...
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
         """Result of the dwell in words, after counting has ended."""
-        ...
 
 
 def _read_rule(value: object) -> DwellRule | None:
@@ -93,19 +84,19 @@ class FixedInterval:
     longest_s: float = MAX_DWELL_S
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """True if the exposure covers the interval."""
+        """See :class:`DwellRule`."""
         return live_s >= self.interval_s * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
-        """The interval [s]."""
+        """See :class:`DwellRule`."""
         return self.interval_s
 
     def progress(self, raw_counts: int, live_s: float) -> float:
-        """Share of the interval that is done, 0..1."""
+        """See :class:`DwellRule`."""
         return 1.0 if self.enough(raw_counts, live_s) else live_s / self.interval_s
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
-        """What was reached, in words."""
+        """See :class:`DwellRule`."""
         return f"{raw_counts} counts in {live_s:.0f} of {_plain(self.interval_s)} s"
 
     def __str__(self) -> str:
@@ -131,23 +122,23 @@ class AdaptiveInterval:
         return math.ceil(1 / Fraction(repr(float(self.threshold))) ** 2)
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """True if the threshold is met, or the longest dwell is over."""
+        """See :class:`DwellRule`."""
         return raw_counts >= self.counts_needed or live_s >= self.longest_s * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
-        """Expected time to reach the counts needed, at most the longest dwell [s]."""
+        """See :class:`DwellRule`."""
         if not (rate_cps > 0 and factor > 0):
             return self.longest_s
         return min(self.counts_needed * factor / rate_cps, self.longest_s)
 
     def progress(self, raw_counts: int, live_s: float) -> float:
-        """Share of the counts needed or of the longest dwell, whichever is larger, 0..1."""
+        """See :class:`DwellRule`."""
         if self.enough(raw_counts, live_s):
             return 1.0
         return max(raw_counts / self.counts_needed, live_s / self.longest_s)
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
-        """What was reached, in words."""
+        """See :class:`DwellRule`."""
         error = f"{100 / math.sqrt(raw_counts):.2g} %" if raw_counts > 0 else "no standard error"
         text = f"{raw_counts} counts ({error}) in {live_s:.0f} s"
         if raw_counts < self.counts_needed:
@@ -160,30 +151,31 @@ class AdaptiveInterval:
 
 @dataclass(frozen=True)
 class Optimal:
-    """Count as long as it pays: :class:`MarginalValue` at each stop, or a fixed dwell while there is no map.
+    """Count as long as it pays: :class:`MarginalValue` at each stop, or a fixed dwell while there is no map."""
 
-    :param longest_s: counting ends after this time in any case [s]
-    """
-
-    longest_s: float = MAX_DWELL_S
+    longest_s: float = MAX_DWELL_S  # counting ends after this time in any case [s]
 
     UNKNOWN_S: ClassVar[float] = 60.0
     """Dwell without a map [s]."""
 
+    @property
+    def _without_map(self) -> FixedInterval:
+        return FixedInterval(min(self.UNKNOWN_S, self.longest_s))
+
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """True if the dwell without a map is over."""
-        return live_s >= min(self.UNKNOWN_S, self.longest_s) * (1 - _ROUNDING)
+        """See :class:`DwellRule`."""
+        return self._without_map.enough(raw_counts, live_s)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
-        """The dwell without a map [s]."""
-        return min(self.UNKNOWN_S, self.longest_s)
+        """See :class:`DwellRule`."""
+        return self._without_map.interval_s
 
     def progress(self, raw_counts: int, live_s: float) -> float:
-        """Share of the dwell without a map that is done, 0..1."""
-        return 1.0 if self.enough(raw_counts, live_s) else live_s / min(self.UNKNOWN_S, self.longest_s)
+        """See :class:`DwellRule`."""
+        return self._without_map.progress(raw_counts, live_s)
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
-        """What was reached, in words."""
+        """See :class:`DwellRule`."""
         return f"{raw_counts} counts in {live_s:.0f} s, the dwell without a map"
 
     def __str__(self) -> str:
@@ -207,22 +199,22 @@ class MarginalValue:
     others: tuple[tuple[float, float, float], ...] = ()  # A, B and n of each further property
 
     def enough(self, raw_counts: int, live_s: float) -> bool:
-        """True if more counting is worth less than the price, or the longest dwell is over."""
+        """See :class:`DwellRule`."""
         return live_s >= self._best_s(self._noise(raw_counts, live_s)) * (1 - _ROUNDING)
 
     def expected_s(self, rate_cps: float, factor: float = 1.0) -> float:
-        """Dwell that pays at this rate [s]."""
+        """See :class:`DwellRule`."""
         # n is the square of the stop's own factor times the raw rate.
         return self._best_s(self.factor**2 * rate_cps / factor) if rate_cps > 0 else self.longest_s
 
     def progress(self, raw_counts: int, live_s: float) -> float:
-        """Share that is done of the dwell that pays at the rate counted so far, 0..1."""
+        """See :class:`DwellRule`."""
         if self.enough(raw_counts, live_s):
             return 1.0
         return live_s / self._best_s(self._noise(raw_counts, live_s))
 
     def outcome(self, raw_counts: int, live_s: float) -> str:
-        """What was reached, in words."""
+        """See :class:`DwellRule`."""
         if live_s >= self.longest_s * (1 - _ROUNDING):
             return f"{raw_counts} counts in the longest dwell of {live_s:.0f} s"
         return f"{raw_counts} counts in {live_s:.0f} s; counting elsewhere is worth more now"
@@ -329,33 +321,29 @@ def _adaptive(number: str, longest_s: float) -> DwellRule:
 
 
 def _of_stop(numbers: str, longest_s: float) -> DwellRule:
-    terms, slash, longest = numbers.partition("/")
+    terms, _, longest = numbers.partition("/")
     own, *more = terms.split(";")
-    others: list[tuple[float, float, float]] = []
     try:
-        longest_s = float(longest) if slash else longest_s
-        gain, variance, price, factor = (float(number) for number in own.split(","))
-        for other in more:
-            a, b, n = (float(number) for number in other.split(","))
-            others.append((a, b, n))
+        gain, variance, price, factor = map(float, own.split(","))
+        others = tuple((a, b, n) for a, b, n in (map(float, other.split(",")) for other in more))
+        positive = [
+            variance,
+            factor,
+            longest_s := float(longest or longest_s),
+            *(x for one in others for x in one[1:]),
+        ]
+        if not all(0 < value < math.inf for value in positive):
+            raise ValueError
+        if not all(0 <= value < math.inf for value in (gain, price, *(other[0] for other in others))):
+            raise ValueError
     except ValueError:
-        raise InputError(
-            f"'value:{numbers}' is not A,B,PRICE,FACTOR with ;A,B,N and /LONGEST", _EXAMPLES
-        ) from None
-    positive = [variance, factor, longest_s, *(value for _, b, n in others for value in (b, n))]
-    not_negative = [gain, price, *(a for a, _, _ in others)]
-    if not (
-        all(0 < value < math.inf for value in positive) and all(0 <= value < math.inf for value in not_negative)
-    ):
-        raise InputError(f"'value:{numbers}' is out of range", _EXAMPLES)
-    return MarginalValue(gain, variance, price, factor, longest_s, tuple(others))
+        form = "A,B,PRICE,FACTOR with ;A,B,N and /LONGEST, all in range"
+        raise InputError(f"'value:{numbers}' is not {form}", _EXAMPLES) from None
+    return MarginalValue(gain, variance, price, factor, longest_s, others)
 
 
 def _checked(plug_in: Any) -> DwellKind:
-    """Check a dwell rule of another package.
-
-    :raises TypeError: if it is no :class:`DwellKind`
-    """
+    """Check a dwell rule of another package; raises TypeError."""
     if not isinstance(plug_in, DwellKind):
         raise TypeError(f"a dwell rule must be a DwellKind, got {type(plug_in).__name__}")
     return plug_in
@@ -369,20 +357,22 @@ DWELL_RULES: Registry[DwellKind] = Registry(
         "fmi": DwellKind(
             _fixed,
             lambda number: f"FMI {float(number):g} s",
-            about="Counts for a fixed time, in seconds.",
-            example="fmi:600",
+            True,
+            "Counts for a fixed time, in seconds.",
+            "fmi:600",
         ),
         "ami": DwellKind(
             _adaptive,
             lambda number: f"AMI {100 * float(number):g} %",
-            about="Counts until the relative standard error of the count falls to a threshold.",
-            example="ami:3%",
+            True,
+            "Counts until the relative standard error of the count falls to a threshold.",
+            "ami:3%",
         ),
         "optimal": DwellKind(
             lambda _, longest_s: Optimal(longest_s),
             lambda _: "Optimal",
-            needs_value=False,
-            about="Counts as long as counting here is worth more than driving on.",
+            False,
+            "Counts as long as counting here is worth more than driving on.",
         ),
     },
     _checked,
@@ -393,11 +383,11 @@ DWELL_RULES: Registry[DwellKind] = Registry(
 def _decimal(number: str, rule: str) -> Decimal:
     try:
         value = Decimal(number)
+        if value.is_finite():
+            return value
     except InvalidOperation:
-        raise InputError(f"{number!r} in '{rule}:{number}' is not a number", _EXAMPLES) from None
-    if not value.is_finite():
-        raise InputError(f"'{rule}:{number}' is not finite", _EXAMPLES)
-    return value
+        pass
+    raise InputError(f"{number!r} in '{rule}:{number}' is not a finite number", _EXAMPLES)
 
 
 def _plain(value: float) -> str:

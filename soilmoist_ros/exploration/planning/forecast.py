@@ -1,16 +1,45 @@
 # SPDX-FileCopyrightText: 2026 The soilmoist_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Forecast of the map's standard deviation while a mission goes on."""
+"""Forecasts of the map's standard deviation while a mission goes on.
+
+The kriging variance depends on places and exposures, not on the counts. If further counting of T seconds were
+spread evenly over g cells, each would have noise ``n_g = g rate_g / T``. With the posterior covariance C, the
+diagonal D of ``g rate_g`` and the eigenvalues l and eigenvectors U of ``D^-1/2 C D^-1/2``, the integrated variance
+would be::
+
+    IV(T) = sum_i a_i l_i / (1 + T l_i),    a_i = sum_g omega_g D_g U_gi^2
+
+One decomposition gives the curve for all T. Two constants lead from there to a mission, fitted to simulated
+missions (``scripts/bench_missions.py forecasts``): a second of a plan is worth :data:`EFFICIENCY` s of even
+counting, and the standard deviation falls by a further power of the counting time, because the variogram becomes
+certain.
+"""
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+import math
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.foundation import read_json
+from soilmoist_ros.mapping import (
+    ModelName,
+    Prior,
+    RestrictedLikelihood,
+    Samples,
+    Variogram,
+    VariogramFit,
+    correlation_model,
+    sample_correlation,
+    spatial_blocks,
+)
+
+Array = NDArray[np.float64]
 
 SOON_S = 600.0
 """Time ahead for which a gain is stated [s]."""
@@ -126,3 +155,217 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_rounded(item) for item in value]
     return float(f"{value:.4g}") if isinstance(value, float) else value
+
+
+# Making forecasts
+
+MAX_CELLS = 100
+"""Approximate number of cells that represent the field."""
+EFFICIENCY = 0.7
+"""Even counting time that a second of a plan is worth [-]."""
+LEARNING = 0.08
+"""Power of the counting time by which the standard deviation falls because the variogram becomes certain [-]."""
+MIN_EVERY_S = 60.0
+"""Shortest mission time between two forecasts [s]."""
+MAX_FORECASTS = 60
+"""Number of forecasts in a long mission."""
+UNIFORM_FROM = 0.2
+"""Share of the mission time after which a field may be called uniform."""
+SPREAD = 0.3
+"""Logarithm of the band's factor when the exposure has grown e-fold; 80 % of missions end within the band."""
+_STEPS = 8
+_PRIOR_EXPOSURE_S = 120.0
+_MIN_SHARE = 0.05
+_MIN_RATE_CPS = 1e-3
+
+
+class Forecaster:
+    """Makes the forecasts of a mission, at most one per :data:`MIN_EVERY_S`.
+
+    :param cells_xy: cells that represent the field, shape (g, 2) [m]; ``extent_m`` is that of the field
+    :param nominal_rate_cps: rate to expect before there is a map [counts/s]
+    """
+
+    def __init__(self, cells_xy: Array, extent_m: float, nominal_rate_cps: float) -> None:
+        self._cells_xy = cells_xy
+        self._extent_m = extent_m
+        self._nominal_rate_cps = nominal_rate_cps
+        self._due_s = -math.inf
+        self._varies = False
+
+    def forecast(self, of: Property, used_s: float, left_s: float, robots: int = 1) -> Forecast | None:
+        """The forecast now; ``None`` if the last one is recent.
+
+        :param of: what is mapped, by a number of robots
+        :param used_s: mission time used [s]; ``left_s`` is left for measuring
+        """
+        if used_s < self._due_s or left_s <= 0:
+            return None
+        self._due_s = used_s + max(MIN_EVERY_S, (used_s + left_s) / MAX_FORECASTS)
+        if of.field_map.soil_map is None:
+            expected = of.field_map.expected_fit
+            rate_cps = self._nominal_rate_cps if expected is None else expected.mean_rate
+            slope = None if of.curve is None else math.sqrt(float(of.curve.weight([rate_cps])[0]))
+            return prior_forecast(self._cells_xy, self._extent_m, rate_cps, left_s, slope, expected)
+        counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
+        share = min(max(counted_s / used_s, _MIN_SHARE), robots) if used_s > 0 else 1.0
+        hidden = self._hidden(of) if used_s >= UNIFORM_FROM * (used_s + left_s) else None
+        return map_forecast(of, self._cells_xy, left_s, share, hidden)
+
+    def achieved(self, of: Property) -> Forecast | None:
+        """Standard deviation of the map now, ``None`` without a map."""
+        return None if of.field_map.soil_map is None else map_forecast(of, self._cells_xy, 0.0)
+
+    def _hidden(self, of: Property) -> float | None:
+        """Upper limit of the variation, ``None`` if differences were found or may be hidden."""
+        if self._varies:
+            return None
+        kriging, samples = of.field_map.kriging, of.field_map.samples
+        assert kriging is not None
+        evidence, limit = differences(samples, kriging.variogram.model, self._extent_m)
+        self._varies = evidence >= CERTAIN
+        return limit if evidence < SHOWN and limit <= MAX_HIDDEN else None
+
+
+def map_forecast(
+    of: Property, cells_xy: Array, left_s: float, share: float = 1.0, hidden: float | None = None
+) -> Forecast:
+    """Forecast from the map of a property.
+
+    :param left_s: mission time left for measuring [s]; 0: the map as it is
+    :param share: counting time per mission time [-]
+    """
+    kriging = of.field_map.kriging
+    assert kriging is not None
+    rate, variance = kriging.predict(cells_xy)
+    mean = max(float(rate.mean()), _MIN_RATE_CPS)
+    rate = np.maximum(rate, _MIN_RATE_CPS)
+    weight = np.full(len(rate), 1 / mean**2) if of.curve is None else of.curve.weight(rate)
+    weight = weight / len(rate)
+    covariance = kriging.covariance(cells_xy)
+    # The nugget: counting does not lower it.
+    fixed = float(weight @ np.maximum(variance - np.diag(covariance), 0.0))
+    counted_s = float(of.field_map.samples.exposure_s.sum()) * of.factor
+    curve = _Curve(covariance, weight, of.factor * rate, fixed, counted_s, share)
+    return curve.forecast(left_s, mean, of.curve is not None, hidden)
+
+
+def prior_forecast(
+    cells_xy: Array,
+    extent_m: float,
+    rate_cps: float,
+    left_s: float,
+    slope: float | None = None,
+    expected: VariogramFit | None = None,
+) -> Forecast:
+    """Forecast before there is a map, for a field that varies as the prior of the variogram guesses.
+
+    :param left_s: mission time left for measuring, > 0 [s]
+    :param slope: that of the calibration at this rate, for the moisture [m^3/m^3 per count/s]
+    :param expected: variogram and prior from earlier surveys, instead of the guess
+    """
+    prior = None if expected is None else expected.prior
+    if expected is None:
+        sill = (Prior.GUESSED_VARIATION * rate_cps) ** 2
+        range_m = extent_m / 3 / correlation_model("matern32").practical
+        nugget = Prior.GUESSED_NUGGET
+        variogram = Variogram("matern32", nugget * sill, range_m, (1 + nugget) * sill)
+    else:
+        variogram = expected.variogram
+    covariance = sample_correlation(variogram, cells_xy)
+    covariance += 1  # the mean is as unknown as the places
+    covariance *= variogram.structured_sill
+    if prior is not None:
+        at = prior.at(cells_xy)
+        covariance += prior.covariance(at, at)
+    rate = np.full(len(cells_xy), rate_cps)
+    weight = np.full(len(rate), 1 / rate_cps**2 if slope is None else slope**2)
+    fixed = variogram.nugget * float(weight[0])
+    found = _Curve(covariance, weight / len(rate), rate, fixed, _PRIOR_EXPOSURE_S, 1.0)
+    return replace(found.forecast(left_s, rate_cps, slope is not None), is_guess=True)
+
+
+class _Curve:
+    """Standard deviation against further counting time."""
+
+    def __init__(
+        self, covariance: Array, weight: Array, noise: Array, fixed: float, counted_s: float, share: float
+    ) -> None:
+        root = np.sqrt(len(noise) * noise)
+        values, vectors = np.linalg.eigh(covariance / root / root[:, None])
+        self._values = np.maximum(values, 0.0)
+        self._parts = ((weight * root**2) @ vectors**2) * self._values
+        self._fixed = fixed
+        self._counted_s = counted_s
+        self._share = share
+
+    def sd(self, after_s: float) -> float:
+        """Standard deviation after some mission time [s]."""
+        even_s = EFFICIENCY * self._share * after_s
+        variance = self._fixed + float((self._parts / (1 + even_s * self._values)).sum())
+        return float(math.sqrt(variance) * self._growth(after_s) ** -LEARNING)
+
+    def _growth(self, after_s: float) -> float:
+        """Exposure of the map after some mission time [s], divided by that now."""
+        return 1 + self._share * after_s / max(self._counted_s, 1.0)
+
+    def forecast(
+        self, left_s: float, mean_rate_cps: float, moisture: bool, hidden: float | None = None
+    ) -> Forecast:
+        """The forecast over the time left [s]."""
+        steps = range(1, _STEPS + 1) if left_s > 0 else ()
+        times_s = tuple(left_s * step / _STEPS for step in steps)
+        sds = tuple(map(self.sd, times_s))
+        factors = tuple(math.exp(SPREAD * math.sqrt(math.log(self._growth(time_s)))) for time_s in times_s)
+        return Forecast(self.sd(0.0), times_s, sds, factors, self.sd(SOON_S), mean_rate_cps, moisture, hidden)
+
+
+# Whether the counts so far show any difference between places of a field ----------------------------------------
+
+SHOWN = 4.0
+"""Evidence from which differences are shown: 19 of 20 uniform fields stay below."""
+CERTAIN = 9.0
+"""Evidence from which differences are certain."""
+MAX_HIDDEN = 0.1
+"""Counts that would not show a variation of this share of the mean rate tell nothing about the field."""
+MIN_PLACES = 10
+"""Fewer places say nothing about a field."""
+RANGE_SHARES = (1 / 2, 1 / 3, 1 / 5)
+"""Practical ranges that are tried, as shares of the extent."""
+_LIMIT_DROP = 1.35  # of the log-likelihood at a one-sided 95 % limit: chi-squared with one degree of freedom
+_VARIATIONS = np.array([0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12, 0.15, 0.2, 0.3])
+_NOTHING = 1e-9
+_MAX_PLACES = 150
+
+
+def differences(samples: Samples, model: ModelName, extent_m: float) -> tuple[float, float]:
+    """What samples say about differences within a field.
+
+    :returns: twice the log-likelihood ratio of the best structured field to a uniform one; and the upper limit
+        (95 %) of the standard deviation about the mean, as a share of the mean rate
+    """
+    places = _few(samples)
+    mean = float(places.counts.sum() / places.exposure_s.sum())
+    if len(places) < MIN_PLACES or mean <= 0:
+        return 0.0, math.inf
+    likelihood, tiny = RestrictedLikelihood(places, model), _NOTHING * mean**2
+    practical = correlation_model(model).practical
+    evidence, limit = 0.0, 0.0
+    for share in RANGE_SHARES:
+        sills = (tiny, *((_VARIATIONS * mean) ** 2))
+        values = np.array([likelihood.value(np.log([s, share * extent_m / practical, tiny])) for s in sills])
+        values -= values[0]
+        evidence = max(evidence, 2 * float(values.max()))
+        likely = int(np.flatnonzero(values > values.max() - _LIMIT_DROP).max())
+        limit = max(limit, float(_VARIATIONS[likely]) if likely < len(_VARIATIONS) else math.inf)
+    return evidence, limit
+
+
+def _few(samples: Samples) -> Samples:
+    """Samples, pooled with their neighbours if they are many."""
+    if len(samples) <= _MAX_PLACES:
+        return samples
+    pools = spatial_blocks(samples.xy, 0, -(-len(samples) // _MAX_PLACES))
+    exposure_s = np.array([samples.exposure_s[pool].sum() for pool in pools])
+    xy = np.array([np.average(samples.xy[pool], axis=0, weights=samples.exposure_s[pool]) for pool in pools])
+    return Samples(xy, np.array([samples.counts[pool].sum() for pool in pools]), exposure_s)

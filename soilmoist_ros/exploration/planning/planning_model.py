@@ -18,7 +18,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +36,19 @@ MIN_RATE_CPS = 1e-3
 _SAME_M = 1e-9
 _NO_TIME_S = 1e-15
 _HALVINGS = 50
+
+
+class Trips(NamedTuple):
+    """Trips to candidates; arrays of one value per candidate."""
+
+    stops: Indices  # numbers of the candidates
+    travel_s: Array  # times of the trips, stop overhead included [s]
+    ways: Indices  # nodes on the way to each, shape (k, m)
+    exposure_s: Array  # exposure at each of these nodes, shape (k, m) [s]; 0 where a route has fewer nodes
+    overhead_s: Array  # time of the trip in which the robot already stands at the stop and counts [s]
+    longest_s: Array  # longest dwell possible at each [s]
+    cost_s: Array  # what each trip costs in the comparison [s]
+    min_dwell_s: float = 0.0  # shortest dwell [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,11 +178,7 @@ class PlanningModel:
         return np.asarray(self.nugget[nodes] + counting)
 
     def fall(self, nodes: Indices, exposure_s: Array) -> float:
-        """Reduction of the integrated variance by counts at some nodes.
-
-        :param nodes: numbers of the nodes; a node may occur twice
-        :param exposure_s: exposure at each [s]
-        """
+        """Reduction of the integrated variance by counts at some nodes."""
         from scipy.linalg import cholesky, solve_triangular
 
         noisy = self.covariance[np.ix_(nodes, nodes)] + np.diag(self.noise(nodes, exposure_s))
@@ -177,69 +186,32 @@ class PlanningModel:
         own = float((solved**2).sum(axis=0) @ self.weight)
         return own + sum(model.fall(nodes, exposure_s) for model in self.others)
 
-    def worth(
-        self,
-        stops: Indices,
-        travel_s: Array,
-        ways: Indices,
-        exposure_s: Array,
-        overhead_s: float | Array,
-        longest_s: Array,
-        min_dwell_s: float = 0.0,
-        cost_s: Array | None = None,
-    ) -> Worth:
-        """Value of the trip to each candidate and of counting there.
-
-        :param stops: numbers of the candidates, shape (k,)
-        :param travel_s: times of the trips, stop overhead included, shape (k,) [s]
-        :param ways: nodes on the way to each, shape (k, m)
-        :param exposure_s: exposure at each of these nodes, shape (k, m) [s]; 0 where a route has fewer nodes
-        :param overhead_s: time of the trip in which the robot already stands at the stop and counts, one value or
-            shape (k,) [s]
-        :param longest_s: longest dwell possible at each, shape (k,) [s]
-        :param min_dwell_s: shortest dwell [s]
-        :param cost_s: what each trip costs in the comparison, shape (k,) [s]; its time if ``None``
-        """
-        node = self.stop_nodes[stops]
-        nodes = np.column_stack([ways, node])
-        seconds = np.column_stack([exposure_s, np.broadcast_to(np.asarray(overhead_s, float), len(node))])
+    def worth(self, trips: Trips) -> Worth:
+        """Value of each trip and of counting at its end."""
+        node = self.stop_nodes[trips.stops]
+        nodes = np.column_stack([trips.ways, node])
+        seconds = np.column_stack([trips.exposure_s, trips.overhead_s])
         each = [model._at_stops(node, nodes, seconds) for model in (self, *self.others)]
         on_way, gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
         dwell_s, value = best_dwell(
-            on_way, gain, variance, noise, travel_s if cost_s is None else cost_s, longest_s, min_dwell_s
+            on_way, gain, variance, noise, trips.cost_s, trips.longest_s, trips.min_dwell_s
         )
-        return Worth(
-            on_way.sum(axis=0),
-            gain[0],
-            variance[0],
-            self.rate[node],
-            travel_s,
-            dwell_s,
-            value,
-            tuple(zip(gain[1:], variance[1:], noise[1:], strict=True)),
-        )
+        others = tuple(zip(gain[1:], variance[1:], noise[1:], strict=True))
+        rate, travel_s = self.rate[node], trips.travel_s
+        return Worth(on_way.sum(axis=0), gain[0], variance[0], rate, travel_s, dwell_s, value, others)
 
-    def estimate(
-        self,
-        stops: Indices,
-        travel_s: Array,
-        ways: Indices,
-        exposure_s: Array,
-        overhead_s: float | Array,
-        longest_s: Array,
-        min_dwell_s: float = 0.0,
-        cost_s: Array | None = None,
-    ) -> Array:
-        """Value of each trip as if no count made another one worth less: quick, and hardly ever below the value.
+    def estimate(self, trips: Trips) -> Array:
+        """Value of each trip as if no count made another one worth less, shape (k,).
 
-        Parameters as :meth:`worth`; shape (k,).
+        It is quick, and hardly ever below the value.
         """
-        node = self.stop_nodes[stops]
-        overhead_s = np.broadcast_to(np.asarray(overhead_s, float), len(node))
-        each = [model._if_independent(node, ways, exposure_s, overhead_s) for model in (self, *self.others)]
+        node = self.stop_nodes[trips.stops]
+        each = [
+            model._if_independent(node, trips.ways, trips.exposure_s, trips.overhead_s)
+            for model in (self, *self.others)
+        ]
         on_way, gain, variance, noise = (np.array(values) for values in zip(*each, strict=True))
-        trip_s = travel_s if cost_s is None else cost_s
-        return best_dwell(on_way, gain, variance, noise, trip_s, longest_s, min_dwell_s)[1]
+        return best_dwell(on_way, gain, variance, noise, trips.cost_s, trips.longest_s, trips.min_dwell_s)[1]
 
     def _if_independent(
         self, node: Indices, ways: Indices, exposure_s: Array, overhead_s: Array
@@ -256,12 +228,7 @@ class PlanningModel:
         return on_way, self.gain[node], variance[node], noise[node]
 
     def _at_stops(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array, Array]:
-        """Reduction by the counts on the way to each stop, and A, B and noise n of the stop after these counts.
-
-        :param node: nodes of the stops, shape (k,)
-        :param nodes: nodes on the way, the node of the stop last, shape (k, m)
-        :param seconds: exposure at each node on the way, shape (k, m) [s]
-        """
+        """Reduction by the counts on the way to each stop, and A, B and noise n of the stop after these counts."""
         noise = self.factor * self.rate[node]
         if seconds.any():
             on_way, gain, left = self._after_ways(node, nodes, seconds)
@@ -273,10 +240,7 @@ class PlanningModel:
         return on_way, gain, variance, noise
 
     def _after_ways(self, node: Indices, nodes: Indices, seconds: Array) -> tuple[Array, Array, Array]:
-        """Reduction by the counts on the way to each stop; then A and the variance without nugget of the stop.
-
-        Parameters as in :meth:`_at_stops`.
-        """
+        """Reduction by the counts on the way to each stop; then A and the variance without nugget of the stop."""
         noisy = self.covariance[nodes[:, :, None], nodes[:, None, :]]
         places = np.arange(nodes.shape[1])
         noisy[:, places, places] += self.noise(nodes, seconds)
@@ -295,10 +259,7 @@ class PlanningModel:
 
 @lru_cache(maxsize=4)
 def _nearest_cells(cells_xy: bytes, stops_xy: bytes) -> tuple[Array, Indices]:
-    """Distance of each stop to the nearest cell, and the number of the cell; places of shape (n, 2) as bytes.
-
-    The result is cached because most plans of a mission or campaign have the same stops.
-    """
+    """Distance of each stop to the nearest cell, and the number of the cell; places of shape (n, 2) as bytes."""
     from scipy.spatial import KDTree
 
     cells, stops = (np.frombuffer(xy).reshape(-1, 2) for xy in (cells_xy, stops_xy))
@@ -354,10 +315,6 @@ def _best_of_all(
 
     There ``sum_p [A n (T + t)/(B t + n)^2 - A t/(B t + n) - D]`` is zero. Each term falls with t and is zero at
     the best dwell of its property. So the root lies between the best dwells; bisection finds it.
-
-    The other arguments are described in :func:`best_dwell`.
-
-    :param each_s: best dwell of each property alone, shape (p, k) [s]
     """
     low, high = each_s.min(axis=0), each_s.max(axis=0)
     for _ in range(_HALVINGS if (low < high).any() else 0):
@@ -371,9 +328,7 @@ def _best_of_all(
 def spread_cells(mask: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
     """Evenly spaced cells that represent the field: every m-th row and column, so that about ``most`` remain.
 
-    :param mask: cells of the field, shape (ny, nx)
     :param most: about the largest number of cells
-    :returns: chosen cells, shape (ny, nx); at least one
     """
     step = max(1, math.ceil(math.sqrt(np.count_nonzero(mask) / most)))
     rows, columns = np.indices(mask.shape)

@@ -14,16 +14,24 @@ sill and range well.
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import squared_distances
+from soilmoist_ros.foundation import InputError, squared_distances
 from soilmoist_ros.mapping import FieldMap, Variogram
 from soilmoist_ros.sensing import CountRecord, MoistureCurve
 
 Array = NDArray[np.float64]
+
+_WORD: Final = "[A-Za-z_][A-Za-z0-9_]*"
+_NAMESPACE: Final = re.compile(rf"/?{_WORD}(/{_WORD})*/*")
 
 
 @dataclass(eq=False)
@@ -62,3 +70,35 @@ def variation(variogram: Variogram, cells_xy: Array) -> float:
     scaled = variogram.scaled(cells_xy)
     correlation = variogram.correlation_of_square(squared_distances(scaled, scaled))
     return max(variogram.structured_sill * (1 - float(correlation.mean())), 0.0)
+
+
+def property_weights(texts: Iterable[str]) -> dict[str, float]:
+    """Namespaces of further properties, each with its weight.
+
+    :param texts: ``NAMESPACE`` or ``NAMESPACE:WEIGHT``; names without a leading / are below the robot's
+    :raises InputError: if a text has no valid namespace, or its weight is not a number from 0
+    """
+    found = {}
+    for text in texts:
+        name, colon, number = text.partition(":")
+        try:
+            weight = float(number) if colon else 1.0
+        except ValueError:
+            weight = math.nan
+        if not _NAMESPACE.fullmatch(name) or not (math.isfinite(weight) and weight >= 0):
+            remedy = "give words of letters, digits and _ with / between, such as /compaction or /compaction:0.5"
+            raise InputError(f"properties: {text!r} is not a namespace with a weight from 0", remedy)
+        found[name.rstrip("/")] = weight
+    return found
+
+
+def property_name(field: str) -> str:
+    """Name of the property that a surrogate field simulates.
+
+    :param field: name of the field, or the path of its file
+    :returns: letters, digits and _, as ROS requires, such as ``synthetic_low`` of ``synthetic-low``
+    """
+    path = Path(field)
+    text = path.stem if path.suffix in (".yaml", ".yml") else path.name
+    name = re.sub("[^A-Za-z0-9]+", "_", text).strip("_")
+    return name if re.fullmatch(_WORD, name) else f"property_{name}".rstrip("_")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S, MarginalValue
-from soilmoist_ros.exploration.planning.planning_model import PlanningModel, Worth
+from soilmoist_ros.exploration.planning.planning_model import PlanningModel, Trips, Worth
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import TravelModel
 
@@ -127,15 +127,9 @@ class Prospect:
         stops, (ways, exposure_s) = self.reachable[rows], self._ways
         longest_s = np.minimum(self._budget_s[stops] - self._travel_s[stops], MAX_DWELL_S)
         overhead_s = np.where(stops == self.staying, 0.0, self.overhead_s)
+        travel_s, cost_s = self._travel_s[stops], self.travel_cost_s[stops]
         return weigh(
-            stops,
-            self._travel_s[stops],
-            ways[rows],
-            exposure_s[rows],
-            overhead_s,
-            longest_s,
-            self.min_dwell_s,
-            self.travel_cost_s[stops],
+            Trips(stops, travel_s, ways[rows], exposure_s[rows], overhead_s, longest_s, cost_s, self.min_dwell_s)
         )
 
     @cached_property

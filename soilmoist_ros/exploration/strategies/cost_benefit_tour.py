@@ -60,8 +60,6 @@ NO_MAP_DWELL_S = 20.0
 class Ground:
     """The situation of a tour; its stops are numbered by rows.
 
-    :param situation: what the strategy is shown
-
     Attributes
     ----------
     stops : tuple[Stop, ...]
@@ -138,11 +136,7 @@ class Ground:
         return whole_records(np.concatenate([self.travel_s[rows[:1]], between_s]), self.cadence_s)
 
     def left(self, rows: Indices, dwell_s: float) -> float:
-        """Integrated variance that a tour leaves, and what the operator's costs of it are worth in variance.
-
-        :param rows: stops in order
-        :param dwell_s: dwell at each [s]
-        """
+        """Integrated variance that a tour leaves, and what the operator's costs of it are worth in variance."""
         prospect, legs_s = self.prospect, self.legs_s(rows)
         assert prospect is not None, "only a map tells what a tour leaves"
         model = prospect.model
@@ -196,9 +190,6 @@ class Tour:
 def design(ground: Ground, time_s: float, rng: np.random.Generator, dwell_s: float | None = None) -> Tour | None:
     """The tour that leaves the least integrated variance after a time.
 
-    :param ground: where
-    :param time_s: time of the tour [s]
-    :param rng: random numbers
     :param dwell_s: dwell from which the number of stops follows [s]; chosen if ``None``
     :returns: ``None`` if not even one stop fits
     """
@@ -258,10 +249,7 @@ def _of_dwell(ground: Ground, time_s: float, dwell_s: float, clusters: KMeans) -
 
 
 def _ordered(ground: Ground, rows: Indices, rng: np.random.Generator) -> Indices:
-    """Stops in the order of a short tour from the robot; unreachable ones are left out.
-
-    Each stop moves the rest of the tour and shortens it (:func:`renewed`), so no more than that is done here.
-    """
+    """Stops in the order of a short tour from the robot; unreachable ones are left out."""
     start_s, between_s = ground.travel_s[rows], ground.between_s(rows)
     if can_be_shortened(start_s, between_s):
         order = nearest_neighbour(start_s, between_s)
@@ -274,8 +262,6 @@ def _ordered(ground: Ground, rows: Indices, rng: np.random.Generator) -> Indices
 def filled(ground: Ground, rows: Indices, time_s: float, dwell_s: float) -> Tour | None:
     """A tour over stops in their order that fills a time: stops are dropped or added until the dwell fits.
 
-    :param rows: stops in order
-    :param time_s: time of the tour [s]
     :param dwell_s: dwell that the number of stops is for [s]
     """
     shortest_s = ground.fixed_dwell_s or max(FEW * dwell_s, ground.min_dwell_s)
@@ -305,9 +291,7 @@ def _least_useful(ground: Ground, rows: Indices) -> int:
 def renewed(ground: Ground, rows: Indices, done_xy: Array, time_s: float, dwell_s: float) -> Tour | None:
     """The rest of a tour under way, moved to where the variance is now, with stops added or dropped.
 
-    :param rows: stops still to come, in order
     :param done_xy: stops of this pass already visited, shape (d, 2) [m]; they keep the cells around them
-    :param time_s: time left for the pass [s]
     :param dwell_s: dwell that the tour was designed for [s]
     """
     centres = ground.xy[rows]

@@ -77,11 +77,7 @@ class Lattice:
 
 
 def _share(situation: Situation, order: Indices, done: int) -> FixedInterval:
-    """Dwell of the next stop: its share of the time that the rest of the tour leaves for counting.
-
-    :param order: candidates ahead in the order of the tour
-    :param done: number of stops before them; spreads the remainder of the division evenly
-    """
+    """Dwell of the next stop: its share of the time that the rest of the tour leaves for counting."""
     record_s = situation.counting.cadence_s
     share = max(situation.time_left_s - _travel_s(situation, order), 0.0) / record_s / len(order)
     # Each stop has one record at least: a tour that is late ends before its last stop.
@@ -164,10 +160,7 @@ class _Lattices:
         return _snapped(self._clusters.centres(count), self.situation, self._possible)
 
     def fitting_tour(self, chosen: Indices, dwell_s: float) -> tuple[Indices, bool]:
-        """The shortest tour of some candidates, and whether it fits into the time left at this dwell.
-
-        Nothing is searched for a tour that cannot fit. Unreachable candidates are left out.
-        """
+        """The shortest tour of some candidates, and whether it fits into the time left at this dwell."""
         situation = self.situation
         if least_tour_s(situation, chosen, dwell_s) > situation.time_left_s * (1 + _ROUNDING):
             return chosen, False
@@ -180,10 +173,7 @@ class _Lattices:
         return order, used_s <= situation.time_left_s * (1 + _ROUNDING)
 
     def variance_after(self, chosen: Indices) -> float:
-        """Mean variance of the cells after a tour of equal dwells; inf without time for a record at each stop.
-
-        Records on the way and in the overhead of a stop count as far as they are mapped.
-        """
+        """Mean variance of the cells after a tour of equal dwells; inf without time for a record at each stop."""
         situation, counting = self.situation, self.situation.counting
         if not len(chosen):
             return math.inf

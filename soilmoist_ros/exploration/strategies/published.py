@@ -199,10 +199,7 @@ def _tour(situation: Situation, chosen: Indices, rng: np.random.Generator, itera
 
 
 def _fitting(situation: Situation, tour: _Tour, fresh: Indices) -> int:
-    """Number of leading draws that can join the tour in the time left; at least one for an empty tour.
-
-    Each draw is inserted where it lengthens the tour least, which gives an upper bound of the shortest tour.
-    """
+    """Number of leading draws that can join the tour in the time left; at least one for an empty tour."""
     dwell = situation.expected_dwell_s
     most = int(min(MAX_STOPS - len(tour.order), situation.time_left_s // max(dwell, 1.0) + 1, len(fresh)))
     every = np.concatenate([tour.order, fresh[:most]])

@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
-from soilmoist_ros.exploration.strategies.cost_benefit_tour import VarianceReduction
+from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour, VarianceReduction
 from soilmoist_ros.exploration.strategies.lattice import Lattice
 from soilmoist_ros.exploration.strategies.published import AdaptiveSampling, Greedy, MonteCarlo, Random
 from soilmoist_ros.exploration.strategies.route import require_solver
@@ -21,53 +21,31 @@ Dashes = str | tuple[float, tuple[float, ...]]
 
 @dataclass(frozen=True)
 class StrategyKind:
-    """A strategy that can be chosen by name.
+    """A strategy that can be chosen by name."""
 
-    :param make: makes the strategy of one mission, from the constants of a preset
-    :param label: name for reports
-    :param about: what it does, for people in the field
-    :param needs_map: whether it cannot choose without a map once the warm-up is over
-    :param whole_map: whether it looks at the variance of every cell. Otherwise those that represent the field to
-        the look-ahead suffice, and a simulation maps the others at its end only
-    :param plans_dwell: whether it chooses the dwell of every stop itself where the mission's rule is ``optimal``
-    :param warm_up_stops: stops before the map guides it; ``None`` for as many as the preset has
-    :param warm_up: makes the strategy that chooses these
-    :param is_baseline: whether others are compared with it: reports show its maps last
-    :param colour: of its line in charts, such as ``#0072b2``; empty for a common one
-    :param dashes: of its line in charts, as matplotlib takes them
-    :param width: of its line in charts [pt]
-    """
-
-    make: Callable[[Preset], Strategy]
-    label: str = ""
-    about: str = ""
-    needs_map: bool = True
+    make: Callable[[Preset], Strategy]  # makes the strategy of one mission, from the constants of a preset
+    label: str = ""  # name for reports
+    about: str = ""  # what it does, for people in the field
+    needs_map: bool = True  # whether it cannot choose without a map once the warm-up is over
     whole_map: bool = True
+    """Whether it looks at the variance of every cell. Otherwise those that represent the field to the look-ahead
+    suffice, and a simulation maps the others at its end only."""
     plans_dwell: bool = False
-    warm_up_stops: int | None = None
-    warm_up: Callable[[Preset], Strategy] = Random
-    is_baseline: bool = False
-    colour: str = ""
-    dashes: Dashes = "-"
-    width: float = 2.0
+    """Whether it chooses the dwell of every stop itself where the mission's rule is ``optimal``."""
+    warm_up_stops: int | None = None  # stops before the map guides it; ``None`` for as many as the preset has
+    warm_up: Callable[[Preset], Strategy] = Random  # makes the strategy that chooses these
+    is_baseline: bool = False  # whether others are compared with it: reports show its maps last
+    colour: str = ""  # of its line in charts, such as ``#0072b2``; empty for a common one
+    dashes: Dashes = "-"  # of its line in charts, as matplotlib takes them
+    width: float = 2.0  # of its line in charts [pt]
 
 
-def _with_solver(make: Callable[[Preset], Strategy]) -> Callable[[Preset], Strategy]:
+def _with_solver(strategy: Callable[[Preset], Strategy]) -> Callable[[Preset], Strategy]:
     def made(preset: Preset) -> Strategy:
         require_solver()
-        return make(preset)
+        return strategy(preset)
 
     return made
-
-
-def _cost_benefit_tour(preset: Preset) -> Strategy:
-    from soilmoist_ros.exploration.strategies.cost_benefit_tour import CostBenefitTour
-
-    return CostBenefitTour()
-
-
-def _variance_reduction(preset: Preset) -> Strategy:
-    return VarianceReduction()
 
 
 BUILT_IN = {
@@ -86,31 +64,29 @@ BUILT_IN = {
         warm_up_stops=0, is_baseline=True, colour="#5d6b78", dashes=(0, (1.2, 1.6)), width=1.7,
     ),
     "lattice": StrategyKind(
-        _with_solver(lambda preset: Lattice()), "Lattice", "Evenly spread stops, planned once for the whole time.",
+        _with_solver(lambda _: Lattice()), "Lattice", "Evenly spread stops, planned once for the whole time.",
         needs_map=False, whole_map=False, plans_dwell=True, warm_up_stops=0, is_baseline=True,
         colour="#8c4a8c", dashes=(0, (5, 2)), width=1.5,
     ),
     # These make do with the map of one stop, which lies in the middle of the field.
     "ivr": StrategyKind(
-        _variance_reduction, "Integrated variance", "Goes where a count improves the whole map most per second.",
-        whole_map=False, warm_up_stops=1, warm_up=_variance_reduction, colour="#22303c",
+        lambda _: VarianceReduction(), "Integrated variance",
+        "Goes where a count improves the whole map most per second.",
+        whole_map=False, warm_up_stops=1, warm_up=lambda _: VarianceReduction(), colour="#22303c",
     ),
     "gcb": StrategyKind(
-        _cost_benefit_tour, "Cost-benefit tour", "Plans a tour for all the time left, and again after each stop.",
-        whole_map=False, plans_dwell=True, warm_up_stops=1, warm_up=_cost_benefit_tour, colour="#c9a000",
+        lambda _: CostBenefitTour(), "Cost-benefit tour",
+        "Plans a tour for all the time left, and again after each stop.",
+        whole_map=False, plans_dwell=True, warm_up_stops=1, warm_up=lambda _: CostBenefitTour(), colour="#c9a000",
     ),
 }  # fmt: skip
 
 
 def _checked(plug_in: Any) -> StrategyKind:
-    """A strategy of another package.
-
-    :raises TypeError: if it is neither a :class:`StrategyKind` nor a strategy
-    """
-    kind = strategy_kind(plug_in)
+    """A strategy of another package; raises TypeError if it is neither a :class:`StrategyKind` nor a strategy."""
     if isinstance(plug_in, str):
         raise TypeError("a strategy must be a StrategyKind, or a class or object with a method choose")
-    return kind
+    return strategy_kind(plug_in)
 
 
 STRATEGIES: Registry[StrategyKind] = Registry("soilmoist_ros.strategies", "strategy", BUILT_IN, _checked)

@@ -46,12 +46,8 @@ def open_route(
 
     :param from_start_s: travel times from the robot, shape (k,) [s], >= 0; inf if unreachable
     :param between_s: travel times from row to column, shape (k, k) [s], likewise; need not be symmetric
-    :param rng: source of the seed
     :param service_s: time spent at each target, one value or shape (k,) [s]; it changes
         the arrivals, but not the shortest order
-    :param iterations: iterations of the search
-    :raises ValueError: for other shapes, or times that are negative or NaN
-    :raises InputError: if PyVRP is needed and not installed
     """
     start, between = np.asarray(from_start_s, float), np.asarray(between_s, float)
     count = len(start)
@@ -232,8 +228,6 @@ _FEW_PAIRS = 50_000
 class KMeans:
     """Centres of clusters of places; Lloyd's algorithm with a k-means++ start.
 
-    :param xy: places, shape (g, 2) [m]
-    :param rng: random numbers for the start
     :param mass: weight of each place, shape (g,), >= 0; equal ones if ``None`` or all are 0
     """
 

@@ -8,7 +8,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -26,6 +26,7 @@ from soilmoist_ros.foundation import (
     distance_and_bearing,
     finite_number,
     foreign_text,
+    line_of,
     listing,
     parse_yaml,
     read_json,
@@ -76,62 +77,48 @@ class TopologicalMap:
 
     def has_ways_of(self, other: TopologicalMap) -> bool:
         """True if nodes, places, edges, frame and datum are those of another map; names and dates may differ."""
-        same = (self.document["nodes"], self.datum, self.frame) == (
-            other.document["nodes"],
-            other.datum,
-            other.frame,
-        )
-        return same and np.array_equal(self.graph.xy, other.graph.xy)  # the map's transformation moves nodes
-
-    def unknown_actions(self, known: Sequence[str]) -> str:
-        """Which edges a navigation refuses since it does not know their action; empty if there are none.
-
-        :param known: actions that the navigation knows, in addition to those that the map itself describes
-        """
-        known = [*known, *self._described_actions()]
-        edges = [edge for entry in self.document["nodes"] for edge in entry["node"].get("edges") or []]
-        refused = [edge for edge in edges if edge.get("action") and edge["action"] not in known]
-        if not refused:
-            return ""
-        actions = listing(sorted({str(edge["action"]) for edge in refused}))
-        names = listing(str(edge.get("edge_id", edge["node"])) for edge in refused)
-        return f"{len(refused)} of {len(edges)} edges have an action that is not known ({actions}): {names}"
+        one, two = ((each.document["nodes"], each.datum, each.frame) for each in (self, other))
+        return one == two and np.array_equal(self.graph.xy, other.graph.xy)  # the transformation moves nodes
 
     def doubts(self, known_actions: Sequence[str]) -> list[str]:
         """Properties of the map that may keep a robot from driving, in words.
 
-        :param known_actions: as for :meth:`unknown_actions`; without any, actions are not looked at
+        :param known_actions: actions of edges that the navigation knows, in addition to those that the map itself
+            describes; without any, actions are not looked at
         """
-        unknown = self.unknown_actions(known_actions) if known_actions else ""
-        refused = f"the navigation may refuse to drive: {unknown}" if unknown else ""
-        return list(filter(None, (refused, self.restrictions())))
+        return list(
+            filter(None, (self._unknown_actions(known_actions) if known_actions else "", self.restrictions()))
+        )
 
-    def _described_actions(self) -> list[str]:
-        """Names of the actions that the map describes: keys, or a list of names or of entries with a name."""
+    def _unknown_actions(self, known: Sequence[str]) -> str:
         definitions = self.document.get("definitions")
-        names = []
+        described: list[str] = []
         for holder in (self.document, definitions if isinstance(definitions, Mapping) else {}):
             actions = holder.get("actions")
-            for one in actions if isinstance(actions, (Mapping, list)) else ():
-                name = (one.get("name") or one.get("action")) if isinstance(one, Mapping) else one
-                names.append(str(name))
-        return names
+            described += (
+                str((one.get("name") or one.get("action")) if isinstance(one, Mapping) else one)
+                for one in (actions if isinstance(actions, (Mapping, list)) else ())
+            )
+        edges = [edge for entry in self.document["nodes"] for edge in entry["node"].get("edges") or []]
+        refused = [edge for edge in edges if edge.get("action") and edge["action"] not in (*known, *described)]
+        actions = listing(sorted({str(edge["action"]) for edge in refused}))
+        names = listing(str(edge.get("edge_id", edge["node"])) for edge in refused)
+        text = f"{len(refused)} of {len(edges)} edges have an action that is not known ({actions}): {names}"
+        return f"the navigation may refuse to drive: {text}; see the parameter edge_actions" if refused else ""
 
     def restrictions(self) -> str:
         """Which nodes and edges keep robots away, by a restriction or as ``no_go``; empty if there are none."""
         found: dict[str, list[str]] = {}
         for entry in self.document["nodes"]:
-            node = entry["node"]
-            for part, name in [
-                (node, node["name"]),
-                *((edge, edge.get("edge_id")) for edge in node.get("edges") or []),
-            ]:
+            node, meta = entry["node"], entry.get("meta")
+            edges = [(edge, edge.get("edge_id"), ()) for edge in node.get("edges") or []]
+            tags = meta.get("tag") if isinstance(meta, Mapping) else ()
+            for part, name, marks in [(node, node["name"], tags or ()), *edges]:
                 for key in _RESTRICTIONS:
                     if (text := str(part.get(key) or "True").strip()).lower() != "true":
                         found.setdefault(text, []).append(str(name))
-                properties, meta = part.get("properties"), entry.get("meta")
-                tags = meta.get("tag") if part is node and isinstance(meta, Mapping) else None
-                if (isinstance(properties, Mapping) and properties.get("no_go")) or "no_go" in (tags or ()):
+                properties = part.get("properties")
+                if (isinstance(properties, Mapping) and properties.get("no_go")) or "no_go" in marks:
                     found.setdefault("no_go", []).append(str(name))
         of = (f"{text} of {listing(dict.fromkeys(names))}" for text, names in found.items())
         remedy = " (list its area under 'no_go' in the field file)" if "no_go" in found else ""
@@ -261,23 +248,13 @@ def _octagon(radius_m: float) -> list[dict[str, float]]:
 
 def _checked(content: Any, path: Path | None) -> TopologicalMap:
     """The map in a document, if it has no mistakes."""
-    if (
-        isinstance(content, list)
-        and content
-        and all(isinstance(one, Mapping) and "node" in one for one in content)
-    ):
-        raise InputError(
-            "is a topological map in the older form .tmap, a list of nodes without frames",
-            "convert it with the map converter of topological_navigation to .tmap2.yaml",
-            path,
-        )
     if isinstance(content, Mapping) and isinstance(content.get("data"), str):  # the message of the topic
         return parse_topological_map(content["data"], path)
     entries = content.get("nodes") if isinstance(content, Mapping) else None
     if not isinstance(entries, Sequence) or isinstance(entries, str):
         raise InputError(
             "is not a topological map: there is no list 'nodes'",
-            "give the map that topological_map_2 publishes, or its YAML file",
+            "give the map that topological_map_2 publishes, or its YAML file; convert a .tmap to .tmap2.yaml",
             path,
         )
     mistakes: list[Mistake] = []
@@ -285,16 +262,16 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
     stops: list[Stop] = []
     edges: list[tuple[str, str]] = []
     for number, entry in enumerate(entries):
-        line = _line(entries, number)
         try:
             stop, ends = _read_node(entry, move)
         except ValueError as error:
+            line = line_of(entries, (number,))
             mistakes.append(Mistake(f"node {number + 1}: {error}", "correct it", path, line))
             continue
         stops.append(stop)
         edges += [(stop.name, end) for end in ends]
     try:
-        graph = TravelGraph.from_edges(stops, edges, connected=False, path=path)
+        graph = TravelGraph.from_edges(stops, edges, path)
     except InputError as error:
         # an edge to a faulty node would only repeat the mistake of the node
         raise InputError(mistakes or error.mistakes) from None
@@ -304,10 +281,7 @@ def _checked(content: Any, path: Path | None) -> TopologicalMap:
 
 
 def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
-    """A node and the names to which its edges lead.
-
-    :raises ValueError: if something is missing
-    """
+    """A node and the names to which its edges lead."""
     node = entry.get("node") if isinstance(entry, Mapping) else None
     if not isinstance(node, Mapping):
         raise ValueError("has no key 'node'")
@@ -327,8 +301,8 @@ def _read_node(entry: Any, move: _Move) -> tuple[Stop, list[str]]:
         raise ValueError(f"{name}: 'edges' is not a list of edges")
     if not all(_is_name(edge.get("node")) for edge in edges):
         raise ValueError(f"{name} has an edge without 'node', the place it leads to")
-    double = _double(str(edge["edge_id"]) for edge in edges if "edge_id" in edge)
-    if double:
+    given = Counter(str(edge["edge_id"]) for edge in edges if "edge_id" in edge)
+    if double := [one for one, count in given.items() if count > 1]:
         raise ValueError(f"{name} has more than one edge {listing(double)}")
     try:
         x, y = move.apply(place, node)
@@ -360,10 +334,7 @@ class _Move:
         return self.parent if self.is_named else ""
 
     def apply(self, place: Sequence[float], node: Mapping[str, Any]) -> tuple[float, float]:
-        """Place of a node in the parent frame.
-
-        :raises ValueError: if its frame is neither the map's nor its parent
-        """
+        """Place of a node in the parent frame."""
         usual = str(self.keys.get("topo_frame_id") or self.parent)
         newer, older = self._name(node.get("nav_frame")), self._name(node.get("parent_frame"))
         frame = newer or older or usual
@@ -385,10 +356,7 @@ class _Move:
 
 
 def _transformation(content: Mapping[str, Any], path: Path | None) -> _Move:
-    """The transformation of a map; without one, the frame of the nodes is the navigation's.
-
-    :raises InputError: if it cannot be understood, or tilts the map
-    """
+    """The transformation of a map; without one, the frame of the nodes is the navigation's."""
     found = content.get("transformation")
     if not found:
         frames = [entry["node"] for entry in content["nodes"] if isinstance(entry, Mapping) and "node" in entry]
@@ -419,38 +387,35 @@ def _transformation(content: Mapping[str, Any], path: Path | None) -> _Move:
 
 
 def _datum(content: Mapping[str, Any], path: Path | None) -> LocalFrame | None:
-    """Origin of a map on the earth, under each spelling of ``meta`` and ``definitions``.
-
-    Zeros are what editors of maps fill in where nothing is known.
-
-    :raises InputError: if it is no place, or two spellings contradict each other
-    """
+    """Origin of a map on the earth, under each spelling of ``meta`` and ``definitions``."""
     found = dict[str, LocalFrame]()
     for section in ("meta", "definitions"):
         keys = content.get(section)
-        for inner, prefix in (("", "datum_"), ("origin", ""), ("datum", ""), ("gnss_origin", "")):
-            about = keys.get(inner) if inner and isinstance(keys, Mapping) else keys
+        for inner in ("datum_latitude", "origin", "datum", "gnss_origin"):
+            prefix = "datum_" if inner == "datum_latitude" else ""
+            about = keys if prefix else keys.get(inner) if isinstance(keys, Mapping) else None
             if not isinstance(about, Mapping) or about.get(f"{prefix}latitude") is None:
                 continue
-            name = f"{section}.{inner}" if inner else f"{section}.datum_latitude"
-            given = [about.get(f"{prefix}{axis}") for axis in ("latitude", "longitude")]
+            name, given = (
+                f"{section}.{inner}",
+                [about.get(f"{prefix}{axis}") for axis in ("latitude", "longitude")],
+            )
             try:
                 datum = LocalFrame(*(float(value) for value in given))  # type: ignore[arg-type]
             except (TypeError, ValueError, OverflowError):
-                remedy = "give latitude and longitude in degrees"
-                raise InputError(
-                    f"the datum of the map, {name} {given!s:.80}, is no place", remedy, path
-                ) from None
+                message = f"the datum of the map, {name} {given!s:.80}, is no place"
+                raise InputError(message, "give latitude and longitude in degrees", path) from None
+            # Zeros are what editors of maps fill in where nothing is known.
             if (datum.latitude_deg, datum.longitude_deg) != (0.0, 0.0):
                 found[name] = datum
-    names = list(found)
-    for name in names[1:]:
-        one, other = ((each.latitude_deg, each.longitude_deg) for each in (found[names[0]], found[name]))
-        away_m, _ = distance_and_bearing(one, other)
+    for name, datum in list(found.items())[1:]:
+        first, one = next(iter(found.items()))
+        places = [(each.latitude_deg, each.longitude_deg) for each in (one, datum)]
+        away_m, _ = distance_and_bearing(*places)
         if away_m > _SAME_DATUM_M:
-            message = f"the map has two datums, {away_m:.1f} m apart: {names[0]} {one}, {name} {other}"
+            message = f"the map has two datums, {away_m:.1f} m apart: {first} {places[0]}, {name} {places[1]}"
             raise InputError(message, "remove the wrong one", path)
-    return found[names[0]] if names else None
+    return next(iter(found.values()), None)
 
 
 def _is_name(value: Any) -> bool:
@@ -463,18 +428,6 @@ def _number(value: Any, what: str) -> float:
     if number is None:
         raise ValueError(f"{what} is not a number, but {value!r:.80}")
     return number
-
-
-def _double(names: Iterable[str]) -> list[str]:
-    return [name for name, count in Counter(names).items() if count > 1]
-
-
-def _line(entries: Any, number: int) -> int:
-    """Line of an entry of a list in a YAML file, 0 if unknown."""
-    try:
-        return int(entries.lc.item(number)[0]) + 1
-    except (AttributeError, KeyError, TypeError, IndexError):
-        return 0
 
 
 def _plain(node: Any) -> Any:

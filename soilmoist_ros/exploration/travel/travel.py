@@ -77,11 +77,7 @@ def polyline_length_m(polyline: Array) -> float:
 
 
 def along(polyline: Array, shares: Array) -> Array:
-    """Places at shares of the length of a route, shape (m, 2) [m].
-
-    :param polyline: corners, shape (p, 2) [m]
-    :param shares: shape (m,)
-    """
+    """Places at shares of the length of a route, shape (m, 2) [m]."""
     reached = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(polyline, axis=0).T))])
     return np.column_stack([np.interp(shares * reached[-1], reached, axis) for axis in polyline.T])
 
@@ -111,11 +107,7 @@ class TravelModel(ABC):
 
     @abstractmethod
     def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
-        """Places on the way to each stop, shape (k, m, 2) [m].
-
-        :param stops: they can be reached
-        :param shares: shares of the length of each route, 0..1, shape (k, m)
-        """
+        """Places at shares of the way to each stop, 0..1, shape (k, m); shape (k, m, 2) [m]."""
 
     @abstractmethod
     def lengths_m(self, from_xy: Array, stops: Sequence[Stop]) -> Array:
@@ -321,7 +313,7 @@ class GraphTravel(TravelModel):
         """See :class:`TravelModel`."""
         if self.motion.turn_s_per_rad > 0:
             return super().between_s(stops, indices)
-        nodes = [self.graph.index(stops[int(index)].name) for index in indices]
+        nodes = self._nodes([stops[int(index)] for index in indices])
         lengths = np.array([self.graph.routes_to_all(node)[0][nodes] for node in nodes])
         times = self.motion.travel_s(lengths.reshape(len(nodes), len(nodes)))
         np.fill_diagonal(times, 0.0)
@@ -331,7 +323,7 @@ class GraphTravel(TravelModel):
         """See :class:`TravelModel`."""
         if self.motion.turn_s_per_rad > 0:
             return super().legs_s(stops, indices)
-        nodes = [self.graph.index(stops[int(index)].name) for index in indices]
+        nodes = self._nodes([stops[int(index)] for index in indices])
         lengths = [self.graph.routes_to_all(start)[0][end] for start, end in pairwise(nodes)]
         return self.motion.travel_s(np.array(lengths, float))
 
@@ -339,14 +331,14 @@ class GraphTravel(TravelModel):
         """See :class:`TravelModel`."""
         entry = self._entry(from_xy)
         lead = np.hypot(*(self.graph.xy[self.graph.index(entry)] - from_xy))
-        return np.asarray(self.graph.distances_from(entry)[[self.graph.index(stop.name) for stop in stops]] + lead)
+        return np.asarray(self.graph.distances_from(entry)[self._nodes(stops)] + lead)
 
     def along(self, from_xy: ArrayLike, stops: Sequence[Stop], shares: Array) -> Array:
         """See :class:`TravelModel`."""
         start = np.asarray(from_xy, float)
         entry = self.graph.index(self._entry(start))
         lengths, before = self.graph.routes_to_all(entry)
-        ends = np.array([self.graph.index(stop.name) for stop in stops], np.intp)
+        ends = np.array(self._nodes(stops), np.intp)
         lead_xy = self.graph.xy[entry] - start
         lead = np.hypot(*lead_xy)
         wanted = shares * (lead + lengths[ends])[:, None] - lead  # from the entry on
@@ -365,6 +357,9 @@ class GraphTravel(TravelModel):
             leading = wanted < 0
             places[leading] = start + ((wanted[leading] + lead) / lead)[:, None] * lead_xy
         return np.asarray(places)
+
+    def _nodes(self, stops: Sequence[Stop]) -> list[int]:
+        return [self.graph.index(stop.name) for stop in stops]
 
     def _entry(self, place: Array) -> str:
         """Node at which a robot enters the graph."""

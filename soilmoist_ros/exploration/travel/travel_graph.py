@@ -6,25 +6,23 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from string import ascii_lowercase
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.exploration.travel.drivable_area import DrivableArea
-from soilmoist_ros.exploration.travel.stop import MIN_REACH_M, PLACE_DIGITS, Stop
+from soilmoist_ros.exploration.travel.stop import MIN_REACH_M, PLACE_DIGITS, Stop, stops_xy
 from soilmoist_ros.foundation import InputError, Mistake, PlaneMove, did_you_mean, listing
 from soilmoist_ros.mapping import Field
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-ALL_PAIRS_UP_TO = 2000
-"""Maximum number of nodes for which all pairs are kept (48 MB at this size); larger graphs keep used rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,39 +43,43 @@ class TravelGraph:
 
     @classmethod
     def from_edges(
-        cls,
-        nodes: Sequence[Stop],
-        edges: Iterable[tuple[str, str]],
-        *,
-        connected: bool = True,
-        path: Path | None = None,
+        cls, nodes: Sequence[Stop], edges: Iterable[tuple[str, str]], path: Path | None = None
     ) -> TravelGraph:
         """Graph of nodes and of edges given by the names of their ends.
 
         :param nodes: the nodes, at least one
         :param edges: (start, end) of each edge; give both directions if the robot may drive both
-        :param connected: refuse nodes that cannot be reached from the others, or not be left again
         :param path: file to name in messages
-        :raises InputError: with every unknown end, duplicate name, bad place, and unreachable node
+        :raises InputError: with every unknown end, duplicate name and bad place
         """
         pairs = list(edges)
         names = tuple(node.name for node in nodes)
         xy = np.array([(node.x_m, node.y_m) for node in nodes], float).reshape(-1, 2)
-        mistakes = [*_mistakes_in_nodes(names, xy, path), *_mistakes_in_edges(names, pairs, path)]
-        if mistakes:
-            raise InputError(mistakes)
         index = {name: number for number, name in enumerate(names)}
+        mistakes = []
+        if not names:
+            mistakes.append(("the travel graph has no nodes", "give at least one place the robot can go to"))
+        if double := [name for name, count in Counter(names).items() if count > 1]:
+            mistakes.append((f"more than one node has the name {listing(double)}", "give each its own name"))
+        if lost := [name for name, place in zip(names, xy, strict=True) if not np.isfinite(place).all()]:
+            mistakes.append((f"the place is not finite of {listing(lost)}", "give x and y in metres"))
+        mistakes += [
+            (
+                f"the edge from {a!r} to {b!r}: there is no node {end!r}{did_you_mean(end, names)}",
+                "add or remove it",
+            )
+            for a, b in pairs
+            for end in dict.fromkeys((a, b))
+            if end not in index
+        ]
+        if mistakes:
+            raise InputError([Mistake(*mistake, path) for mistake in mistakes])
         ends = np.array([(index[start], index[end]) for start, end in pairs], np.intp).reshape(-1, 2)
-        graph = cls(names, xy, ends, np.hypot(*(xy[ends[:, 1]] - xy[ends[:, 0]]).T))
-        if connected:
-            graph.require_connected(path)
-        return graph
+        return cls(names, xy, ends, np.hypot(*(xy[ends[:, 1]] - xy[ends[:, 0]]).T))
 
     def moved(self, move: PlaneMove) -> TravelGraph:
         """The graph in the coordinates of another plane; itself if the two planes are one."""
-        return (
-            self if move.is_identity else TravelGraph(self.names, move.places(self.xy), self.edges, self.length_m)
-        )
+        return self if move.is_identity else replace(self, xy=move.places(self.xy))
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
@@ -97,13 +99,9 @@ class TravelGraph:
 
     def crowded(self) -> str:
         """Nodes so near to another one that the robot may be taken to be there; empty if there are none."""
-        near = np.flatnonzero(self.spacing_m < 2 * MIN_REACH_M)
-        names = listing(self.names[number] for number in near)
-        return (
-            f"a robot cannot tell nodes apart that are nearer to each other than {2 * MIN_REACH_M:g} m: {names}"
-            if len(near)
-            else ""
-        )
+        near = [name for name, away_m in zip(self.names, self.spacing_m, strict=True) if away_m < 2 * MIN_REACH_M]
+        text = f"a robot cannot tell nodes apart that are nearer to each other than {2 * MIN_REACH_M:g} m: "
+        return text + listing(near) if near else ""
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -128,7 +126,7 @@ class TravelGraph:
 
     def distances_from(self, start: str) -> Array:
         """Length of the shortest route to each node, shape (n,) [m]; inf if unreachable."""
-        return self._tree(self.index(start))[0].copy()
+        return self.routes_to_all(self.index(start))[0].copy()
 
     def routes_from(self, start: int, back: bool = False) -> tuple[Array, Indices]:
         """Shortest routes from one node to each, which are not kept.
@@ -138,20 +136,26 @@ class TravelGraph:
         :returns: their lengths, shape (n,) [m], inf without a route; and the neighbour of each node on its route,
             on the side of ``start``, shape (n,)
         """
-        return self._shortest(self._matrix.T.tocsr() if back else self._matrix, start)
+        from scipy.sparse.csgraph import dijkstra
+
+        matrix = self._matrix.T.tocsr() if back else self._matrix
+        lengths, before = dijkstra(matrix, indices=start, return_predecessors=True)
+        return np.asarray(lengths), np.asarray(before)
 
     def routes_to_all(self, start: int) -> tuple[Array, Indices]:
         """Shortest routes from a node to each, as :meth:`routes_from`; kept, so they must not be changed."""
-        return self._tree(start)
+        if start not in self._rows:
+            self._rows[start] = self.routes_from(start)
+        return self._rows[start]
 
     def distance_m(self, start: str, end: str) -> float:
         """Length of the shortest route from one node to another [m]; inf if unreachable."""
-        return float(self._tree(self.index(start))[0][self.index(end)])
+        return float(self.routes_to_all(self.index(start))[0][self.index(end)])
 
     def path(self, start: str, end: str) -> tuple[str, ...]:
         """Nodes of the shortest route, both ends included; empty if there is none."""
         source, node = self.index(start), self.index(end)
-        length, before = self._tree(source)
+        length, before = self.routes_to_all(source)
         if not np.isfinite(length[node]):
             return ()
         way = [node]
@@ -172,31 +176,6 @@ class TravelGraph:
         rank = np.empty(len(found), np.intp)
         rank[np.lexsort([first, -size])] = np.arange(len(found))
         return np.asarray(rank[np.searchsorted(found, label)], np.intp)
-
-    def require_connected(self, path: Path | None = None) -> None:
-        """Check that every node can be reached from every other.
-
-        :param path: file to name in the message
-        :raises InputError: with the names of the nodes that cannot be reached or not be left
-        """
-        part = self.components()
-        if not part.any():
-            return
-        main = self.names[int(np.argmin(part))]
-        to = np.isfinite(self.distances_from(main))
-        back = np.isfinite(self.routes_from(self.index(main), back=True)[0])
-        remedy = "add the missing edges (each direction is a separate edge) or remove these nodes"
-        faults = [
-            ("no way leads from the rest of the graph to", ~to),
-            ("no way leads back to the rest of the graph from", to & ~back),
-        ]
-        raise InputError(
-            [
-                Mistake(f"{what} {listing(self.names[i] for i in np.flatnonzero(which))}", remedy, path)
-                for what, which in faults
-                if which.any()
-            ]
-        )
 
     def part(self, keep: NDArray[np.bool_]) -> TravelGraph:
         """The graph of some of the nodes and the edges between them.
@@ -220,51 +199,6 @@ class TravelGraph:
         size = len(self.names)
         return csr_array((lengths[first], (ends[first, 0], ends[first, 1])), shape=(size, size))
 
-    @cached_property
-    def _all_pairs(self) -> tuple[Array, Indices]:
-        return self._shortest(self._matrix, None)
-
-    def _tree(self, source: int) -> tuple[Array, Indices]:
-        """Shortest lengths from a node, and the node before each on the route."""
-        if len(self.names) <= ALL_PAIRS_UP_TO:
-            lengths, before = self._all_pairs
-            return lengths[source], before[source]
-        if source not in self._rows:
-            self._rows[source] = self._shortest(self._matrix, source)
-        return self._rows[source]
-
-    @staticmethod
-    def _shortest(matrix: Any, source: int | None) -> tuple[Array, Indices]:
-        from scipy.sparse.csgraph import dijkstra
-
-        lengths, before = dijkstra(matrix, indices=source, return_predecessors=True)
-        return np.asarray(lengths), np.asarray(before)
-
-
-def _mistakes_in_nodes(names: Sequence[str], xy: Array, path: Path | None) -> list[Mistake]:
-    if not names:
-        return [Mistake("the travel graph has no nodes", "give at least one place the robot can go to", path)]
-    mistakes = []
-    double = [name for name, count in Counter(names).items() if count > 1]
-    if double:
-        message = f"more than one node has the name {listing(double)}"
-        mistakes.append(Mistake(message, "give each its own name", path))
-    lost = [name for name, place in zip(names, xy, strict=True) if not np.isfinite(place).all()]
-    if lost:
-        mistakes.append(Mistake(f"the place is not finite of {listing(lost)}", "give x and y in metres", path))
-    return mistakes
-
-
-def _mistakes_in_edges(names: Sequence[str], pairs: Sequence[tuple[str, str]], path: Path | None) -> list[Mistake]:
-    known = set(names)
-    remedy = "add the node or remove the edge"
-    return [
-        Mistake(f"the edge from {a!r} to {b!r}: there is no node {end!r}{did_you_mean(end, names)}", remedy, path)
-        for a, b in pairs
-        for end in dict.fromkeys((a, b))
-        if end not in known
-    ]
-
 
 # Travel graphs made from a field's outline: a lattice for open ground, rows with headlands for crops ------------
 
@@ -274,14 +208,10 @@ MAX_NODES = 100_000
 
 @dataclass(frozen=True, eq=False)
 class BuiltGraph:
-    """A travel graph and its dropped nodes.
+    """A travel graph and its dropped nodes."""
 
-    :param graph: the largest connected part
-    :param dropped: nodes of other parts, which the robot could not reach without leaving the drivable area
-    """
-
-    graph: TravelGraph
-    dropped: tuple[Stop, ...] = ()
+    graph: TravelGraph  # the largest connected part
+    dropped: tuple[Stop, ...] = ()  # nodes that could not be reached without leaving the drivable area
 
     @property
     def summary(self) -> str:
@@ -307,9 +237,9 @@ def open_lattice(
     """
     import shapely
 
-    _require_positive(spacing_m=spacing_m)
     low, high = field.polygon.min(axis=0), field.polygon.max(axis=0)
-    _require_few(float(np.prod(np.floor((high - low) / spacing_m) + 1)), spacing_m)
+    count = np.prod(np.floor((high - low) / spacing_m) + 1) if spacing_m > 0 else 0
+    _require(float(count), spacing_m=spacing_m)
     x_m, y_m = (_centred(low[axis], high[axis], spacing_m) for axis in (0, 1))
     area = DrivableArea((field.polygon,), field.no_go, margin_m)
     remedy = f"use a spacing smaller than {spacing_m:g} m"
@@ -357,28 +287,29 @@ def crop_rows(
     :param margin_m: distance to keep from the border and the no-go areas [m], >= 0
     :raises InputError: if no row, no two joined nodes, or far too many would lie in the field
     """
-    _require_positive(row_spacing_m=row_spacing_m, node_spacing_m=node_spacing_m, headland_m=headland_m)
+    _require(0, row_spacing_m=row_spacing_m, node_spacing_m=node_spacing_m, headland_m=headland_m)
     heading = np.radians(heading_deg)
     along = np.array([np.sin(heading), np.cos(heading)])
     across = np.array([along[1], -along[0]])
     offsets = field.polygon @ across
     nodes_per_row = np.ptp(field.polygon @ along) / node_spacing_m + 3
-    _require_few(float(np.ptp(offsets) / row_spacing_m * nodes_per_row), min(row_spacing_m, node_spacing_m))
+    _require(float(np.ptp(offsets) / row_spacing_m * nodes_per_row), row=row_spacing_m, node=node_spacing_m)
     lines = _centred(offsets.min(), offsets.max(), row_spacing_m, inset=True)
     area = DrivableArea((field.polygon,), field.no_go, margin_m)
+    parts = ("", *ascii_lowercase[1:])
     rows = [
         [
-            _Row.laid(f"row{number:0{len(str(len(lines)))}d}{part}", piece, node_spacing_m, headland_m)
-            for part, piece in zip(_part_names(), _crossings(field.polygon, along, across, offset), strict=False)
+            _row(f"row{number:0{len(str(len(lines)))}d}{part}", piece, node_spacing_m, headland_m)
+            for part, piece in zip(parts, _crossings(field.polygon, along, across, offset), strict=False)
             if np.hypot(*(piece[1] - piece[0])) > headland_m
         ]
         for number, offset in enumerate(lines, start=1)
     ]
-    stops = [stop for line in rows for row in line for stop in row.stops]
-    kept = {stop for stop, inside in zip(stops, area.contains(_places(stops)), strict=True) if inside}
-    ways = [pair for line in rows for row in line for pair in pairwise(row.stops)]
+    stops = [stop for line in rows for row in line for stop in row]
+    kept = {stop for stop, inside in zip(stops, area.contains(stops_xy(stops)), strict=True) if inside}
+    ways = [pair for line in rows for row in line for pair in pairwise(row)]
     turns = [
-        (first.stops[end], second.stops[end])
+        (first[end], second[end])
         for line, following in pairwise(rows)
         for first in line
         for second in following
@@ -390,28 +321,16 @@ def crop_rows(
     return _connected([stop for stop in stops if stop in kept], ways + _allowed(turns, area), remedy)
 
 
-@dataclass(frozen=True)
-class _Row:
-    """Nodes along a row in order; the first and the last stand in the headlands."""
-
-    stops: tuple[Stop, ...]
-
-    @classmethod
-    def laid(cls, name: str, piece: Array, node_spacing_m: float, headland_m: float) -> _Row:
-        """Nodes on a straight piece from border to border, shape (2, 2) [m]."""
-        length = float(np.hypot(*(piece[1] - piece[0])))
-        crop = length - 2 * headland_m
-        inner = np.linspace(headland_m, length - headland_m, int(np.ceil(crop / node_spacing_m - 1e-9)) + 1)
-        at = np.array([headland_m / 2, *(inner if crop > 0 else []), length - headland_m / 2]) / length
-        places = piece[0] + at[:, None] * (piece[1] - piece[0])
-        digits = len(str(len(inner)))
-        labels = ["start", *(f"{number:0{digits}d}" for number in range(1, len(at) - 1)), "end"]
-        nodes = zip(labels, places.tolist(), strict=True)
-        return cls(tuple(_node(f"{name}-{label}", x, y) for label, (x, y) in nodes))
-
-
-def _part_names() -> list[str]:
-    return ["", *(chr(letter) for letter in range(ord("b"), ord("z") + 1))]
+def _row(name: str, piece: Array, node_spacing_m: float, headland_m: float) -> tuple[Stop, ...]:
+    """Nodes on a straight piece from border to border; the first and the last stand in the headlands."""
+    length = float(np.hypot(*(piece[1] - piece[0])))
+    crop = length - 2 * headland_m
+    inner = np.linspace(headland_m, length - headland_m, int(np.ceil(crop / node_spacing_m - 1e-9)) + 1)
+    at = np.array([headland_m / 2, *(inner if crop > 0 else []), length - headland_m / 2]) / length
+    places = piece[0] + at[:, None] * (piece[1] - piece[0])
+    digits = len(str(len(inner)))
+    labels = ["start", *(f"{number:0{digits}d}" for number in range(1, len(at) - 1)), "end"]
+    return tuple(_node(f"{name}-{label}", x, y) for label, (x, y) in zip(labels, places.tolist(), strict=True))
 
 
 def _crossings(polygon: Array, along: Array, across: Array, offset: float) -> list[Array]:
@@ -435,14 +354,14 @@ def _in_headland(ways: list[tuple[Stop, Stop]], polygon: Array, headland_m: floa
 
     strip = shapely.Polygon(polygon).exterior.buffer(headland_m * (1 + 1e-9))
     shapely.prepare(strip)
-    lines = shapely.linestrings([_places(way) for way in ways])
+    lines = shapely.linestrings([stops_xy(way) for way in ways])
     return [way for way, inside in zip(ways, shapely.covers(strip, lines), strict=True) if inside]
 
 
 def _allowed(ways: list[tuple[Stop, Stop]], area: DrivableArea) -> list[tuple[Stop, Stop]]:
     if not ways:
         return []
-    allowed = area.allows(_places([way[0] for way in ways]), _places([way[1] for way in ways]))
+    allowed = area.allows(stops_xy([way[0] for way in ways]), stops_xy([way[1] for way in ways]))
     return [way for way, inside in zip(ways, allowed, strict=True) if inside]
 
 
@@ -451,7 +370,7 @@ def _connected(nodes: list[Stop], ways: list[tuple[Stop, Stop]], remedy: str) ->
     if not nodes:
         raise InputError("no node of the travel graph would lie inside the field", remedy)
     names = [(a.name, b.name) for a, b in ways]
-    whole = TravelGraph.from_edges(nodes, names + [(b, a) for a, b in names], connected=False)
+    whole = TravelGraph.from_edges(nodes, names + [(b, a) for a, b in names])
     main = whole.components() == 0
     if main.sum() < 2:
         found = "only one node" if len(nodes) == 1 else f"{len(nodes)} nodes, but no way between them"
@@ -465,10 +384,6 @@ def _node(name: str, x_m: float, y_m: float) -> Stop:
     return Stop(name, round(x_m, PLACE_DIGITS) + 0.0, round(y_m, PLACE_DIGITS) + 0.0)
 
 
-def _places(stops: Sequence[Stop]) -> Array:
-    return np.array([(stop.x_m, stop.y_m) for stop in stops], float).reshape(-1, 2)
-
-
 def _centred(low: float, high: float, spacing_m: float, inset: bool = False) -> Array:
     """Places one spacing apart, centred between two bounds; inset, none is nearer to a bound than half of it."""
     width = float(high - low)
@@ -476,15 +391,13 @@ def _centred(low: float, high: float, spacing_m: float, inset: bool = False) -> 
     return np.asarray((low + high) / 2 + (np.arange(count) - (count - 1) / 2) * spacing_m, np.float64)
 
 
-def _require_positive(**values: float) -> None:
-    for name, value in values.items():
+def _require(count: float, **lengths_m: float) -> None:
+    """Refuse lengths that are not positive, and too many nodes."""
+    for name, value in lengths_m.items():
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} must be > 0 and finite, got {value}", "give it in metres")
-
-
-def _require_few(count: float, spacing_m: float) -> None:
     if count > MAX_NODES:
         raise InputError(
-            f"a spacing of {spacing_m:g} m gives about {count:.2g} nodes (at most {MAX_NODES:,})",
+            f"a spacing of {min(lengths_m.values()):g} m gives about {count:.2g} nodes (at most {MAX_NODES:,})",
             "use a larger spacing, and check that the field's coordinates are metres",
         )

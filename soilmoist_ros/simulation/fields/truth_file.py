@@ -238,10 +238,7 @@ def _read_grid(path: Path, cells: Array) -> tuple[RateGrid, Quantity]:
 def _read_geotiff(
     path: Path, band: str | None, field: Field, extent: Extent, cells: Array
 ) -> tuple[RateGrid, Quantity]:
-    """Read one band of a GeoTIFF at the nodes of an extent.
-
-    A band whose name contains ``vwc`` is a soil moisture [m^3/m^3], any other one the corrected rate [counts/s].
-    """
+    """Read one band of a GeoTIFF at the nodes of an extent."""
     x_m, y_m = extent.axes()
     with opened_raster(path, "check 'grid' in the field file") as source:
         bands = RasterBands(path, source)
@@ -259,10 +256,7 @@ def _read_geotiff(
 
 
 def _complete(path: Path, grid: RateGrid, cells: Array, reach_m: float) -> RateGrid:
-    """A grid whose gaps have the nearest value; no cell of the field may be outside, or ``reach_m`` from a value.
-
-    A raster on other axes that was cut along the boundary lacks some cells there.
-    """
+    """A grid whose gaps have the nearest value; no cell may be outside, or ``reach_m`` from a value."""
     from scipy.ndimage import distance_transform_edt
 
     x_m, y_m, values = grid.x_m, grid.y_m, grid.values
@@ -287,10 +281,7 @@ def _complete(path: Path, grid: RateGrid, cells: Array, reach_m: float) -> RateG
 
 
 def _even_axis(path: Path, name: str, values: Array) -> Array:
-    """Node coordinates of a grid along one axis.
-
-    :raises InputError: if they are not evenly spaced
-    """
+    """Node coordinates of a grid along one axis."""
     nodes = np.unique(np.round(values, 6))
     steps = np.diff(nodes)
     step = float(steps.min(initial=np.inf))

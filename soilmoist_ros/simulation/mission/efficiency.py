@@ -12,14 +12,15 @@ already. Then the variogram is that of the map.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.exploration import MIN_RATE_CPS, least_variance, spread_cells
-from soilmoist_ros.mapping import FieldPrior, PoissonKriging, Samples, Variogram, fit_variogram
+from soilmoist_ros.exploration import MIN_RATE_CPS, spread_cells
+from soilmoist_ros.foundation import squared_distances
+from soilmoist_ros.mapping import FieldPrior, PoissonKriging, Variogram, correlation_model, fit_variogram
 from soilmoist_ros.simulation.mission.mission_result import MissionResult
 
 Array = NDArray[np.float64]
@@ -54,6 +55,8 @@ class Efficiency:
 @lru_cache(maxsize=2)
 def mission_efficiency(mission: MissionResult) -> Efficiency | None:
     """Efficiency of a mission; ``None`` without a map or mission time, or if several properties have a weight."""
+    from scipy.spatial import KDTree
+
     soil_map = mission.soil_map
     known = None if soil_map is None or soil_map.fit is None else soil_map.fit.prior
     of_truth = mission.properties[0].known_truth is not None and known is None
@@ -78,16 +81,13 @@ def mission_efficiency(mission: MissionResult) -> Efficiency | None:
     robots_s = time_s * mission.settings.robots
     least = _least(variogram, cells.tobytes(), weight.tobytes(), its_rate.tobytes(), robots_s, known)
     # The weather changes the exposures of the map, and would change the bound.
-    live = replace(samples, exposure_s=_correction(mission) * samples.exposure_s)
-    left = weight @ _variance_left(variogram, live, cells, rate[_nearest(grid.cells, samples.xy)], known)
-    return Efficiency(least, float(left), moisture, of_truth)
-
-
-def _correction(mission: MissionResult) -> float:
-    """Mean product of the correction factors: live time divided by effective exposure."""
-    live = sum(record.exposure_s for record in mission.records)
-    effective = sum(record.effective_exposure_s for record in mission.records)
-    return live / effective if effective > 0 else 1.0
+    effective_s = sum(record.effective_exposure_s for record in mission.records)
+    correction = sum(record.exposure_s for record in mission.records) / effective_s if effective_s > 0 else 1.0
+    exposure_s = correction * samples.exposure_s / rate[KDTree(grid.cells).query(samples.xy)[1]]
+    # The variance depends on the counts only through their noise: rate 1 in time t / rate has that of rate in t.
+    kriging = PoissonKriging(variogram, keep_nugget=False, mean_rate=1.0, prior=known)
+    kriging.fit(samples.xy, np.zeros(len(samples)), exposure_s, samples.spread)
+    return Efficiency(least, float(weight @ kriging.predict(cells)[1]), moisture, of_truth)
 
 
 @lru_cache(maxsize=8)
@@ -104,25 +104,65 @@ def _least(
 ) -> float:
     """Certain lower bound of the variance; arrays as bytes."""
     xy = np.frombuffer(cells_xy).reshape(-1, 2)
-    found = least_variance(variogram, xy, np.frombuffer(weight), np.frombuffer(rate_cps), time_s, known)
-    return found.integrated_variance * (1 - found.gap)
+    found, _, gap = least_variance(variogram, xy, np.frombuffer(weight), np.frombuffer(rate_cps), time_s, known)
+    return found * (1 - gap)
 
 
-def _variance_left(
-    variogram: Variogram, samples: Samples, cells_xy: Array, rate_cps: Array, known: FieldPrior | None = None
-) -> Array:
-    """Kriging variance of the smooth rate at cells, shape (g,).
+# The bound ------------------------------------------------------------------------------------------------------
 
-    :param rate_cps: true rate at the samples, shape (n,) [counts/s]
+ROUNDS = 200  # maximum number of rounds of the search
+CLOSE = 1e-3  # the search ends when the result is certain to be within this share of the minimum
+_FAR = 100.0
+
+
+def least_variance(
+    variogram: Variogram,
+    cells_xy: Array,
+    weight: Array,
+    rate_cps: Array,
+    time_s: float,
+    known: FieldPrior | None = None,
+) -> tuple[float, Array, float]:
+    """Minimum integrated variance of the smooth rate that any plan can reach after a given counting time.
+
+    The bound ignores travel and divides the time freely among all places. The best division is an A-optimal design
+    (Pukelsheim 2006, Optimal Design of Experiments). The problem is convex: the search finds the global minimum.
+
+    :param variogram: variogram; its nugget is ignored, so the bound is valid for every nugget
+    :param cells_xy: cells that stand for the field, shape (g, 2) [m]; cost grows with the cube of g
+    :param weight: omega of each cell, shape (g,), summing up to 1 for a map of the rate
+    :param rate_cps: rate at each cell times the correction factor, shape (g,), > 0 [counts/s]
+    :param time_s: counting time, > 0 [s]
+    :param known: what is known of the field besides
+    :returns: the variance [(counts/s)^2], the time to count at each cell, shape (g,) [s], and the share by which
+        the variance may lie above the minimum
     """
-    # The variance depends on the counts only through their noise: rate 1 in time t / rate has that of rate in t.
-    kriging = PoissonKriging(variogram, keep_nugget=False, mean_rate=1.0, prior=known)
-    kriging.fit(samples.xy, np.zeros(len(samples)), samples.exposure_s / rate_cps, samples.spread)
-    return kriging.predict(cells_xy)[1]
+    from scipy.linalg import cho_factor, cho_solve
 
-
-def _nearest(cells_xy: Array, xy: Array) -> NDArray[np.intp]:
-    """Number of the nearest cell of each place."""
-    from scipy.spatial import KDTree
-
-    return np.asarray(KDTree(cells_xy).query(xy)[1], np.intp)
+    structured = variogram.structured_sill
+    scaled = variogram.scaled(cells_xy)
+    prior = structured * correlation_model(variogram.model).correlation(squared_distances(scaled, scaled))
+    prior = variogram.modulated(prior, cells_xy, cells_xy)
+    if known is not None:
+        at = known.at(cells_xy)
+        prior += known.covariance(at, at)
+    # A mean that nothing is known of is a constant of very large variance.
+    prior += _FAR * structured
+    dwell_s = np.full(len(cells_xy), time_s / len(cells_xy))
+    best, certain = np.inf, 0.0
+    for _ in range(ROUNDS):
+        # (C^-1 + T)^-1 = C - C S (I + S C S)^-1 S C with S = sqrt(T): nothing is inverted that might be singular.
+        root = np.sqrt(dwell_s / rate_cps)
+        inner = cho_factor(np.eye(len(root)) + root[:, None] * prior * root, lower=True)
+        posterior = prior - (prior * root) @ cho_solve(inner, root[:, None] * prior)
+        value = float(weight @ np.diag(posterior))
+        slope = (weight @ posterior**2) / rate_cps  # fall of the value per second at each cell
+        # The value is convex in the times: it lies above its tangent, whose least over all divisions is known.
+        certain = max(certain, value + float(slope @ dwell_s) - time_s * float(slope.max()))
+        if value < best:
+            best, found = value, dwell_s
+        if best - certain <= CLOSE * best:
+            break
+        dwell_s = dwell_s * np.sqrt(slope)
+        dwell_s *= time_s / dwell_s.sum()
+    return best, found, (best - certain) / best

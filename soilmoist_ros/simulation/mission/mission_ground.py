@@ -74,10 +74,7 @@ def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> Topo
 
 
 def _on_field(found: TopologicalMap, field: Field) -> TopologicalMap:
-    """The map with its nodes in the plane of the field, which may have another datum than the map.
-
-    :raises InputError: if the datum of the map is on the other side of the earth
-    """
+    """The map with its nodes in the plane of the field, which may have another datum than the map."""
     if found.datum is None:
         return found
     centre = field.polygon.mean(axis=0)

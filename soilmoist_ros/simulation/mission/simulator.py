@@ -101,16 +101,7 @@ def simulate_mission(
 
 
 class _Robot:
-    """One robot of a mission: state machine, explorer, position, and records.
-
-    :param number: number of the robot, from 1
-    :param mission: state machine of the mission
-    :param explorer: chooses the stops
-    :param body: simulated motion
-    :param sensors: one sensor per property
-    :param noise_m: successive position errors, east and north [m]
-    :param learned: how it moves, as its planner knows
-    """
+    """One robot of a mission: state machine, explorer, position, and records."""
 
     def __init__(
         self,
@@ -385,10 +376,7 @@ class _Simulation:
         self.enter_series()
 
     def update_map(self, later: bool = False) -> None:
-        """Update the maps of all records.
-
-        :param later: at the next entry of the series only, which is then the same
-        """
+        """Update the maps of all records."""
         for channel in self.channels:
             (channel.update_later if later else channel.update)(self.now_s)
 

@@ -148,10 +148,7 @@ class VirtualSensor:
 
 @lru_cache
 def _footprint_points(radius_m: float) -> Array:
-    """Offsets of places that send equal shares of the counts, shape (q, 2) [m].
-
-    They lie on rings, each turned by half a step, that follow the published weights of distance.
-    """
+    """Offsets of places that send equal shares of the counts, shape (q, 2) [m]."""
     if radius_m == 0:
         return np.zeros((1, 2))
     ring_m = np.repeat(Footprint.shielded(radius_m).rings(RINGS), PLACES_PER_RING)

@@ -39,7 +39,7 @@ PLACES = {"a": (10, 20), "p": (30, 20), "b": (50, 20), "s": (10, 6), "t": (30, 6
 def graph(places, *ways):
     stops = [Stop(name, *map(float, place)) for name, place in places.items()]
     both = [pair for way in ways for pair in pairwise(way.split())]
-    return TravelGraph.from_edges(stops, [*both, *((b, a) for a, b in both)], connected=False)
+    return TravelGraph.from_edges(stops, [*both, *((b, a) for a, b in both)])
 
 
 MAP = graph(PLACES, "a p b", "a s t u b")

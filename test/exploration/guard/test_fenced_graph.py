@@ -27,7 +27,7 @@ def graph(places, *ways, one_way=()):
     stops = [Stop(name, x, y) for name, (x, y) in places.items()]
     both = [pair for way in ways for pair in pairwise(way.split())]
     edges = [*both, *((end, start) for start, end in both), *(tuple(way.split()) for way in one_way)]
-    return TravelGraph.from_edges(stops, edges, connected=False)
+    return TravelGraph.from_edges(stops, edges)
 
 
 AROUND = {"a": (10, 20), "p": (30, 20), "b": (50, 20), "s": (10, 6), "t": (30, 6), "u": (50, 6)}
@@ -205,7 +205,7 @@ def test_whatever_shortest_route_the_navigation_takes_it_stays_inside(seed):
     places = {f"n{i}": tuple(np.round(rng.uniform((-8, -8), (68, 48)), rng.integers(0, 2))) for i in range(18)}
     names = list(places)
     pairs = [(a, b) for a in names for b in names if a != b and rng.uniform() < 0.25]
-    whole = TravelGraph.from_edges([Stop(n, *map(float, p)) for n, p in places.items()], pairs, connected=False)
+    whole = TravelGraph.from_edges([Stop(n, *map(float, p)) for n, p in places.items()], pairs)
     outside = list(Outside)[int(rng.integers(3))]
     try:
         fenced = FencedGraph(whole, fence, outside, place=tuple(rng.uniform((0, 0), (60, 40))))

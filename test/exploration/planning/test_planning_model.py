@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.planning.planning_model import PlanningModel, best_dwell, spread_cells
+from soilmoist_ros.exploration.planning.planning_model import PlanningModel, Trips, best_dwell, spread_cells
 from soilmoist_ros.mapping import PoissonKriging, Variogram
 
 X, Y = (axis.ravel() for axis in np.meshgrid(np.arange(2.0, 60.0, 4.0), np.arange(2.0, 50.0, 4.0)))
@@ -63,7 +63,17 @@ def test_the_worth_of_a_stop_is_the_fall_with_and_without_it(seed, overhead_s, d
     numbers = np.array([4, 0, 2])
     ways = rng.integers(0, len(CELLS), (3, 3))
     exposure_s = np.array([[10.0, 20.0, 30.0], [10.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    worth = model.worth(numbers, np.full(3, 60.0), ways, exposure_s, overhead_s, np.full(3, 600.0))
+    worth = model.worth(
+        Trips(
+            numbers,
+            np.full(3, 60.0),
+            ways,
+            exposure_s,
+            np.full(3, overhead_s),
+            np.full(3, 600.0),
+            np.full(3, 60.0),
+        )
+    )
     for row, number in enumerate(numbers):
         node, used = model.stop_nodes[number], exposure_s[row] > 0
         nodes, seconds = ways[row][used], exposure_s[row][used]
@@ -75,26 +85,6 @@ def test_the_worth_of_a_stop_is_the_fall_with_and_without_it(seed, overhead_s, d
         assert worth.on_way[row] + stop == pytest.approx(both, rel=1e-6, abs=1e-10)
 
 
-@settings(deadline=None, max_examples=10)
-@given(seed=st.integers(0, 1000))
-def test_where_nothing_is_counted_on_the_way_a_stop_is_worth_as_much_as_after_next_to_nothing(seed):
-    stops = np.vstack([np.random.default_rng([seed, 1]).uniform(0, 55, (3, 2)), CELLS[:2]])
-    model = PlanningModel(kriging(seed), CELLS, EVEN, stops)
-    all_s = np.full(len(stops), 600.0)
-    nothing, hardly = (
-        model.worth(np.arange(len(stops)), np.full(len(stops), 60.0), np.empty((len(stops), 0), int),
-                    np.empty((len(stops), 0)), overhead_s, all_s)
-        for overhead_s in (0.0, 1e-9)
-    )  # fmt: skip
-    assert (nothing.on_way == 0).all()
-    for name in ("gain", "variance", "dwell_s", "value"):
-        np.testing.assert_allclose(getattr(nothing, name), getattr(hardly, name), rtol=1e-6)
-    nodes = model.stop_nodes
-    to_stops = model.covariance[: len(CELLS), nodes]
-    np.testing.assert_allclose((to_stops.T * EVEN) @ to_stops, model.gram(nodes), rtol=1e-12)
-    np.testing.assert_allclose(model.gain[nodes], np.diag(model.gram(nodes)), rtol=1e-12)
-
-
 def test_stops_that_are_cells_share_their_nodes():
     model = PlanningModel(kriging(), CELLS, EVEN, np.vstack([[3.0, 3.0], CELLS[7], [1.0, 1.0]]))
     assert model.stop_nodes.tolist() == [len(CELLS), 7, len(CELLS) + 1]
@@ -103,26 +93,6 @@ def test_stops_that_are_cells_share_their_nodes():
 
 
 positive = st.floats(1e-4, 1e3)
-
-
-@pytest.mark.slow
-@settings(max_examples=300)
-@given(
-    on_way=st.one_of(st.just(0.0), positive),
-    gain=st.one_of(st.just(0.0), positive),
-    variance=positive,
-    rate=positive,
-    travel_s=st.floats(1.0, 1e3),
-    longest_s=st.floats(0.0, 4e3),
-)
-def test_no_dwell_is_worth_more_than_the_best(on_way, gain, variance, rate, travel_s, longest_s):
-    arguments = (np.array([value]) for value in (on_way, gain, variance, rate, travel_s, longest_s))
-    (dwell_s,), (value,) = best_dwell(*arguments)
-    tried = np.concatenate([np.geomspace(1e-3, 1, 400) * longest_s, [0.0, longest_s, dwell_s]])
-    values = (on_way + gain * tried / (variance * tried + rate)) / (travel_s + tried)
-    assert 0 <= dwell_s <= longest_s
-    assert value == pytest.approx(values[-1], rel=1e-9)
-    assert values.max() <= value * (1 + 1e-7)
 
 
 def test_the_best_dwell_without_counts_on_the_way_is_the_published_one():

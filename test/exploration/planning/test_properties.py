@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several properties at once: their falls add up, and where one alone matters, the plan is that of one."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +15,7 @@ from soilmoist_ros.exploration.mission.events import RequestPlan
 from soilmoist_ros.exploration.mission.types import MissionRules, PlanKind
 from soilmoist_ros.exploration.planning.dwell import FixedInterval, MarginalValue, parse_dwell
 from soilmoist_ros.exploration.planning.planning_model import best_dwell
-from soilmoist_ros.exploration.planning.properties import Property, variation
-from soilmoist_ros.exploration.planning.property_names import property_name, property_weights
-from soilmoist_ros.exploration.strategies.cost_benefit_tour import Ground, design
+from soilmoist_ros.exploration.planning.properties import Property, property_name, property_weights, variation
 from soilmoist_ros.exploration.strategies.registry import STRATEGIES, make_strategy, warm_up
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.foundation.errors import InputError
@@ -144,28 +141,6 @@ def test_the_fall_of_both_is_the_sum_of_the_falls():
     assert worth.value[row] == pytest.approx(fall / (worth.travel_s[row] + worth.dwell_s[row]), rel=1e-9)
 
 
-def tour_of(properties=(), place=(20.0, 10.0)):
-    model = explorer("gcb", properties)
-    ground = Ground(model.situation(RequestPlan(1, PlanKind.EXPLORE, (), 7200.0, 7200.0), place))
-    return ground, design(ground, 1200.0, np.random.default_rng(0))
-
-
-def test_a_tour_for_two_properties_with_one_map_is_that_of_one():
-    (ground, one), (_, two) = tour_of(), tour_of([Property(field_map(), 2.0)])
-    assert len(one.stops) > 2
-    assert abs(len(one.stops) - len(two.stops)) <= 1  # the field is symmetric: a centre may lie between two stops
-    left = ground.left(one.stops, one.dwell_s)
-    assert ground.left(two.stops, two.dwell_s) == pytest.approx(left, rel=0.02)
-    assert one.dwell_s == pytest.approx(two.dwell_s, rel=0.15)
-
-
-def test_a_tour_leads_to_where_a_property_is_unknown():
-    second = field_map([place for place in LATTICE if place[0] < 25], seed=1)
-    (ground, alone), (_, both) = tour_of(place=(4.0, 10.0)), tour_of([Property(second, 5.0)], (4.0, 10.0))
-    east = [np.mean(ground.xy[tour.stops, 0] > 25.0) for tour in (alone, both)]
-    assert east[1] > east[0]
-
-
 def test_the_variation_is_the_variance_of_fields_with_that_variogram():
     variogram = Variogram("exponential", 0.3, 15.0, 1.3)
     distance = np.linalg.norm(GRID.cells[:, None] - GRID.cells[None], axis=2)
@@ -185,7 +160,7 @@ terms = st.tuples(st.one_of(st.just(0.0), positive), st.one_of(st.just(0.0), pos
 @pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(
-    of_each=st.lists(terms, min_size=2, max_size=4),
+    of_each=st.lists(terms, min_size=1, max_size=4),
     travel_s=st.floats(1.0, 1e3),
     longest_s=st.floats(0.0, 4e3),
 )
@@ -221,15 +196,8 @@ def test_counting_ends_when_all_together_are_worth_no_more_than_the_price(own, o
     "text", ["value:1,1,1,1;1,1", "value:1,1,1,1;1,0,1", "value:1,1,1,1;-1,1,1", "value:1,1;1,1,1"]
 )
 def test_a_rule_that_is_none_is_refused(text):
-    with pytest.raises(InputError, match=r"A,B,PRICE,FACTOR|out of range"):
+    with pytest.raises(InputError, match=r"A,B,PRICE,FACTOR"):
         parse_dwell(text)
-
-
-def test_without_a_price_a_second_property_alone_is_reason_to_count():
-    rule = MarginalValue(0.0, 1.0, 0.0, others=((1.0, 1.0, 1.0),))
-    assert rule.expected_s(4.0) == rule.longest_s
-    assert MarginalValue(0.0, 1.0, 0.0, others=((0.0, 1.0, 1.0),)).expected_s(4.0) == 0.0
-    assert not math.isnan(rule.progress(10, 20.0))
 
 
 # Names of further properties ------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ import pytest
 
 from soilmoist_ros.exploration.planning.dwell import MAX_DWELL_S, MarginalValue
 from soilmoist_ros.exploration.planning.planning_model import PlanningModel
-from soilmoist_ros.exploration.planning.prospect import MAX_PLACES, Counting, Prospect
+from soilmoist_ros.exploration.planning.prospect import Counting, Prospect
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.exploration.travel.travel import FreeTravel, RobotMotion
 from soilmoist_ros.mapping import PoissonKriging, Variogram
@@ -45,16 +45,6 @@ def test_counting_on_the_way_makes_a_trip_worth_more():
     assert (driving.worth().on_way[far] > 0).all()
     assert (standing.worth().on_way < 1e-12).all()
     assert (driving.worth().value[far] > standing.worth().value[far]).all()
-
-
-def test_a_longer_cadence_takes_the_same_time_on_the_way():
-    coarse, fine = prospect(counting=Counting(40.0)), prospect(counting=Counting(5.0))
-    driven_s = TRAVEL.travel_s(PLACE, STOPS) - TRAVEL.motion.stop_overhead_s
-    for look in (coarse, fine):
-        nodes, exposure_s = look.ways(look.reachable)
-        assert nodes.shape == exposure_s.shape
-        assert nodes.shape[1] <= MAX_PLACES
-        np.testing.assert_allclose(exposure_s.sum(axis=1), driven_s, atol=1e-9)
 
 
 def test_the_dwell_of_the_most_valuable_stop_is_its_best():

@@ -131,16 +131,6 @@ def test_no_dwell_is_planned_shorter_than_the_mission_allows():
     assert ground.dwell(0, 20.0).interval_s == 90.0
 
 
-def test_small_budgets_get_one_pass():
-    made = drive(CostBenefitTour(), 600.0, 30.0, 50)
-    assert made
-    assert all(len(after.ahead) <= len(before.ahead) for (before, _), (after, _) in pairwise(made))
-
-
-def test_without_time_there_is_no_choice():
-    assert CostBenefitTour().choose(situation(left_s=20.0), rng()) is None
-
-
 # One stop at a time ---------------------------------------------------------------------------------------------
 
 CURVE = CalibrationCurve(n0_cps=8.0, bulk_density_gcm3=1.4)
@@ -185,14 +175,6 @@ def test_it_goes_where_the_variance_falls_most_per_second():
     assert plan.travel_s == pytest.approx(planner.travel.travel_s((2.5, 2.5), [best])[0])
     assert plan.choice.reason.startswith("most variance less per second")
     assert isinstance(plan.choice.dwell, MarginalValue)
-
-
-@pytest.mark.parametrize("strategy", ["greedy", "monte_carlo", "random", "adaptive_sampling"])
-def test_every_strategy_gets_the_dwell_that_pays(strategy):
-    plan = with_map(explorer(strategy)).plan(request(), (2.5, 2.5))
-    assert isinstance(plan.choice.dwell, MarginalValue)
-    assert with_map(explorer(strategy, "fmi:60")).plan(request(), (2.5, 2.5)).choice.dwell is None
-    assert isinstance(parse_dwell("optimal"), Optimal)
 
 
 def test_a_stop_off_the_weighed_ones_gets_a_dwell_too():

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soilmoist_ros.exploration.planning.dwell import Optimal, parse_dwell
-from soilmoist_ros.exploration.planning.prospect import Counting
+from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.lattice import Lattice, least_tour_s
 from soilmoist_ros.exploration.strategies.route import open_route
 from soilmoist_ros.exploration.strategies.strategy import RECORDS_OF_10_S, Situation, whole_records
@@ -90,13 +89,6 @@ def test_the_lattice_fits_the_time_and_is_kept(left):
     assert strategy.choose(now, rng()) is None
 
 
-@pytest.mark.parametrize("dwell_s", [20, 60])
-def test_the_number_of_stops_takes_whole_records_into_account(dwell_s):
-    whole, more = (Lattice().choose(situation(2400.0, f"fmi:{t}"), rng(2)) for t in (dwell_s, dwell_s - 9))
-    assert (whole.stop, whole.ahead) == (more.stop, more.ahead)
-    assert 2400 - 2 * (dwell_s + 30) < tour_s(whole, dwell_s) <= 2400
-
-
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 1000), count=st.integers(1, 8), dwell_s=st.floats(0, 600))
 def test_no_tour_is_shorter_than_the_bound(seed, count, dwell_s):
@@ -119,21 +111,6 @@ def test_a_planned_lattice_is_complete_and_uses_its_budget(left, seed, late_s):
     assert -20 - 10 * size * (late_s > 0) <= rest_s <= 30
     assert (dwells % 10 == 0).all()
     assert late_s > 0 or np.ptp(dwells[:-1]) <= 10
-
-
-def test_a_slow_sensor_makes_a_lattice_of_fewer_stops():
-    stops_only = Counting(10.0, on_way=False)
-    few, many = (
-        Lattice().choose(situation(3600.0, "optimal", counting=stops_only, rate=r), rng()) for r in (0.05, 50)
-    )
-    assert len(few.ahead) < len(many.ahead)
-
-
-def test_the_rule_of_the_mission_decides_what_is_planned():
-    assert isinstance(situation(dwell="optimal").dwell, Optimal)
-    planned = Lattice().choose(situation(3600.0, "optimal"), rng())
-    assert 10 <= planned.dwell.interval_s <= 60
-    assert 1 + len(planned.ahead) > len(Lattice().choose(situation(3600.0, "fmi:300"), rng()).ahead)
 
 
 @pytest.mark.parametrize("dwell", ["fmi:300", "optimal"])

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from soilmoist_ros.exploration.planning.dwell import Optimal
 from soilmoist_ros.exploration.strategies.published import AdaptiveSampling
 from soilmoist_ros.exploration.strategies.registry import (
     STRATEGIES,
@@ -76,12 +75,6 @@ def test_the_presets_are_the_published_constants():
     assert some_cells == {"random", "lattice", "ivr", "gcb"}
 
 
-@every
-def test_a_kind_tells_whether_its_strategy_plans_the_dwell(name):
-    choice = make_strategy(name).choose(after(situation(), dwell=Optimal()), rng())
-    assert (choice.dwell is not None) == STRATEGIES.get(name).plans_dwell
-
-
 def test_unknown_names_are_answered_with_the_known_ones():
     with pytest.raises(InputError, match=r"'gredy' -> use one of: greedy, .*did you mean 'greedy'"):
         make_strategy("gredy")
@@ -108,11 +101,6 @@ def test_a_class_an_object_and_a_kind_are_strategies_and_each_mission_has_its_ow
     assert (one.choices, two.choices) == (1, 0)
     assert strategy_kind(given).needs_map
     assert warm_up(given, "authors")[0] == 3
-
-
-def test_what_cannot_choose_is_no_strategy():
-    with pytest.raises(TypeError, match="needs a method choose"):
-        strategy_kind(7)
 
 
 @every
@@ -166,13 +154,6 @@ def test_greedy_takes_the_first_of_the_highest(values):
     choice = make_strategy("greedy").choose(situation(variance), rng())
     assert choice.stop.name == f"p{np.argmax(variance)}"
     assert choice.ahead == ()
-
-
-def test_greedy_says_how_high():
-    variance = np.full(120, 0.06)
-    variance[3] = 0.21
-    choice = make_strategy("greedy").choose(situation(variance), rng())
-    assert choice.reason == "highest kriging variance 0.21 (counts/s)², 3.4 times the mean"
 
 
 def frequencies(preset, variance, draws=4000):
@@ -285,13 +266,3 @@ def test_queued_targets_that_are_ruled_out_or_out_of_reach_leave_the_queue():
     travel[[stop.name for stop in now.candidates].index(lost)] = np.inf
     second = strategy.choose(after(now, travel_s=travel), rng(1))
     assert not {gone, lost} & {second.stop.name, *(stop.name for stop in second.ahead)}
-
-
-def test_adaptive_sampling_shortens_its_queue_when_the_time_runs_out():
-    strategy = make_strategy("adaptive_sampling")
-    first = strategy.choose(situation(np.ones(120)), rng())
-    now = situation(np.ones(120), left=1500.0)
-    second = strategy.choose(now, rng())
-    assert tour_s(now, second) <= 1500
-    assert {stop.name for stop in (second.stop, *second.ahead)} < {s.name for s in (first.stop, *first.ahead)}
-    assert strategy.choose(situation(np.ones(120), left=60.0), rng()) is not None

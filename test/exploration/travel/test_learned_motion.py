@@ -49,25 +49,12 @@ def test_parameters_that_are_true_stay_as_they_are():
     assert "as set" in str(learned)
 
 
-def test_one_leg_moves_the_estimate_only_part_of_the_way():
-    learned = LearnedMotion(PRIOR)
-    learned.add(Leg(30.0, 0.0, 80.0))
-    assert 62.0 < float(learned.motion.travel_s(30.0)) < 80.0
-
-
 def test_limits_are_never_shorter_than_with_the_parameters():
     rng = np.random.default_rng(3)
     fast = drive(LearnedMotion(PRIOR), RobotMotion(1.2, 5.0, 0.5), 30, rng)
     assert fast.cautious == PRIOR
     slow = drive(LearnedMotion(PRIOR), RobotMotion(0.3, 30.0, 2.0), 30, rng)
     assert slow.cautious == slow.motion
-
-
-def test_a_turning_time_of_zero_is_not_learned():
-    prior = RobotMotion(0.6, 12.0)
-    learned = drive(LearnedMotion(prior), RobotMotion(0.5, 12.0, 3.0), 30, np.random.default_rng(4))
-    assert learned.motion.turn_s_per_rad == 0.0
-    assert learned.motion.speed_mps < 0.6
 
 
 @pytest.mark.parametrize(("near_s", "counted"), [(0, 0.4), (10, 1.0)])

@@ -39,12 +39,6 @@ def test_published_motion():
         RobotMotion(turn_s_per_rad=-1)
 
 
-def test_without_a_field_nothing_is_in_the_way():
-    travel = FreeTravel(RobotMotion())
-    np.testing.assert_allclose(travel.travel_s((0, 0), stops((3, 4), (0, 0))), [5 / 0.6 + 12, 12])
-    assert travel.travel_s((0, 0), ()).shape == (0,)
-
-
 def test_the_way_bends_around_a_no_go_area():
     travel = FreeTravel(STILL, [SQUARE], [BLOCK])
     way = travel.route((1, 5), Stop("s", 9, 6))
@@ -52,11 +46,6 @@ def test_the_way_bends_around_a_no_go_area():
     expected = np.sqrt(18) + 2 + np.sqrt(13)
     assert travel.lengths_m(np.array((1, 5)), [Stop("s", 9, 6)])[0] == pytest.approx(expected)
     np.testing.assert_allclose(travel.travel_s((1, 5), stops((9, 6), (1, 9))), [expected, 4])
-
-
-def test_a_way_may_run_along_a_no_go_area():
-    travel = FreeTravel(STILL, [SQUARE], [BLOCK])
-    assert travel.lengths_m(np.array((4, 0)), [Stop("s", 4, 10)])[0] == pytest.approx(10)
 
 
 def test_a_way_stays_inside_a_field_that_is_not_convex():
@@ -80,18 +69,6 @@ def test_a_robot_outside_enters_at_the_nearest_place():
     np.testing.assert_allclose(travel.route((-2, 3), Stop("s", 3, 7)), [[-2, 3], [0, 3], [3, 7]])
     assert travel.lengths_m(np.array((-2, 3)), [Stop("s", 3, 7)])[0] == pytest.approx(7)
     assert travel.lengths_m(np.array((4.5, 5)), [Stop("s", 3, 5)])[0] == pytest.approx(1.5)
-
-
-def test_times_between_are_symmetric_and_obey_the_triangle_inequality():
-    rng = np.random.default_rng(1)
-    places = rng.uniform(0, 10, (40, 2))
-    places = places[~((abs(places - 5) <= (1, 3)).all(axis=1))]
-    travel = FreeTravel(STILL, [SQUARE], [BLOCK])
-    chosen = np.arange(0, len(places), 2)
-    times = travel.between_s(stops(*places), chosen)
-    np.testing.assert_allclose(times, times.T)
-    assert (times[:, None, :] <= times[:, :, None] + times[None, :, :] + 1e-9).all()
-    assert (times >= np.hypot(*(places[chosen][:, None] - places[chosen]).transpose(2, 0, 1)) - 1e-9).all()
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0])
