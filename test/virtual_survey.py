@@ -12,11 +12,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.sensing import Corrections, LoggerRecord, Position, format_header, format_record
+from soilmoist_ros.sensing import LoggerRecord, Position, format_header, format_record
 from soilmoist_ros.simulation.fields.catalogue import half_wet_field
 from soilmoist_ros.simulation.fields.surrogate_field import SurrogateField, write_field_file, write_site_file
 from soilmoist_ros.simulation.robot.scenario import SensorFaults
-from soilmoist_ros.simulation.robot.virtual_devices import NO_FAULTS, FaultySensor, nmea_sentences, warming_morning
+from soilmoist_ros.simulation.robot.virtual_devices import (
+    NO_FAULTS,
+    FaultySensor,
+    morning_factors,
+    nmea_sentences,
+    warming_morning,
+)
 
 START_S = datetime(2026, 6, 1, 8, 0, tzinfo=UTC).timestamp()
 RECORD_PERIOD_S = 10.0
@@ -95,7 +101,6 @@ def simulate_log(
     :param faults: faults of the sensor
     """
     faulty = FaultySensor(faults, np.random.default_rng(0))
-    corrections = Corrections()
     shares = rng.dirichlet(np.full(TUBES, 400.0))
     ends = np.arange(RECORD_PERIOD_S, trajectory.elapsed_s[-1] + 1e-9, RECORD_PERIOD_S)
     records = []
@@ -103,7 +108,7 @@ def simulate_log(
         inside = end - RECORD_PERIOD_S * (np.arange(10) + 0.5) / 10
         rate = float(field.rate_at(trajectory.at(inside)).mean())
         weather = warming_morning(float(end))
-        factor = math.prod(weather.factors(corrections))
+        factor = math.prod(morning_factors(float(end)))
         counts = rng.poisson(shares * rate / factor * RECORD_PERIOD_S)
         record = LoggerRecord(
             stamp_s=START_S + float(end),

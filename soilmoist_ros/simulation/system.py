@@ -44,9 +44,7 @@ class VirtualSystem:
     yield equal counts. The scenario applies to each robot.
 
     :param settings: field, seed, robots, sensor and noise; settings of the mission itself are ignored
-    :param start_s: time at which the simulation begins [s since 1970 UTC]
     :param gnss_period_s: time between epochs of the GNSS receivers [s], > 0
-    :param scenario: faults to simulate
     :raises InputError: if the field, the graph or the scenario cannot be used
     """
 
@@ -79,7 +77,6 @@ class VirtualSystem:
 
         The output does not depend on the number of steps.
 
-        :param to_s: time to advance to [s]
         :param step_by_step: whether to stop earlier, when a goal of a robot ends or a record is sent
         """
         out: list[list[Output]] = [[] for _ in self.robots]
@@ -89,18 +86,14 @@ class VirtualSystem:
             new = [robot.step(self.now_s) if robot.next_s <= self.now_s else [] for robot in self.robots]
             for outputs, more in zip(out, new, strict=True):
                 outputs += more
-            if step_by_step and any(
-                self._is_step(robot, more) for robot, more in zip(self.robots, new, strict=True)
-            ):
+            # A planner may have to decide something now.
+            sent = any(robot.sent_s == self.now_s for robot in self.robots)
+            if step_by_step and (sent or any(isinstance(each, GoalEnded) for more in new for each in more)):
                 to_s = self.now_s
         self.now_s = max(to_s, self.now_s)
         for robot in self.robots:
             robot.now_s = self.now_s
         return out
-
-    def _is_step(self, robot: SimulatedRobot, outputs: Sequence[Output]) -> bool:
-        """True if a planner may have to decide something now."""
-        return robot.sent_s == self.now_s or any(isinstance(output, GoalEnded) for output in outputs)
 
     @property
     def stamp_s(self) -> float:
@@ -120,14 +113,10 @@ def _require_edges(edges: NDArray[np.intp], names: tuple[str, ...], scenario: Sc
 
 @dataclass(frozen=True)
 class PropertyCounted:
-    """A record from the sensor of an additional property.
+    """A record from the sensor of an additional property."""
 
-    :param name: name of the property
-    :param record: corrected record with position, as its driver would publish it
-    """
-
-    name: str
-    record: CountRecord
+    name: str  # name of the property
+    record: CountRecord  # corrected record with position, as its driver would publish it
 
 
 Output = Sent | Reachable | PropertyCounted | NavigationEvent
@@ -145,14 +134,9 @@ def robot_namespaces(robots: int) -> tuple[str, ...]:
 class SimulatedRobot:
     """Body and devices of one robot. The sensors of additional properties have no faults.
 
-    :param number: number of the robot, from 0
-    :param settings: seed, number of robots, sensors and noise
     :param fields: surrogate field of each property; the first is counted by the logger
     :param travel: travel graph of the navigation, and how the robot moves
-    :param start_xy: start position [m]
-    :param start_s: time at which the simulation begins [s since 1970 UTC]
     :param gnss_period_s: time between epochs of the GNSS receiver [s], > 0
-    :param scenario: faults to simulate
     """
 
     def __init__(
@@ -168,12 +152,9 @@ class SimulatedRobot:
     ) -> None:
         self.number = number
         self.now_s = 0.0
-        self.sent_s = -math.inf
-        """End of the last record that the logger sent whole [s]."""
-        self.fixed_s = -math.inf
-        """Time of the last fix that the receiver sent whole [s]."""
-        self.goal_id: int | None = None
-        """Goal of the navigation that has not ended."""
+        self.sent_s = -math.inf  # end of the last record that the logger sent whole [s]
+        self.fixed_s = -math.inf  # time of the last fix that the receiver sent whole [s]
+        self.goal_id: int | None = None  # goal of the navigation that has not ended
         self._cadence_s, self._position_sd_m = settings.cadence_s, settings.position_sd_m
         self._start_s = start_s
         seed, robots = settings.seed, settings.robots
@@ -211,19 +192,13 @@ class SimulatedRobot:
         self._path: list[tuple[float, float]] = []
 
     def step(self, now_s: float) -> list[Output]:
-        """Run all that is due, and return the output in order.
-
-        :param now_s: time since the start [s], not before :attr:`next_s` or the time of the last step
-        """
+        """Run all that is due [s since the start], and return the output in order."""
         self.now_s = now_s
         self._run_devices()
-        out: list[Output] = []
-        out += self.navigation.happened(now_s)
+        out: list[Output] = [*self.navigation.happened(now_s)]
         if any(isinstance(event, GoalEnded) and event.goal_id == self.goal_id for event in out):
             self.goal_id = None
-        out += self._logger_link.receive(now_s)
-        out += self._gnss_link.receive(now_s)
-        out += self._counted
+        out += [*self._logger_link.receive(now_s), *self._gnss_link.receive(now_s), *self._counted]
         self._counted.clear()
         return out
 

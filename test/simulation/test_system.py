@@ -86,18 +86,6 @@ def test_counts_equal_those_of_a_mission_without_ros(weather):
 
 
 @pytest.mark.slow
-def test_an_additional_property_does_not_change_the_first():
-    alone, both = (
-        advance(VirtualSystem(replace(SETTINGS, properties=further), START_S), 900)
-        for further in ((), ("smooth",))
-    )
-    assert [output for output in both if not isinstance(output, PropertyCounted)] == alone
-    assert len(both) == len(alone) + 90
-    with pytest.raises(InputError, match="'patches' of a property does not cover"):
-        VirtualSystem(replace(SETTINGS, properties=("patches",)), START_S)
-
-
-@pytest.mark.slow
 @settings(deadline=None, max_examples=10)
 @given(
     st.lists(st.floats(0.01, 300), min_size=1, max_size=30), st.sampled_from(["", "bad_link", "nav2", "thorvald"])
@@ -110,16 +98,6 @@ def test_the_output_does_not_depend_on_the_number_of_steps(steps, scenario):
 
     times = np.cumsum(steps)
     assert outputs(times) == outputs(times[-1:])
-
-
-@pytest.mark.slow
-def test_a_seed_determines_everything_and_another_changes_it():
-    def outputs(seed):
-        return advance(VirtualSystem(replace(SETTINGS, seed=seed), START_S), 600)
-
-    assert outputs(1) == outputs(1)
-    assert stream(outputs(1), LOGGER) != stream(outputs(2), LOGGER)
-    assert stream(outputs(1), GNSS) != stream(outputs(2), GNSS)
 
 
 @pytest.mark.slow
@@ -156,12 +134,6 @@ def test_a_cancelled_goal_keeps_the_counts_of_the_driven_route():
     assert np.all(seen[0][:5] == here)
 
 
-def test_epochs_can_be_shorter_than_a_second():
-    found, problems = fixes(advance(VirtualSystem(SETTINGS, START_S, gnss_period_s=0.2), 10))
-    assert problems == []
-    assert [fix.stamp_s for fix in found] == pytest.approx([START_S + 0.2 * number for number in range(51)])
-
-
 @pytest.mark.slow
 def test_a_bad_link_loses_records_but_changes_none():
     good = {record.record_number: record for record in records(advance(VirtualSystem(SETTINGS, START_S), 3600))[0]}
@@ -170,13 +142,6 @@ def test_a_bad_link_loses_records_but_changes_none():
     assert 0.8 * len(good) < len(bad) < len(good)
     for record in bad:
         assert replace(record, line=0) == replace(good[record.record_number], line=0)
-
-
-@pytest.mark.slow
-def test_a_receiver_without_a_fix_reports_it():
-    scenario = Scenario.model_validate({"gnss": {"no_fix": [{"at_s": 100, "for_s": 20}]}})
-    found, _ = fixes(advance(VirtualSystem(SETTINGS, START_S, scenario=scenario), 200))
-    assert [fix.stamp_s - START_S for fix in found if fix.quality == 0] == list(range(100, 120))
 
 
 @pytest.mark.slow
@@ -228,19 +193,6 @@ def test_several_robots_count_like_those_of_a_mission_without_ros():
     rough = [output.record for its in outputs for output in its if isinstance(output, PropertyCounted)]
     counts = [record.raw_counts for record in mission.properties[1].records if record.stamp_s <= end_s]
     assert sorted(record.raw_counts for record in rough) == sorted(counts)
-
-
-@pytest.mark.slow
-def test_robots_do_not_disturb_each_other():
-    def places(robots, goals):
-        system = VirtualSystem(replace(SETTINGS, robots=robots), START_S)
-        for number, target in goals.items():
-            system.robots[number].go_to(system.map.graph.names[target])
-        found, _ = fixes(system.advance(60)[1])
-        return [(fix.position.latitude_deg, fix.position.longitude_deg) for fix in found]
-
-    assert places(3, {0: -1, 1: 5}) == places(2, {1: 5})
-    assert places(3, {0: -1, 1: 5}) != places(3, {1: -1})
 
 
 def test_time_can_stop_when_a_record_is_sent_or_a_goal_ends():

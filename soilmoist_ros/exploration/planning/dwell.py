@@ -75,12 +75,11 @@ StopRule = Annotated[
 class FixedInterval:
     """Count for a fixed time ("FMI").
 
-    :param interval_s: time to count [s], > 0
     :param longest_s: longest time at the stop [s]. :func:`parse_dwell` sets at least twice the interval,
         so that only a sensor with little live time reaches the limit.
     """
 
-    interval_s: float
+    interval_s: float  # time to count [s], > 0
     longest_s: float = MAX_DWELL_S
 
     def enough(self, raw_counts: int, live_s: float) -> bool:

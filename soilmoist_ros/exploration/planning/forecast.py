@@ -51,28 +51,21 @@ class Forecast:
 
     Standard deviations of a rate map are shares of the mean rate [-], those of a moisture map are [m^3/m^3].
 
-    :param sd: now
-    :param times_s: times from now, rising; the last is the end of the mission [s]; none at the end
-    :param sds: at these times, if the mission goes on
     :param factors: bands about them: in four of five missions the standard deviation ends up between
         ``sd / factor`` and ``sd * factor``
-    :param sd_soon: after :data:`SOON_S`, if the mission goes on
-    :param mean_rate_cps: mean rate of the map [counts/s]
-    :param moisture: whether the standard deviations are those of the moisture
     :param hidden: upper limit (95 %) of the standard deviation of the field about its mean, as a share of the mean
         rate, if the counts so far show no difference between places; ``None`` if they do, or it is too early
-    :param is_guess: whether it is made before there is a map
     """
 
-    sd: float
-    times_s: tuple[float, ...]
-    sds: tuple[float, ...]
+    sd: float  # now
+    times_s: tuple[float, ...]  # times from now, rising; the last is the end of the mission [s]; none at the end
+    sds: tuple[float, ...]  # at these times, if the mission goes on
     factors: tuple[float, ...]
-    sd_soon: float
-    mean_rate_cps: float
-    moisture: bool = False
+    sd_soon: float  # after :data:`SOON_S`, if the mission goes on
+    mean_rate_cps: float  # mean rate of the map [counts/s]
+    moisture: bool = False  # whether the standard deviations are those of the moisture
     hidden: float | None = None
-    is_guess: bool = False
+    is_guess: bool = False  # whether it is made before there is a map
 
     @property
     def gain(self) -> float:

@@ -38,18 +38,14 @@ _NAMESPACE: Final = re.compile(rf"/?{_WORD}(/{_WORD})*/*")
 class Property:
     """A mapped property of the field, as the planner sees it now.
 
-    :param field_map: its map; all properties have the same grid
-    :param weight: weight of its normalised kriging variance, relative to the other properties; 0: ignored
-    :param factor: product of the correction factors of its sensor now, ``raw rate = rate / factor`` [-]
     :param curve: calibration, to lower the variance of the moisture map instead of the rate map
-    :param name: namespace of its mapper, empty for the mapper of the robot
     """
 
-    field_map: FieldMap
-    weight: float = 1.0
-    factor: float = 1.0
+    field_map: FieldMap  # its map; all properties have the same grid
+    weight: float = 1.0  # weight of its normalised kriging variance, relative to the other properties; 0: ignored
+    factor: float = 1.0  # product of the correction factors of its sensor now, ``raw rate = rate / factor`` [-]
     curve: MoistureCurve | None = None
-    name: str = ""
+    name: str = ""  # namespace of its mapper, empty for the mapper of the robot
 
 
 def correction_factor(record: CountRecord) -> float:

@@ -35,14 +35,10 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Counting:
-    """Times when the robot counts.
+    """Times when the robot counts."""
 
-    :param cadence_s: duration of a record [s]
-    :param on_way: whether records taken while driving are mapped too
-    """
-
-    cadence_s: float = 10.0
-    on_way: bool = True
+    cadence_s: float = 10.0  # duration of a record [s]
+    on_way: bool = True  # whether records taken while driving are mapped too
 
 
 class Prospect:

@@ -27,24 +27,11 @@ RECORDS_OF_10_S = Counting()
 class Situation:
     """The data from which a strategy chooses.
 
-    :param candidates: stops that may be chosen, without the blacklisted ones
-    :param candidates_xy: their places [m], shape (k, 2)
-    :param stop_variance: computes :attr:`variance`
     :param map_variance: kriging variance of each cell inside the polygon [(counts/s)^2], shape (g,); in a
         simulation, of those that represent the field, if the strategy's kind has ``whole_map`` false
-    :param map_xy: centres of all cells inside the polygon [m], shape (g, 2)
-    :param cell_m: size of the cells [m]
-    :param position_xy: where the robot is [m], shape (2,)
-    :param measured_xy: places measured so far [m], shape (n, 2)
     :param travel_s: travel time from the robot to each candidate, stop overhead included [s], shape (k,);
         inf if unreachable
     :param travel_between_s: travel times between candidates: ``travel_between_s(indices)`` gives shape (m, m) [s]
-    :param time_left_s: mission time that is left [s]
-    :param expected_dwell_s: dwell that the next measurement is expected to take [s]
-    :param rate_cps: mean rate of the map, or the rate to expect before there is one [counts/s]
-    :param overhead_s: time lost at each stop, a part of the travel times [s]
-    :param counting: when the robot counts
-    :param dwell: dwell rule of the mission, ``None`` if unknown
     :param travel_cost_s: ``travel_s`` with the costs that an operator adds for a stop and a metre, for comparisons
         of trips [s], shape (k,); the clock runs by ``travel_s``. ``None``: the same
     :param staying: index of the candidate at which the robot stands and may count on without a trip: its travel
@@ -54,22 +41,22 @@ class Situation:
         those of ``travel_between_s`` if ``None``, which takes longer
     """
 
-    candidates: tuple[Stop, ...]
-    candidates_xy: Array
-    stop_variance: Callable[[], Array]
+    candidates: tuple[Stop, ...]  # stops that may be chosen, without the blacklisted ones
+    candidates_xy: Array  # their places [m], shape (k, 2)
+    stop_variance: Callable[[], Array]  # computes :attr:`variance`
     map_variance: Array
-    map_xy: Array
-    cell_m: float
-    position_xy: Array
-    measured_xy: Array
+    map_xy: Array  # centres of all cells inside the polygon [m], shape (g, 2)
+    cell_m: float  # size of the cells [m]
+    position_xy: Array  # where the robot is [m], shape (2,)
+    measured_xy: Array  # places measured so far [m], shape (n, 2)
     travel_s: Array
     travel_between_s: Callable[[NDArray[np.intp]], Array]
-    time_left_s: float
-    expected_dwell_s: float
-    rate_cps: float = 4.0
-    overhead_s: float = 0.0
-    counting: Counting = RECORDS_OF_10_S
-    dwell: DwellRule | None = None
+    time_left_s: float  # mission time that is left [s]
+    expected_dwell_s: float  # dwell that the next measurement is expected to take [s]
+    rate_cps: float = 4.0  # mean rate of the map, or the rate to expect before there is one [counts/s]
+    overhead_s: float = 0.0  # time lost at each stop, a part of the travel times [s]
+    counting: Counting = RECORDS_OF_10_S  # when the robot counts
+    dwell: DwellRule | None = None  # dwell rule of the mission, ``None`` if unknown
     prospect: Callable[[], Prospect | None] | None = None
     travel_cost_s: Array | None = None
     staying: int | None = None
@@ -83,18 +70,12 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The decision of a strategy.
+    """The decision of a strategy."""
 
-    :param stop: where to measure next
-    :param reason: why, in a short sentence for operators and reports
-    :param ahead: the stops planned after it, in order
-    :param dwell: dwell rule of this stop, ``None`` for the mission's
-    """
-
-    stop: Stop
-    reason: str
-    ahead: tuple[Stop, ...] = ()
-    dwell: StopRule = None
+    stop: Stop  # where to measure next
+    reason: str  # why, in a short sentence for operators and reports
+    ahead: tuple[Stop, ...] = ()  # the stops planned after it, in order
+    dwell: StopRule = None  # dwell rule of this stop, ``None`` for the mission's
 
 
 class Strategy(Protocol):

@@ -23,17 +23,14 @@ PLACE_DIGITS = 4
 class Stop:
     """A place to measure at.
 
-    :param name: name of the node of the travel graph; for free travel any unique name
-    :param x_m: east of the field's datum [m]
-    :param y_m: north of the field's datum [m]
     :param reach_m: a robot that is farther away than this is not at the stop, whatever the arrival radius allows:
         half the distance to the nearest other node, at least :data:`MIN_REACH_M` [m]; two stops of different reach
         are equal
     """
 
-    name: str
-    x_m: float
-    y_m: float
+    name: str  # name of the node of the travel graph; for free travel any unique name
+    x_m: float  # east of the field's datum [m]
+    y_m: float  # north of the field's datum [m]
     reach_m: float = field(default=math.inf, compare=False)
 
 
@@ -100,11 +97,10 @@ MIN_LEG_M = 0.01
 class WayPoint:
     """One goal of the navigation.
 
-    :param stop: where
     :param heading_rad: direction in which the robot comes from the corner before, anticlockwise from east [rad]
     """
 
-    stop: Stop
+    stop: Stop  # where
     heading_rad: float = 0.0
 
 

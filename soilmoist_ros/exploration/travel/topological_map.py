@@ -59,16 +59,13 @@ _PLAIN = frozenset({str, int, float, bool, type(None)})
 class TopologicalMap:
     """A topological map: the document as it is, and the travel graph it describes.
 
-    :param document: the whole content, unknown keys included; not to be changed
     :param graph: its nodes and directed edges, in the frame that the map's transformation names as its parent [m]
-    :param datum: origin of the places on the earth; ``None`` if the map names none
-    :param frame: name of the frame of the graph; empty if the map names none
     """
 
-    document: Mapping[str, Any]
+    document: Mapping[str, Any]  # the whole content, unknown keys included; not to be changed
     graph: TravelGraph
-    datum: LocalFrame | None = None
-    frame: str = ""
+    datum: LocalFrame | None = None  # origin of the places on the earth; ``None`` if the map names none
+    frame: str = ""  # name of the frame of the graph; empty if the map names none
 
     @property
     def name(self) -> str:

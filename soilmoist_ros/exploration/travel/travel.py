@@ -27,20 +27,17 @@ Indices = NDArray[np.intp]
 class RobotMotion:
     """Motion of the robot; the defaults are those of the published experiments.
 
-    :param speed_mps: speed on the way [m/s], > 0
-    :param stop_overhead_s: time lost at each stop: braking, settling, the next goal [s], >= 0
     :param turn_s_per_rad: time for each radian turned on the way [s/rad], >= 0; turning towards the
         first corner is not counted, since the heading at the start is not known
-    :param stop_cost_s: time that it is worth to avoid a stop [s], >= 0; makes a planner choose fewer stops
     :param metre_cost_s: time that it is worth to avoid a metre [s/m], >= 0; makes it drive less. Both costs count
         where trips are compared, never on the clock
     :param overhead_counted: share of the stop overhead in which the robot stands at the stop and counts [0..1]
     """
 
-    speed_mps: float = 0.6
-    stop_overhead_s: float = 12.0
+    speed_mps: float = 0.6  # speed on the way [m/s], > 0
+    stop_overhead_s: float = 12.0  # time lost at each stop: braking, settling, the next goal [s], >= 0
     turn_s_per_rad: float = 0.0
-    stop_cost_s: float = 0.0
+    stop_cost_s: float = 0.0  # time that it is worth to avoid a stop [s], >= 0; makes a planner choose fewer stops
     metre_cost_s: float = 0.0
     overhead_counted: float = 1.0
 

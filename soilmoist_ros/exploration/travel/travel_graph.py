@@ -27,18 +27,12 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class TravelGraph:
-    """Named nodes and directed edges between them. Made by :meth:`from_edges`.
+    """Named nodes and directed edges between them. Made by :meth:`from_edges`."""
 
-    :param names: names of the nodes, unique
-    :param xy: their places, shape (n, 2) [m]
-    :param edges: start and end of each edge as indices of nodes, shape (e, 2)
-    :param length_m: length of each edge, shape (e,) [m], >= 0
-    """
-
-    names: tuple[str, ...]
-    xy: Array
-    edges: Indices
-    length_m: Array
+    names: tuple[str, ...]  # names of the nodes, unique
+    xy: Array  # their places, shape (n, 2) [m]
+    edges: Indices  # start and end of each edge as indices of nodes, shape (e, 2)
+    length_m: Array  # length of each edge, shape (e,) [m], >= 0
     _rows: dict[int, tuple[Array, Indices]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod

@@ -57,15 +57,11 @@ class RateGrid:
 
     :func:`scipy.ndimage.map_coordinates` interpolates a single position five times as fast as
     ``RegularGridInterpolator``, with equal results.
-
-    :param x_m: columns, ascending and evenly spaced, shape (nx,), nx >= 2 [m]
-    :param y_m: rows, ascending and evenly spaced, shape (ny,), ny >= 2 [m]
-    :param values: finite values on the nodes, shape (ny, nx)
     """
 
-    x_m: Array
-    y_m: Array
-    values: Array
+    x_m: Array  # columns, ascending and evenly spaced, shape (nx,), nx >= 2 [m]
+    y_m: Array  # rows, ascending and evenly spaced, shape (ny,), ny >= 2 [m]
+    values: Array  # finite values on the nodes, shape (ny, nx)
 
     def __call__(self, xy: Array) -> Array:
         """Values at positions of shape (n, 2) [m], shape (n,)."""

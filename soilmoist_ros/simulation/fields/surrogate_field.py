@@ -24,26 +24,18 @@ Array = NDArray[np.float64]
 class SurrogateField:
     """A field whose truth is known.
 
-    :param name: short name, as given to :func:`surrogate_field`
-    :param title: name shown in reports
-    :param field: plane, boundary, no-go areas and cell size
     :param truth: corrected rate of the whole sensor [counts/s], shape (n,), at positions of shape (n, 2) [m]
-    :param curve: calibration that links moisture and rate, ``None`` without a calibration
-    :param hours: usual mission time [h]
-    :param points_xy: positions of the points for a truth from points [m], shape (k, 2)
-    :param points_rate: rates at the points [counts/s], shape (k,)
-    :param variogram: that of the rate, if it is a random field
     """
 
-    name: str
-    title: str
-    field: Field
+    name: str  # short name, as given to :func:`surrogate_field`
+    title: str  # name shown in reports
+    field: Field  # plane, boundary, no-go areas and cell size
     truth: Callable[[Array], Array]
-    curve: MoistureCurve | None = None
-    hours: float = 2.0
-    points_xy: Array | None = None
-    points_rate: Array | None = None
-    variogram: Variogram | None = None
+    curve: MoistureCurve | None = None  # calibration that links moisture and rate, ``None`` without a calibration
+    hours: float = 2.0  # usual mission time [h]
+    points_xy: Array | None = None  # positions of the points for a truth from points [m], shape (k, 2)
+    points_rate: Array | None = None  # rates at the points [counts/s], shape (k,)
+    variogram: Variogram | None = None  # that of the rate, if it is a random field
 
     @property
     def frame(self) -> LocalFrame:

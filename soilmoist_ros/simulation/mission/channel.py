@@ -36,20 +36,12 @@ Array = NDArray[np.float64]
 
 class Channel:
     """Maps one property for all robots of a mission.
+
     :param curve: calibration for a moisture map, if any
     :param earlier: earlier surveys that inform the map, in addition to those that the settings ask for
     :param covariates: covariates that inform it, likewise
     :param whole: whether every map is of all cells; otherwise only the last one is, the others are of those that
         represent the field
-
-    Attributes
-    ----------
-    field_map : FieldMap
-        the map
-    soil_map : SoilMap | None
-        the last map, ``None`` before the first
-    records : list[CountRecord]
-        all records so far, in order of time
     """
 
     def __init__(
@@ -90,9 +82,9 @@ class Channel:
         self._mapped = mapped.mask[grid.mask]
         self._errors: MapErrors | None = MapErrors()
         self._scored_s = 0.0
-        self.soil_map: SoilMap | None = None
+        self.soil_map: SoilMap | None = None  # the last one
         self._noted: tuple[MapState, float] | None = None
-        self.records: list[CountRecord] = []
+        self.records: list[CountRecord] = []  # in order of time
 
     def take(self, record: CountRecord) -> None:
         """Add a record."""
@@ -101,10 +93,7 @@ class Channel:
             self.field_map.add(record)
 
     def take_stop(self, now_s: float, visit: Visit, counted: Sequence[CountRecord], warmed_up: bool) -> None:
-        """Add a complete visit to a map of stops.
-        :param counted: records of the visit
-        :param warmed_up: whether enough stops are measured for a map
-        """
+        """Add a complete visit with its records to a map of stops; ``warmed_up``: there are enough for a map."""
         raw_counts = sum(record.raw_counts for record in counted)
         exposure_s = sum(record.effective_exposure_s for record in counted)
         self.field_map.add_sample((visit.x_m, visit.y_m), raw_counts, exposure_s)
@@ -142,9 +131,8 @@ class Channel:
 
     def _score(self, now_s: float, soil_map: SoilMap | None) -> None:
         """Keep a new map, whose errors are those at this time."""
-        if soil_map is None:
-            return
-        self.soil_map, self._scored_s, self._errors = soil_map, now_s, None
+        if soil_map is not None:
+            self.soil_map, self._scored_s, self._errors = soil_map, now_s, None
 
     @property
     def errors(self) -> MapErrors:
@@ -159,11 +147,11 @@ class Channel:
 
     def mapped(self, now_s: float) -> MappedProperty:
         """The property as a part of the result of a mission that ends now."""
-        truth = self.grid.to_raster(self.truth(now_s))
-        name, weight = self.wanted.name, self.wanted.weight
-        records, series = tuple(self.records), tuple(self.series)
-        covariates = self.field_map.knowledge.covariates
-        return MappedProperty(name, self.field.title, records, self.soil_map, truth, weight, series, covariates)
+        return MappedProperty(
+            self.wanted.name, self.field.title, tuple(self.records), self.soil_map,
+            self.grid.to_raster(self.truth(now_s)), self.wanted.weight, tuple(self.series),
+            self.field_map.knowledge.covariates,
+        )  # fmt: skip
 
 
 def mission_properties(settings: MissionSettings) -> tuple[PropertySettings, ...]:
@@ -201,11 +189,6 @@ def mission_fields(settings: MissionSettings) -> list[SurrogateField]:
 def _covers(ground: Field, field: Field) -> bool:
     import shapely
 
-    same = np.allclose(
-        [ground.frame.latitude_deg, ground.frame.longitude_deg],
-        [field.frame.latitude_deg, field.frame.longitude_deg],
-        rtol=0,
-        atol=1e-9,
-    )
+    here, there = (np.array([one.frame.latitude_deg, one.frame.longitude_deg]) for one in (ground, field))
     around = shapely.Polygon(ground.polygon).buffer(1e-6)
-    return bool(same and around.covers(shapely.Polygon(field.polygon)))
+    return np.allclose(here, there, rtol=0, atol=1e-9) and bool(around.covers(shapely.Polygon(field.polygon)))

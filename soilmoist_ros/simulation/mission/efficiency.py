@@ -35,15 +35,13 @@ class Efficiency:
 
     :param least: lower bound: variance after the best division of the planned time of all robots among all places,
         without travel [(counts/s)^2]
-    :param left: variance that the samples of the mission leave [(counts/s)^2]
-    :param moisture: whether the slope of the calibration curve at the true rate weights the variances
     :param of_truth: whether variogram and rates are those of the truth, so that missions on one field can be
         compared; otherwise those of the mission's own map, and they cannot
     """
 
     least: float
-    left: float
-    moisture: bool = False
+    left: float  # variance that the samples of the mission leave [(counts/s)^2]
+    moisture: bool = False  # whether the slope of the calibration curve at the true rate weights the variances
     of_truth: bool = True
 
     @property

@@ -62,8 +62,6 @@ _cell_stops = lru_cache(maxsize=4)(cell_stops)
 def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> TopologicalMap:
     """Topological map of a field: from a file, or an open lattice of about :data:`LATTICE_NODES` nodes.
 
-    :param field: the field
-    :param grid: grid of the field
     :param graph: file with the map, ``None`` for the lattice
     :raises InputError: if the file cannot be used
     """

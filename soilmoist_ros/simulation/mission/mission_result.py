@@ -34,15 +34,13 @@ SHARES = (0.0, 0.25, 0.5, 0.75)  # shares of the mission time at which forecasts
 class MapErrors(NamedTuple):
     """Errors of a map over the cells of a field; NaN before the first map, or without a truth.
 
-    :param mse: mean squared error of the rate [(counts/s)^2]
     :param vwc_rmse: root mean squared error of the moisture [m^3/m^3], estimates kept between 0 and the pore
         volume; NaN without a calibration curve
-    :param coverage95: share of the cells whose true rate lies in the 95 % interval
     """
 
-    mse: float = math.nan
+    mse: float = math.nan  # mean squared error of the rate [(counts/s)^2]
     vwc_rmse: float = math.nan
-    coverage95: float = math.nan
+    coverage95: float = math.nan  # share of the cells whose true rate lies in the 95 % interval
 
 
 def map_errors(
@@ -54,10 +52,6 @@ def map_errors(
 ) -> MapErrors:
     """Errors over the cells of a field.
 
-    :param rate_cps: estimated rate, shape (g,) [counts/s]
-    :param rate_sd_cps: standard deviation of the estimate, shape (g,) [counts/s]
-    :param true_rate_cps: true rate, shape (g,) [counts/s]
-    :param curve: calibration curve, if any
     :param true_vwc: :func:`possible_moisture` of the true rate, if already computed, shape (g,) [m^3/m^3]
     """
     error = rate_cps - true_rate_cps
@@ -81,7 +75,6 @@ class TimedForecast(NamedTuple):
 def reported(forecasts: Sequence[TimedForecast], planned_s: float) -> list[tuple[float, TimedForecast]]:
     """The first forecast at or after each of :data:`SHARES` of the planned time, with the share.
 
-    :param forecasts: in order of time; the last one may be the map at the end
     :param planned_s: planned mission time [s]
     """
     found: list[tuple[float, TimedForecast]] = []
@@ -115,19 +108,15 @@ def _when(share: float) -> str:
 class SeriesRow:
     """The state of a mission at one time.
 
-    :param time_s: mission time [s]
-    :param distance_m: distance travelled by all robots together [m]
-    :param samples: finished visits
-    :param counting_s: time that all robots together spent counting at stops [s]
     :param errors: errors of the map of each property against the truth of its time; the first is that of the
         mission field. Of a strategy that does without the variance of every cell, the entries before the last are
         of some hundred cells, evenly spaced
     """
 
-    time_s: float
-    distance_m: float
-    samples: int
-    counting_s: float
+    time_s: float  # mission time [s]
+    distance_m: float  # distance travelled by all robots together [m]
+    samples: int  # finished visits
+    counting_s: float  # time that all robots together spent counting at stops [s]
     errors: tuple[MapErrors, ...] = (MapErrors(),)
 
     @property
@@ -154,7 +143,6 @@ class SeriesRow:
 def series_columns(series: Sequence[SeriesRow], names: Sequence[str]) -> dict[str, NDArray[Any]]:
     """A series as columns: mission and first property, then error and coverage of each additional property.
 
-    :param series: rows
     :param names: names of all properties; columns of the first property have no suffix
     :returns: ``time_s``, ``distance_m``, ``samples``, ``mse``, ``mse_10s``, ``vwc_rmse``, ``coverage95``,
         ``counting_s``, and ``mse_NAME`` and ``coverage95_NAME`` of each additional property; with exactly one
@@ -179,25 +167,18 @@ def series_columns(series: Sequence[SeriesRow], names: Sequence[str]) -> dict[st
 class MappedProperty:
     """A property that a mission mapped.
 
-    :param name: name in files, see :func:`property_name`
-    :param title: name in reports
-    :param records: all records of its sensors in order of time
-    :param soil_map: final map of its rate, ``None`` if the mission ended before the first map
     :param truth_rate: true rate at the end on the map's grid [counts/s], shape (ny, nx), NaN outside and if
         unknown
-    :param weight: value of a share of its variation to the planner; 0 means mapped, but not planned for
-    :param series: simulated earlier surveys that informed the map, the latest first
-    :param covariates: covariates that informed the map
     """
 
-    name: str
-    title: str
-    records: Sequence[CountRecord]
-    soil_map: SoilMap | None
+    name: str  # name in files, see :func:`property_name`
+    title: str  # name in reports
+    records: Sequence[CountRecord]  # all records of its sensors in order of time
+    soil_map: SoilMap | None  # final map of its rate, ``None`` if the mission ended before the first map
     truth_rate: Array
-    weight: float = 1.0
-    series: Sequence[SimulatedSurvey] = ()
-    covariates: Covariates | None = None
+    weight: float = 1.0  # value of a share of its variation to the planner; 0 means mapped, but not planned for
+    series: Sequence[SimulatedSurvey] = ()  # simulated earlier surveys that informed the map, the latest first
+    covariates: Covariates | None = None  # covariates that informed the map
 
     @property
     def known_truth(self) -> Array | None:
@@ -208,25 +189,18 @@ class MappedProperty:
 @dataclass(frozen=True, eq=False)
 class MissionResult:
     """Result of a mission.
-    :param series: state over time, in order; the last row is the end of the mission
-    :param visits: visits in the order in which they finished
-    :param tracks: corner points of each robot's path [m], shape (p, 2)
-    :param properties: mapped properties; the first belongs to the mission field
-    :param ended: reason for the end
-    :param motion: what the planner of each robot has learned of its motion
-    :param log: lines of the mission log
     :param forecasts: forecasts of the map's standard deviation; the last one may be the map at the end
     """
 
     settings: MissionSettings
-    series: Sequence[SeriesRow]
-    visits: Sequence[Visit]
-    tracks: Sequence[Array]
-    properties: Sequence[MappedProperty]
+    series: Sequence[SeriesRow]  # state over time, in order; the last row is the end of the mission
+    visits: Sequence[Visit]  # visits in the order in which they finished
+    tracks: Sequence[Array]  # corner points of each robot's path [m], shape (p, 2)
+    properties: Sequence[MappedProperty]  # mapped properties; the first belongs to the mission field
     frame: LocalFrame
-    ended: str = ""
-    motion: Sequence[LearnedMotion] = ()
-    log: Sequence[str] = field(default_factory=tuple)
+    ended: str = ""  # reason for the end
+    motion: Sequence[LearnedMotion] = ()  # what the planner of each robot has learned of its motion
+    log: Sequence[str] = field(default_factory=tuple)  # lines of the mission log
     forecasts: Sequence[TimedForecast] = ()
 
     @property
@@ -280,17 +254,13 @@ class RobotMoment:
 class Moment:
     """All robots and the map of the mission field at one moment.
 
-    :param time_s: simulated time [s]
-    :param robots: the robots
-    :param visits: visits so far; the list grows with the mission
-    :param samples: samples in the map
     :param soil_map: makes the map of all cells, ``None`` before there is one; takes some milliseconds to seconds
     """
 
-    time_s: float
-    robots: tuple[RobotMoment, ...]
-    visits: Sequence[Visit]
-    samples: Samples
+    time_s: float  # simulated time [s]
+    robots: tuple[RobotMoment, ...]  # the robots
+    visits: Sequence[Visit]  # visits so far; the list grows with the mission
+    samples: Samples  # samples in the map
     soil_map: Callable[[], SoilMap | None]
 
 

@@ -25,29 +25,18 @@ if TYPE_CHECKING:
 
 Preset = Literal["recommended", "paper", "authors"]
 
-_RECOMMENDED = MappingProxyType(
-    {
-        "strategy": "gcb",
-        "dwell": "optimal",
-        "model": "matern32",
-        "fit": "reml",
-        "noise": "local",
-        "local": "auto",
-        "drift_model": "auto",
-        "map_from": "records",
-    }
-)
-_PUBLISHED = MappingProxyType(
-    {
-        "strategy": "greedy",
-        "dwell": "ami:0.03",
-        "model": "gaussian",
-        "fit": "soft_l1",
-        "noise": "mean",
-        "local": "off",
-        "drift_model": "off",
-        "map_from": "stops",
-    }
+_BOTH = {
+    "strategy": ("gcb", "greedy"),
+    "dwell": ("optimal", "ami:0.03"),
+    "model": ("matern32", "gaussian"),
+    "fit": ("reml", "soft_l1"),
+    "noise": ("local", "mean"),
+    "local": ("auto", "off"),
+    "drift_model": ("auto", "off"),
+    "map_from": ("records", "stops"),
+}
+_RECOMMENDED, _PUBLISHED = (
+    MappingProxyType({name: both[number] for name, both in _BOTH.items()}) for number in (0, 1)
 )
 PRESETS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {"recommended": _RECOMMENDED, "paper": _PUBLISHED, "authors": _PUBLISHED}
@@ -59,32 +48,19 @@ _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 
 @dataclass(frozen=True)
 class Setting:
-    """The declaration of a setting.
+    """The declaration of a setting."""
 
-    :param name: name, with the unit where it is not obvious
-    :param kind: type of a value; ``tuple`` for a list of properties
-    :param default: default; ``None`` if the preset or the field chooses it
-    :param help: what it sets, and what happens at its limits
-    :param unit: unit for tables and help
-    :param low: smallest value
-    :param above: whether a value must be greater than ``low``
-    :param choices: permitted values; any if empty
-    :param registered: function that returns the registered names; called when a value is checked
-    :param check: function that returns a value in its plain form, or raises :class:`InputError`
-    :param method: in Python, objects with this method are permitted instead of a name; empty for names only
-    """
-
-    name: str
-    kind: type
-    default: Any
-    help: str
-    unit: str = ""
-    low: float | None = None
-    above: bool = False
-    choices: tuple[str, ...] = ()
-    registered: Callable[[], Sequence[str]] | None = None
-    check: Callable[[Any], Any] | None = None
-    method: str = ""
+    name: str  # with the unit where it is not obvious
+    kind: type  # type of a value; ``tuple`` for a list of properties
+    default: Any  # ``None`` if the preset or the field chooses it
+    help: str  # what it sets, and what happens at its limits
+    unit: str = ""  # for tables and help
+    low: float | None = None  # smallest value
+    above: bool = False  # whether a value must be greater than ``low``
+    choices: tuple[str, ...] = ()  # permitted values; any if empty
+    registered: Callable[[], Sequence[str]] | None = None  # returns the registered names, when a value is checked
+    check: Callable[[Any], Any] | None = None  # returns a value in its plain form, or raises :class:`InputError`
+    method: str = ""  # in Python, objects with this method are permitted instead of a name
 
     @property
     def option(self) -> str:
@@ -127,7 +103,7 @@ class Setting:
             try:
                 value = float(value)
             except OverflowError:
-                value = math.inf if value > 0 else -math.inf
+                value = math.inf
         if self.kind is not tuple and not _is_of(value, self.kind):
             raise ValueError(f"must be {_KINDS[self.kind]}, but it is {given!r}")
         names = self.choices if self.registered is None else self.registered()
@@ -432,13 +408,11 @@ class MissionSettings:
             except ValueError as error:
                 mistakes.append(Mistake(f"{setting.name}: {error}"))
         if self.travel == "free" and self.graph is not None:
-            mistakes.append(
-                Mistake("a travel graph is given, but the robot travels freely", "choose travel graph")
-            )
+            text = "a travel graph is given, but the robot travels freely"
+            mistakes.append(Mistake(text, "choose travel graph"))
         if self.drift_hour is not None and self.drift == 0:
-            mistakes.append(
-                Mistake("an hour of the drift is given, but the rate does not drift", "give drift, for rain -0.1")
-            )
+            text = "an hour of the drift is given, but the rate does not drift"
+            mistakes.append(Mistake(text, "give drift, for rain -0.1"))
         if mistakes:
             raise InputError(mistakes)
 
@@ -447,9 +421,8 @@ class MissionSettings:
         """Motion of the robots, as the planner expects."""
         from soilmoist_ros.exploration import RobotMotion
 
-        return RobotMotion(
-            self.speed_mps, self.stop_overhead_s, self.turn_s_per_rad, self.stop_cost_s, self.metre_cost_s
-        )
+        costs = self.stop_cost_s, self.metre_cost_s
+        return RobotMotion(self.speed_mps, self.stop_overhead_s, self.turn_s_per_rad, *costs)
 
     @property
     def real_motion(self) -> RobotMotion:
@@ -482,20 +455,13 @@ class MissionSettings:
 
     def as_dict(self) -> dict[str, Any]:
         """All settings by name, as plain values."""
-        values = {name: getattr(self, name) for name in SETTINGS} | self._named
-        return {
-            **values,
-            "properties": [{"field": one.field_name, "weight": one.weight} for one in self.properties],
-        }
+        properties = [{"field": one.field_name, "weight": one.weight} for one in self.properties]
+        return {name: getattr(self, name) for name in SETTINGS} | self._named | {"properties": properties}
 
     def as_texts(self) -> dict[str, Any]:
         """All settings by name, as cells of a table: numbers, truth values and texts."""
-        values = {name: getattr(self, name) for name in SETTINGS} | self._named
-        return {
-            **values,
-            "graph": self.graph or "default",
-            "properties": " ".join(map(str, self.properties)) or "none",
-        }
+        properties = " ".join(map(str, self.properties)) or "none"
+        return self.as_dict() | {"graph": self.graph or "default", "properties": properties}
 
     def __str__(self) -> str:
         usual, always = MissionSettings(preset=self.preset).as_texts(), ("field", "strategy", "dwell", "seed")

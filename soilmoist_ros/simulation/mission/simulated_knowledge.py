@@ -57,9 +57,7 @@ class SimulatedSurvey:
 def earlier_series(
     field: SurrogateField, grid: FieldGrid, settings: MissionSettings, number: int = 0
 ) -> list[SimulatedSurvey]:
-    """The earlier surveys that the settings ask for, the latest first.
-    :param settings: ``earlier_surveys``, ``persistence``, ``survey_days``, ``pattern_days`` and ``seed`` count
-    """
+    """The earlier surveys that the settings ask for, the latest first."""
     count = settings.earlier_surveys
     if not count:
         return []
@@ -156,7 +154,6 @@ def simulated_covariates(
     field with the correlation R(h) of the truth's pattern, less its regression on the truth and standardised. So r
     is the correlation over the cells. Useless ones are random fields with the correlation R(h), independent of the
     truth: over the cells of one field they may be correlated with it by chance.
-    :param settings: ``covariate_correlation``, ``useless_covariates`` and ``seed`` count
     """
     wanted = {} if settings.covariate_correlation is None else {FOLLOWS: settings.covariate_correlation}
     wanted |= {f"useless {index}": 0.0 for index in range(1, settings.useless_covariates + 1)}

@@ -8,7 +8,7 @@ import logging
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -100,32 +100,23 @@ def simulate_mission(
     return _Simulation(settings, forecasts, earlier, covariates).run(progress or (lambda share: None), watch)
 
 
+@dataclass(eq=False)
 class _Robot:
     """One robot of a mission: state machine, explorer, position, and records."""
 
-    def __init__(
-        self,
-        number: int,
-        mission: Mission,
-        explorer: Explorer,
-        body: VirtualRobot,
-        sensors: Sequence[VirtualSensor],
-        noise_m: Iterator[tuple[float, float]],
-        learned: LearnedMotion,
-    ) -> None:
-        self.number = number
-        self.mission = mission
-        self.explorer = explorer
-        self.body = body
-        self.sensors = sensors
-        self.noise_m = noise_m
-        self.learned = learned
-        self.goal: tuple[float, GoTo] | None = None  # time of arrival, and the action
-        self.ahead: tuple[Stop, ...] = ()
-        self.records: list[list[CountRecord]] = []  # in order of time, each with one record per sensor
-        self.ended = ""
-        self.deadline_s = math.inf  # set by next_s()
-        self.sent_xy: tuple[float, float] | None = None  # position at the last Moved event
+    number: int  # from 1
+    mission: Mission
+    explorer: Explorer
+    body: VirtualRobot
+    sensors: Sequence[VirtualSensor]  # one per property
+    noise_m: Iterator[tuple[float, float]]  # successive position errors, east and north [m]
+    learned: LearnedMotion  # how it moves, as its planner knows
+    goal: tuple[float, GoTo] | None = None  # time of arrival, and the action
+    ahead: tuple[Stop, ...] = ()
+    records: list[list[CountRecord]] = field(default_factory=list)  # in order of time, one record per sensor each
+    ended: str = ""
+    deadline_s: float = math.inf  # set by next_s()
+    sent_xy: tuple[float, float] | None = None  # position at the last Moved event
 
     @property
     def record_s(self) -> float:
@@ -160,24 +151,22 @@ class _Simulation:
         weighs_dwell = isinstance(dwell_rule(settings.dwell), Optimal) and not kind.plans_dwell
         self.guided = kind.needs_map or weighs_dwell or self.forecasts_wanted
         fields = mission_fields(settings)
-        field = fields[0]
-        if settings.target == "vwc" and field.curve is None:
+        self.field = first = fields[0]
+        if settings.target == "vwc" and first.curve is None:
             raise InputError(
-                f"the field {field.name!r} has no calibration, so its moisture cannot be mapped",
+                f"the field {first.name!r} has no calibration, so its moisture cannot be mapped",
                 "choose the target rate, or give the field a calibration",
             )
-        self.field = field
-        self.grid = field.field.grid(settings.cell_m)
-        self.travel, self.stops = travel_and_stops(field.field, self.grid, settings.motion, settings)
-        sources = (*field.field.covariates, *covariates)
-        known = read_covariates(sources, field.frame, self.grid)
+        self.grid = first.field.grid(settings.cell_m)
+        self.travel, self.stops = travel_and_stops(first.field, self.grid, settings.motion, settings)
+        known = read_covariates((*first.field.covariates, *covariates), first.frame, self.grid)
         # The calibration belongs to the mission field; other properties have no moisture.
         self.channels = [
             Channel(
                 one,
                 self.grid,
                 settings,
-                one.curve if one is field else None,
+                one.curve if one is first else None,
                 wanted,
                 number,
                 earlier.get(wanted.name, ()),
@@ -197,8 +186,7 @@ class _Simulation:
 
     def robot(self, number: int) -> _Robot:
         """Create a robot at the start, numbered from 0; all robots share the maps."""
-        settings, field = self.settings, self.field
-        seed = settings.seed
+        settings, seed = self.settings, self.settings.seed
         recommended = settings.preset == "recommended"
         min_dwell_s = settings.min_dwell_s or settings.cadence_s
         warm_up_stops, first_strategy = warm_up(settings.strategy, settings.preset)
@@ -239,12 +227,12 @@ class _Simulation:
             first_strategy,
             mission.rules,
             strategy_stream(seed, number),
-            nominal_rate_cps(field.curve),
+            nominal_rate_cps(self.field.curve),
             Counting(settings.cadence_s, settings.map_from == "records"),
             forecasts=self.forecasts_wanted,
             grid=self.grid,
         )
-        start = start_stop(field.field, self.stops)
+        start = start_stop(self.field.field, self.stops)
         body = VirtualRobot(settings.real_motion, (start.x_m, start.y_m))
         sensors = [
             VirtualSensor(
@@ -328,7 +316,8 @@ class _Simulation:
             case Publish():  # the most frequent one
                 pass
             case RequestPlan():
-                self.update_map(later=not self.guided)
+                for channel in self.channels:
+                    (channel.update if self.guided else channel.update_later)(self.now_s)
                 robot.explorer.travel.motion = robot.learned.motion
                 plan = robot.explorer.plan(action, robot.body.at(self.now_s), self.pending_of_others(robot))
                 self.note(robot, f"plan: {plan.choice.reason}" if plan.choice else "plan: nothing left to measure")
@@ -374,11 +363,6 @@ class _Simulation:
         ):
             channel.take_stop(self.now_s, visit, counted, warmed_up)
         self.enter_series()
-
-    def update_map(self, later: bool = False) -> None:
-        """Update the maps of all records."""
-        for channel in self.channels:
-            (channel.update_later if later else channel.update)(self.now_s)
 
     def record(self, robot: _Robot) -> CountRecord:
         """Count with all sensors over the interval that ends now; returns the record of the mission field."""

@@ -29,9 +29,7 @@ def sensor_stream(seed: int, number: int = 0, robot: int = 0, robots: int = 1) -
 
 
 def series_stream(seed: int, number: int, back: int) -> np.random.Generator:
-    """Random stream for an earlier survey: its part of the pattern, its mean, its stops and its counts.
-    :param back: number of the survey, from 1, the latest first
-    """
+    """Random stream for an earlier survey, numbered from 1, the latest first."""
     return _stream(seed, _EARLIER, number, back)
 
 
@@ -46,18 +44,14 @@ def gnss_stream(seed: int, robot: int = 0) -> np.random.Generator:
 
 
 def position_errors(seed: int, robot: int, sd_m: float) -> Iterator[tuple[float, float]]:
-    """Position errors of one robot, east and north [m], without end.
-    :param sd_m: standard deviation of each [m]
-    """
+    """Position errors of one robot, east and north [m], without end; ``sd_m`` is that of each."""
     rng = gnss_stream(seed, robot)
     while True:  # drawn in blocks; the values equal single draws
         yield from rng.normal(0.0, sd_m, (200, 2)).tolist()
 
 
 def device_stream(seed: int, device: int, robot: int = 0, robots: int = 1) -> np.random.Generator:
-    """Random stream for a device of one robot in the simulated system.
-    :param device: number of the device, from 0
-    """
+    """Random stream for a device, numbered from 0, of one robot in the simulated system."""
     return _stream(seed, (STREAMS_PER_ROBOT + 1 + device) * robots + robot)
 
 

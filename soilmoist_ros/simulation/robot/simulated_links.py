@@ -30,11 +30,7 @@ LARGEST_BACKLOG = 1 << 20  # maximum bytes that may wait for a client; a client 
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """Bytes that arrive at the receiving end.
-
-    :param link: name of the connection
-    :param data: the bytes
-    """
+    """Bytes that arrive at the receiving end of a connection."""
 
     link: str
     data: bytes
@@ -42,20 +38,14 @@ class Sent:
 
 @dataclass(frozen=True, slots=True)
 class Reachable:
-    """The link becomes reachable or unreachable. An unreachable link closes and refuses connections.
-
-    :param link: name of the connection
-    :param reachable: whether clients can connect
-    """
+    """The link becomes reachable or unreachable. An unreachable link closes and refuses connections."""
 
     link: str
     reachable: bool
 
 
 class FaultyLink:
-    """One connection with faults. Times count from the start of the simulation.
-    :param faults: outages and damages to simulate
-    """
+    """One connection with outages and damages. Times count from the start of the simulation."""
 
     def __init__(self, name: str, faults: LinkFaults, rng: np.random.Generator) -> None:
         self.name = name
@@ -74,8 +64,8 @@ class FaultyLink:
         return min(due, self._turns[0] if self._turns else math.inf)
 
     def send(self, now_s: float, lines: Sequence[str], spoilt: int = -1) -> bool:
-        """Send a message; returns whether it arrives whole and at once.
-        :param lines: lines of the message, without line ends
+        """Send a message of lines; returns whether it arrives whole and at once.
+
         :param spoilt: index of the line that a damage affects
         """
         self._messages += 1
@@ -113,23 +103,22 @@ class FaultyLink:
         line = lines[index]
         before, after = _encoded(lines[:index]), _encoded(lines[index + 1 :])
         half = len(line) // 2
-        match damage.kind:
-            case "missing":
-                return []
-            case "twice":
-                return [(0.0, 2 * _encoded(lines))]
-            case "wrong_checksum":
-                return [(0.0, before + _encoded([self._with_another_digit(line)]) + after)]
-            case "no_checksum":
-                return [(0.0, before + _encoded([line.rpartition("*")[0]]) + after)]
-            case "cut_short":
-                return [(0.0, before + line[:half].encode() + after)]
-            case "split":
-                rest = _encoded([line[half:]]) + after
-                return [(0.0, before + line[:half].encode()), (SPLIT_DELAY_S, rest)]
-            case "garbage":
-                garbage = self._rng.integers(0, 256, GARBAGE_BYTES, np.uint8).tobytes()
-                return [(0.0, before + garbage + _LINE_END.encode() + _encoded(lines[index:]))]
+        if damage.kind == "missing":
+            return []
+        if damage.kind == "twice":
+            return [(0.0, 2 * _encoded(lines))]
+        if damage.kind == "split":
+            return [(0.0, before + line[:half].encode()), (SPLIT_DELAY_S, _encoded([line[half:]]) + after)]
+        if damage.kind == "wrong_checksum":
+            spoilt = _encoded([self._with_another_digit(line)])
+        elif damage.kind == "no_checksum":
+            spoilt = _encoded([line.rpartition("*")[0]])
+        elif damage.kind == "cut_short":
+            spoilt = line[:half].encode()
+        else:
+            garbage = self._rng.integers(0, 256, GARBAGE_BYTES, np.uint8).tobytes()
+            spoilt = garbage + (_LINE_END + line + _LINE_END).encode()
+        return [(0.0, before + spoilt + after)]
 
     def _with_another_digit(self, line: str) -> str:
         digits = [match.start() for match in re.finditer(r"\d", line.rpartition("*")[0])]
@@ -246,8 +235,6 @@ def write_ports_file(addresses: Mapping[str, tuple[str, int]], path: Path) -> No
 
     The file appears with its whole content at once, so a waiting process never reads a part of it.
 
-    :param addresses: host and port of each server
-    :param path: file to write
     :raises InputError: if it cannot be written
     """
     content = {name: {"host": host, "port": port} for name, (host, port) in addresses.items()}

@@ -33,15 +33,9 @@ class SimulatedTime:
 
     On a busy machine, simulated time falls behind instead of jumping. The nodes are then as late as the
     simulation, and a jump would make their messages time out.
-
-    :param speed: simulated seconds per second of the wall clock, > 0
-    :param longest_step_s: maximum wall-clock time that one step covers [s], > 0
     """
 
     def __init__(self, speed: float, longest_step_s: float) -> None:
-        for name, value in (("speed", speed), ("longest_step_s", longest_step_s)):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be > 0 and finite, got {value}")
         self._speed = speed
         self._longest_step_s = longest_step_s
         self._wall_s = math.inf
@@ -84,51 +78,29 @@ class Awaited(StrEnum):
 
 
 LIMITS_S: Mapping[Awaited, float] = MappingProxyType(
-    {
-        Awaited.PLAN: 120.0,
-        Awaited.RECORD: 30.0,
-        Awaited.ARRIVAL: 30.0,
-        Awaited.DEPARTURE: 5.0,
-        Awaited.POSITION: 30.0,
-        Awaited.SAVE: 40.0,
-    }
+    dict(zip(Awaited, (120.0, 30.0, 30.0, 5.0, 30.0, 40.0), strict=True))
 )
 """Longest waits [s of the wall clock]."""
 
 
 @dataclass(frozen=True)
 class RobotProgress:
-    """Progress of robot and planner. All times count from the start of the simulation.
+    """Progress of robot and planner. All times count from the start of the simulation; NaN or -inf if unknown."""
 
-    :param phase: phase of the mission; ``None`` without a planner
-    :param sent_s: end of the last record that the logger sent whole to a client [s]; -inf for none
-    :param handled_s: end of the last record that the planner has received [s]; NaN or -inf if unknown
-    :param goal_ended_s: end of a goal to which the mission has not reacted [s]; NaN for none
-    :param goal_untrue: whether the navigation reported an arrival without motion
-    :param waits_for_goal: whether the robot stands away from the mission's target, without a goal
-    :param fixed_s: time of the last fix that the receiver sent whole to a client [s]; -inf for none
-    :param placed_s: when the planner received its last position [s]; NaN or -inf if unknown
-    """
-
-    phase: Phase | None = None
-    sent_s: float = -math.inf
-    handled_s: float = math.nan
-    goal_ended_s: float = math.nan
-    goal_untrue: bool = False
-    waits_for_goal: bool = False
-    fixed_s: float = -math.inf
-    placed_s: float = math.nan
+    phase: Phase | None = None  # phase of the mission; ``None`` without a planner
+    sent_s: float = -math.inf  # end of the last record that the logger sent whole to a client [s]
+    handled_s: float = math.nan  # end of the last record that the planner has received [s]
+    goal_ended_s: float = math.nan  # end of a goal to which the mission has not reacted [s]
+    goal_untrue: bool = False  # whether the navigation reported an arrival without motion
+    waits_for_goal: bool = False  # whether the robot stands away from the mission's target, without a goal
+    fixed_s: float = -math.inf  # time of the last fix that the receiver sent whole to a client [s]
+    placed_s: float = math.nan  # when the planner received its last position [s]
 
 
 def end_to_react_to(ended_s: float, now_s: float, fixed_s: float, epoch_s: float) -> float:
     """End of a goal to which a mission can react [s]; NaN for none.
 
     Without positions the planner cannot confirm an arrival, and time must run until the receiver has a fix again.
-
-    :param ended_s: end of the goal [s]
-    :param now_s: simulated time [s]
-    :param fixed_s: time of the last fix that the receiver sent whole to a client [s]
-    :param epoch_s: time between epochs of the receiver [s]
     """
     return math.nan if now_s - ended_s > 2 * epoch_s and fixed_s <= ended_s else ended_s
 
@@ -178,11 +150,7 @@ class WaitingClock:
         self._waits = False
 
     def may_run_to(self, wall_s: float, robots: Mapping[str, RobotProgress]) -> float:
-        """Simulated time that may be reached now [s]; inf if nothing is awaited, -inf if time stands still.
-
-        :param wall_s: wall-clock time [s]
-        :param robots: how far each robot is, by name
-        """
+        """Simulated time that may be reached now [s]; inf if nothing is awaited, -inf if time stands still."""
         if self._waits:
             self.waited_s += wall_s - self._wall_s
         waits = {(name, found): its for name, its in robots.items() if (found := awaited(its)) is not None}
@@ -220,12 +188,10 @@ class WaitingClock:
     @property
     def health(self) -> Health:
         """State for diagnostics."""
-        wait = self.long_wait
-        waits_for = "" if wait is None else f"{wait[1]} of {wait[0]}"
+        waits_for = "{1} of {0}".format(*wait) if (wait := self.long_wait) is not None else ""
         values = {WAITS_FOR: waits_for, "waited_s": f"{self.waited_s:.1f}"}
-        if wait is None:
-            return Health(CLOCK_PART, Level.OK, "runs", values)
-        return Health(CLOCK_PART, Level.WARN, f"simulated time waits for {waits_for}", values)
+        text = f"simulated time waits for {waits_for}" if waits_for else "runs"
+        return Health(CLOCK_PART, Level.WARN if waits_for else Level.OK, text, values)
 
     @property
     def long_wait(self) -> tuple[str, Awaited] | None:

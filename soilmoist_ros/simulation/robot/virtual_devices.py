@@ -43,13 +43,6 @@ class Weather:
     temperature_degc: float  # air temperature [degC]
     relative_humidity: float  # relative humidity [0..1]
 
-    def factors(self, corrections: Corrections) -> tuple[float, float]:
-        """Correction factors for pressure and humidity [-]."""
-        return (
-            corrections.f_pressure(self.pressure_hpa),
-            corrections.f_humidity(self.temperature_degc, self.relative_humidity),
-        )
-
 
 def warming_morning(elapsed_s: float) -> Weather:
     """Weather of a warming, drying morning with slowly varying pressure, rounded as in the log."""
@@ -67,7 +60,9 @@ def morning_factors(elapsed_s: float) -> tuple[float, float]:
 
     The cache is effective because the records of all missions of a campaign end at the same times.
     """
-    return warming_morning(elapsed_s).factors(Corrections())
+    weather, corrections = warming_morning(elapsed_s), Corrections()
+    f_humidity = corrections.f_humidity(weather.temperature_degc, weather.relative_humidity)
+    return corrections.f_pressure(weather.pressure_hpa), f_humidity
 
 
 def neutral_weather(elapsed_s: float) -> Weather:
@@ -94,10 +89,6 @@ class VirtualSensor:
         weather: bool = True,
         drift: Drift = STEADY,
     ) -> None:
-        if not (math.isfinite(cadence_s) and cadence_s > 0):
-            raise ValueError(f"cadence_s must be > 0 and finite, got {cadence_s}")
-        if not (math.isfinite(footprint_m) and footprint_m >= 0):
-            raise ValueError(f"footprint_m must be >= 0 and finite, got {footprint_m}")
         self.field = field
         self.rng = rng
         self.cadence_s = cadence_s
@@ -158,20 +149,14 @@ def _footprint_points(radius_m: float) -> Array:
 
 
 class FaultySensor:
-    """Spoils the records of a good sensor.
-    :param rng: source of randomness; separate, so that the good counts stay the same
-    """
+    """Spoils the records of a good sensor, by randomness of its own: the good counts stay the same."""
 
     def __init__(self, faults: SensorFaults, rng: np.random.Generator) -> None:
         self._faults, self._rng = faults, rng
         self._last: LoggerRecord | None = None
 
     def spoil(self, record: LoggerRecord, elapsed_s: float) -> LoggerRecord:
-        """The record as the faulty sensor sends it.
-
-        :param record: record of a good sensor
-        :param elapsed_s: time since the start at its end [s]
-        """
+        """The record of a good sensor, at a time since the start, as the faulty sensor sends it."""
         if self._faults == NO_FAULTS:
             return record
         counts = list(record.tube_counts)
@@ -188,7 +173,7 @@ class FaultySensor:
             if weather.covers(elapsed_s):
                 before = getattr(self._last or sent, weather.quantity)
                 value = before if weather.value is None else weather.value
-                sent = _with_weather(sent, weather.quantity, value)
+                sent = replace(sent, **{weather.quantity: value})  # type: ignore[arg-type]
         self._last = sent
         return sent
 
@@ -200,16 +185,6 @@ class FaultySensor:
         if fault.value <= 1:
             return float(self._rng.binomial(round(counts), fault.value))
         return counts + float(self._rng.poisson((fault.value - 1) * counts))
-
-
-def _with_weather(record: LoggerRecord, quantity: str, value: float) -> LoggerRecord:
-    match quantity:
-        case "pressure_hpa":
-            return replace(record, pressure_hpa=value)
-        case "temperature_degc":
-            return replace(record, temperature_degc=value)
-        case _:
-            return replace(record, relative_humidity=value)
 
 
 class VirtualLogger:
@@ -239,9 +214,7 @@ class VirtualLogger:
         return format_header("virtual", self._sensor.cadence_s, simulated=True).split("\n")
 
     def record(self, elapsed_s: float, path_xy: Array) -> LoggerRecord:
-        """Count over the interval that ends now.
-        :param path_xy: positions at evenly spaced times within the interval, shape (m, 2) [m]
-        """
+        """Count over the interval that ends now; parameters as of :meth:`VirtualSensor.record`."""
         counts = self._sensor.record(elapsed_s, path_xy, _NOWHERE).raw_counts
         weather = self._weather(elapsed_s)
         self._records += 1
@@ -263,10 +236,7 @@ class VirtualLogger:
 
 
 class VirtualGnss:
-    """A receiver on the robot.
-    :param start_s: time at which the simulation begins [s since 1970 UTC]
-    :param position_sd_m: noise of each horizontal coordinate [m], >= 0
-    """
+    """A receiver on the robot, with the noise of each horizontal coordinate [m], >= 0."""
 
     def __init__(self, frame: LocalFrame, start_s: float, position_sd_m: float, rng: np.random.Generator) -> None:
         self._frame = frame
@@ -275,9 +245,7 @@ class VirtualGnss:
         self._rng = rng
 
     def sentences(self, elapsed_s: float, xy: tuple[float, float], has_fix: bool = True) -> list[str]:
-        """Sentences of one epoch.
-        :param has_fix: whether the receiver has a position fix
-        """
+        """Sentences of one epoch, with or without a position fix."""
         noise = self._rng.normal(0.0, self._sd_m, 2)  # always drawn: a lost fix must not change later noise
         if not has_fix:
             return sentences_without_fix(self._start_s + elapsed_s)
@@ -286,11 +254,7 @@ class VirtualGnss:
 
 
 def nmea_sentences(stamp_s: float, position: Position) -> list[str]:
-    """RMC, GGA and GST of one epoch of an RTK receiver; times are written to 0.01 s.
-
-    :param stamp_s: time of the epoch [s since 1970 UTC]
-    :param position: position with its standard deviation
-    """
+    """RMC, GGA and GST of one epoch [s since 1970 UTC] of an RTK receiver; times are written to 0.01 s."""
     clock, date = _clock_and_date(stamp_s)
     latitude, north = _degrees_minutes(position.latitude_deg, 2), "N" if position.latitude_deg >= 0 else "S"
     longitude, east = _degrees_minutes(position.longitude_deg, 3), "E" if position.longitude_deg >= 0 else "W"
@@ -305,10 +269,7 @@ def nmea_sentences(stamp_s: float, position: Position) -> list[str]:
 
 
 def sentences_without_fix(stamp_s: float) -> list[str]:
-    """RMC and GGA of an epoch with a time but no position.
-
-    :param stamp_s: time of the epoch [s since 1970 UTC]
-    """
+    """RMC and GGA of an epoch [s since 1970 UTC] with a time but no position."""
     clock, date = _clock_and_date(stamp_s)
     nowhere = ("", "", "", "")
     return [

@@ -44,20 +44,13 @@ class Outcome(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class GoalEnded:
-    """End of a goal.
-
-    :param goal_id: number of the goal
-    :param outcome: status in the result for the client
-    :param success: success flag in the result; it may contradict the status
-    :param error_code: error code of Nav2, for poses
-    :param untrue: whether an arrival is reported without motion
-    """
+    """End of a goal."""
 
     goal_id: int
-    outcome: Outcome
-    success: bool
-    error_code: int = 0
-    untrue: bool = False
+    outcome: Outcome  # status in the result for the client
+    success: bool  # success flag in the result; it may contradict the status
+    error_code: int = 0  # error code of Nav2, for poses
+    untrue: bool = False  # whether an arrival is reported without motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,14 +71,10 @@ class Remaining:
 
 @dataclass(frozen=True, slots=True)
 class Localised:
-    """Position of the robot as the navigation reports it.
+    """Position of the robot as the navigation reports it."""
 
-    :param closest: nearest node
-    :param current: node whose zone contains the robot, or :data:`NOWHERE`
-    """
-
-    closest: str
-    current: str
+    closest: str  # nearest node
+    current: str  # node whose zone contains the robot, or :data:`NOWHERE`
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +107,7 @@ class VirtualNavigation:
         self._rng = rng
         self._zone_m = zone_radius_m(travel.graph)
         self._goals = 0
+        self._fault: GoalFault | None = None  # of the active goal
         self._goal_id: int | None = None
         self._pose: tuple[float, float] | None = None
         self._cancelled_s = math.inf
@@ -136,55 +126,33 @@ class VirtualNavigation:
         return min([*(queue[0][0] for queue in queues if queue), turn_s, self._stops_s])
 
     def accept(self, now_s: float, target: str) -> int | None:
-        """Accept a goal; an active goal is replaced.
-        :param target: name of the node to go to
-        :returns: number of the goal, ``None`` if it is rejected
-        """
+        """Accept a goal at a node; returns its number, ``None`` if it is rejected. An active goal is replaced."""
         known = target in self._graph.names
-        if not self.present or (not known and self._faults.unknown_target == "rejected"):
+        if (not known and self._faults.unknown_target == "rejected") or not self._begin(now_s):
             return None
-        fault = self._next_fault()
-        if fault is not None and fault.kind == "rejects":
-            return None
-        self._begin(now_s)
-        if not known or not self._graph.path(self._graph.nearest(self._robot.at(now_s)), target):
+        here = self._robot.at(now_s)
+        nodes = self._graph.path(self._graph.nearest(here), target) if known else ()
+        if nodes:
+            goal = Stop(target, *self._graph.xy[self._graph.index(target)].tolist())
+            self._set_out(now_s, self._travel.route(here, goal), nodes)
+        else:
             self._end_at(now_s + REACTION_S, Outcome.ABORTED)
-        elif fault is not None and fault.kind == "no_motion":
-            self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED, untrue=True)
-        elif fault is None or fault.kind == "fails":
-            self._set_out(now_s, target, fault)
         return self._goal_id
 
     def accept_pose(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> int | None:
-        """Accept a goal off the graph; an active goal is replaced.
-        :returns: number of the goal, ``None`` if it is rejected
-        """
-        fault = self._next_fault() if self.present else None
-        if not self.present or (fault is not None and fault.kind == "rejects"):
+        """Accept a goal off the graph, in place of an active one; returns its number, ``None`` if rejected."""
+        if not self._begin(now_s):
             return None
-        self._begin(now_s)
         try:
             way = travel.route(self._robot.at(now_s), Stop("goal pose", *xy))
         except ValueError:
             self._end_at(now_s + REACTION_S, Outcome.ABORTED, NO_VALID_PATH)
-            return self._goal_id
-        if fault is not None and fault.kind == "no_motion":
-            self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED, untrue=True)
-        elif fault is None or fault.kind == "fails":
-            self._pose = xy
-            arrival_s = self._robot.go(now_s, way)
-            if fault is None:
-                self._end_at(arrival_s, Outcome.SUCCEEDED)
-            else:
-                drive_s = arrival_s - self._travel.motion.stop_overhead_s - now_s
-                self._end_at(now_s + fault.share_of_way * drive_s, Outcome.ABORTED, fault.error_code)
+        else:
+            self._set_out(now_s, way, pose=xy)
         return self._goal_id
 
     def cancel(self, now_s: float, goal_id: int) -> bool:
-        """Cancel a goal at the client's request.
-
-        :returns: whether the response confirms it; a fault may hide a successful cancellation
-        """
+        """Cancel a goal; returns whether the response confirms it, which a fault may hide."""
         if goal_id != self._goal_id:
             return False
         self._cancelled_s = min(self._cancelled_s, now_s)
@@ -198,9 +166,7 @@ class VirtualNavigation:
         return accepted
 
     def drive(self, now_s: float, xy: tuple[float, float], travel: TravelModel) -> float | None:
-        """Drive to a position off the graph, without a goal; an active goal is replaced.
-        :returns: time of arrival [s], ``None`` if it cannot be reached
-        """
+        """Drive off the graph, without a goal; returns the arrival [s], ``None`` if it cannot be reached."""
         try:
             way = travel.route(self._robot.at(now_s), Stop("goal pose", *xy))
         except ValueError:
@@ -253,37 +219,41 @@ class VirtualNavigation:
     def _present_at(self, now_s: float) -> bool:
         return not any(span.covers(now_s) for span in self._faults.absent)
 
-    def _next_fault(self) -> GoalFault | None:
-        """Fault of the next goal; a goal that it rejects is counted too."""
-        fault = next((fault for fault in self._faults.goals if fault.hits(self._goals + 1)), None)
-        self._goals += fault is not None and fault.kind == "rejects"
-        return fault
-
-    def _begin(self, now_s: float) -> None:
-        """Begin a goal, in favour of which an active one ends."""
+    def _begin(self, now_s: float) -> bool:
+        """Begin a goal, in favour of which an active one ends; false if it is rejected."""
+        if not self.present:
+            return False
+        self._fault = next((fault for fault in self._faults.goals if fault.hits(self._goals + 1)), None)
+        self._goals += 1  # a goal that is rejected is counted too
+        if self._fault is not None and self._fault.kind == "rejects":
+            return False
         self._supersede(now_s)
-        self._goals += 1
         self._goal_id, self._pose, self._cancelled_s = self._goals, None, math.inf
+        return True
 
-    def _set_out(self, now_s: float, target: str, fault: GoalFault | None) -> None:
-        """Drive to a node, or up to the first fault."""
+    def _set_out(
+        self, now_s: float, way: Array, nodes: tuple[str, ...] = (), pose: tuple[float, float] | None = None
+    ) -> None:
+        """Drive to a goal, or up to the first fault."""
+        fault = self._fault
+        if fault is not None and fault.kind == "no_motion":
+            self._end_at(now_s + REACTION_S, Outcome.SUCCEEDED, untrue=True)
+        if fault is not None and fault.kind != "fails":
+            return
         assert self._goal_id is not None
-        here = self._robot.at(now_s)
-        nodes = self._graph.path(self._graph.nearest(here), target)
-        way = self._travel.route(here, Stop(target, *self._graph.xy[self._graph.index(target)].tolist()))
-        arrival_s = self._robot.go(now_s, way)
+        self._pose, arrival_s = pose, self._robot.go(now_s, way)
         drive_s = arrival_s - self._travel.motion.stop_overhead_s - now_s
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
         shares = along / along[-1] if along[-1] > 0 else np.ones_like(along)
-        passing = dict(zip(nodes, (now_s + drive_s * shares[-len(nodes) :]).tolist(), strict=True))
-        blocked = [passing[edge[0]] for edge in pairwise(nodes) if edge in self._faults.failing_edges]
-        stuck = [now_s + fault.share_of_way * drive_s] if fault is not None else []
-        end_s = min([*blocked, *stuck], default=math.inf)
+        passing = dict(zip(nodes, (now_s + drive_s * shares[len(way) - len(nodes) :]).tolist(), strict=True))
+        ends = [passing[edge[0]] for edge in pairwise(nodes) if edge in self._faults.failing_edges]
+        ends += [now_s + fault.share_of_way * drive_s] if fault is not None else []
         for node, passed_s in passing.items():
-            if passed_s <= end_s:
+            if passed_s <= min(ends, default=math.inf):
                 self._plan(passed_s, OnRoute(self._goal_id, node))
-        if end_s < math.inf:
-            self._end_at(end_s, Outcome.ABORTED)
+        if ends:
+            error_code = fault.error_code if fault is not None and pose is not None else 0
+            self._end_at(min(ends), Outcome.ABORTED, error_code)
         else:
             self._end_at(arrival_s, Outcome.SUCCEEDED)
 
@@ -312,12 +282,9 @@ class VirtualNavigation:
 
 
 class VirtualRobot:
-    """Drives one polyline at a time.
+    """Drives one polyline at a time, from a start position [m].
 
     Turning time is spread evenly over the route. The robot spends the stop overhead at the end of the route.
-
-    :param motion: speed, turning time and stop overhead
-    :param xy: start position [m]
     """
 
     def __init__(self, motion: RobotMotion, xy: tuple[float, float]) -> None:
@@ -330,10 +297,7 @@ class VirtualRobot:
         self._before_m = 0.0
 
     def go(self, now_s: float, way: Array) -> float:
-        """Start a route from the current position; the previous route ends there.
-        :param way: corners of the route, shape (p, 2), from the position of the robot [m]
-        :returns: time of arrival including the stop overhead [s]
-        """
+        """Start a route of corners, shape (p, 2) [m]; returns the time of arrival, stop overhead included [s]."""
         self.stop(now_s)
         self._way = way
         legs = np.hypot(*np.diff(way, axis=0).T)

@@ -27,18 +27,13 @@ def field(side_m, rate_cps, cell_m=None):
 SMALL = field(15.0, 3.0)
 CASES = {
     "15 m": {"field": SMALL, "hours": 0.4},
-    "15 m, fine cells": {"field": field(15.0, 3.0, 0.5), "hours": 0.2},
     "100 ha": {"field": field(1000.0, 3.0), "hours": 0.8},
     "0.05 counts/s": {"field": field(60.0, 0.05), "hours": 0.5},
-    "0.005 counts/s": {"field": field(60.0, 0.005), "hours": 0.3, "seed": 2},
     "100 counts/s": {"field": field(60.0, 100.0), "hours": 0.3},
-    "30 s at each stop": {"field": field(60.0, 3.0), "hours": 0.4, "stop_overhead_s": 30.0},
     "long records": {"field": field(60.0, 3.0), "hours": 0.5, "cadence_s": 30.0},
     "at least 45 s": {"field": field(60.0, 3.0), "hours": 0.4, "min_dwell_s": 45.0},
-    "costly stops": {"field": field(60.0, 3.0), "hours": 0.4, "stop_cost_s": 60.0, "metre_cost_s": 2.0},
     "graph": {"field": field(60.0, 3.0), "hours": 0.4, "travel": "graph"},
     "ivr": {"field": SMALL, "hours": 0.3, "strategy": "ivr"},
-    "greedy": {"field": field(60.0, 3.0), "hours": 0.3, "strategy": "greedy"},
     "random": {"field": field(60.0, 3.0), "hours": 0.3, "strategy": "random", "dwell": "ami:0.1"},
     "lattice": {"field": field(60.0, 3.0), "hours": 0.4, "strategy": "lattice", "dwell": "fmi:33"},
 }

@@ -11,12 +11,11 @@ import pytest
 
 from soilmoist_ros.cli.main import main
 from soilmoist_ros.exploration.planning.dwell import FixedInterval
-from soilmoist_ros.exploration.strategies.strategy import PRESETS as CONSTANTS
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.lab.campaign_file import Choices
 from soilmoist_ros.simulation import MissionSettings, PropertySettings, surrogate_field
-from soilmoist_ros.simulation.mission.settings import PRESETS, SETTINGS
+from soilmoist_ros.simulation.mission.settings import SETTINGS
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
 NAMES = [item.name for item in dataclasses.fields(MissionSettings)]
@@ -33,13 +32,6 @@ def test_a_setting_is_declared_once_and_is_an_option_a_key_and_a_column(name):
     assert name in MissionSettings().as_dict()
     if name != "seed":  # a campaign has runs
         assert Choices.model_fields[name].description == setting.help
-
-
-@pytest.mark.parametrize("name", ["simulate", "demo"])
-def test_trips_have_options_in_simulate_and_demo(name):
-    command = main.get_command(click.Context(main), name)
-    options = {option for parameter in command.params for option in parameter.opts}
-    assert {"--stop-overhead", "--turn", "--stop-cost", "--metre-cost", "--min-dwell"} <= options
 
 
 def test_options_keep_their_names():
@@ -66,10 +58,6 @@ def test_equality_is_that_of_the_missions():
     assert MissionSettings() == MissionSettings(strategy="gcb", map_from="records")
     assert MissionSettings(properties=("rough",)) == MissionSettings(properties=(PropertySettings("rough"),))
     assert MissionSettings(preset="paper") != MissionSettings(preset="authors")
-
-
-def test_strategies_have_constants_for_every_preset():
-    assert set(PRESETS) == set(CONSTANTS)
 
 
 def test_every_mistake_is_named_at_once():
@@ -146,16 +134,6 @@ def test_a_given_field_is_simulated_as_it_is():
     np.testing.assert_array_equal(frame["mse"], [row.mse for row in given.series])
 
 
-def test_rows_of_node_tables_are_made_from_the_declaration():
-    pytest.importorskip("rclpy")
-    from soilmoist_ros.nodes.parameter_tables import of_setting
-
-    row = of_setting("stop_overhead_s")
-    assert (row.default, row.unit, row.low) == (12.0, "s", 0)
-    assert of_setting("strategy").default == "gcb"
-    assert of_setting("hours", low=0.01).low == 0.01
-
-
 @pytest.mark.parametrize(("given", "write"), [(5.0, "0.05"), (2, "0.02"), (0.6, "0.006")])
 def test_an_end_in_percent_is_refused_with_the_share_to_write(given, write):
     with pytest.raises(InputError, match=f"until_sd: must be at most 0.5, but it is .* -> write {write}$"):
@@ -179,6 +157,8 @@ def test_an_end_in_percent_is_refused_with_the_share_to_write(given, write):
         ("weather", 1, "must be true or false"),
         ("field", "", "must not be empty"),
         ("preset", "papers", "did you mean 'paper'"),
+        ("persistence", 1.5, "must be at most 1"),
+        ("covariate_correlation", -1.5, "must be >= -1"),
     ],
 )
 def test_a_value_that_is_not_allowed_is_named(name, value, message):
@@ -189,12 +169,3 @@ def test_a_value_that_is_not_allowed_is_named(name, value, message):
 def test_a_decimal_comma_is_named():
     with pytest.raises(ValueError, match=r"must be a number, but it is '0,5' -> write 0\.5"):
         SETTINGS["hours"].parsed("0,5")
-
-
-def test_a_whole_number_of_a_parser_is_a_number():
-    """As ruamel reads ``0`` in a campaign file."""
-
-    class Number(int):
-        pass
-
-    assert type(SETTINGS["drift"].checked(Number(0))) is float

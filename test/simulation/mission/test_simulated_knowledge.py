@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.simulation import MissionSettings, simulate_mission, surrogate_field
 from soilmoist_ros.simulation.mission.simulated_knowledge import STOPS, earlier_series, simulated_covariates
 
@@ -75,11 +74,6 @@ def test_a_mission_has_the_same_truth_with_and_without_earlier_surveys():
     assert [one.name for one in informed.properties[0].series] == ["7 days before", "14 days before"]
 
 
-def test_persistence_is_a_share():
-    with pytest.raises(InputError, match="persistence: must be at most 1"):
-        MissionSettings(persistence=1.5).check()
-
-
 SURROGATE = surrogate_field("rough", np.random.default_rng(1))
 CELLS = SURROGATE.field.grid(2.0)
 
@@ -106,18 +100,3 @@ def test_useless_covariates_are_the_same_with_and_without_another():
     both = simulated_covariates(SURROGATE, CELLS, MissionSettings(useless_covariates=2, covariate_correlation=0.5))
     np.testing.assert_array_equal(alone.layers, both.layers[1:])
     assert simulated_covariates(SURROGATE, CELLS, MissionSettings()) is None
-
-
-@pytest.mark.slow
-def test_a_mission_with_covariates_is_reproducible():
-    settings = MissionSettings(hours=0.2, cell_m=4.0, covariate_correlation=0.9, useless_covariates=1, seed=3)
-    first, again = (simulate_mission(settings) for _ in range(2))
-    np.testing.assert_array_equal(first.soil_map.rate, again.soil_map.rate)
-    assert first.properties[0].covariates.names == ("simulated", "useless 1")
-
-
-def test_impossible_correlations_are_refused():
-    with pytest.raises(InputError, match="covariate_correlation: must be >= -1"):
-        MissionSettings(covariate_correlation=-1.5).check()
-    with pytest.raises(InputError, match="at most 1"):
-        MissionSettings(covariate_correlation=1.5).check()

@@ -5,7 +5,6 @@
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
-from itertools import pairwise
 from multiprocessing import get_context
 
 import numpy as np
@@ -34,8 +33,11 @@ def bits(result):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("strategy", ["greedy", "monte_carlo", "adaptive_sampling", "random", "lattice"])
-@pytest.mark.parametrize("preset", ["paper", "authors"])
+@pytest.mark.parametrize(
+    ("strategy", "preset"),
+    [("greedy", "paper"), ("monte_carlo", "authors"), ("adaptive_sampling", "authors"), ("random", "paper"),
+     ("lattice", "paper")],
+)  # fmt: skip
 def test_every_strategy_maps_the_border(strategy, preset):
     result = simulate_mission(replace(SHORT, strategy=strategy, preset=preset))
     first, last = next(row for row in result.series if row.mse == row.mse), result.series[-1]
@@ -56,16 +58,6 @@ def test_a_mission_is_determined_by_its_seed_in_any_process():
         there = [bits(result) for result in pool.map(simulate_mission, settings)]
     assert here == there
     assert here[0] != here[1]
-
-
-def test_time_distance_and_samples_only_grow():
-    rows = simulate_mission(SHORT).series
-    for before, after in pairwise(rows):
-        assert after.time_s > before.time_s
-        assert after.distance_m >= before.distance_m
-        assert after.samples >= before.samples
-        assert after.counting_s >= before.counting_s
-        assert after.mse_10s == pytest.approx(100 * after.mse, nan_ok=True)
 
 
 @pytest.mark.slow
@@ -96,23 +88,6 @@ def test_the_weather_is_applied_and_undone():
 
 
 @pytest.mark.slow
-def test_turning_and_overhead_cost_time_but_not_distance():
-    easy = simulate_mission(replace(SHORT, strategy="lattice", stop_overhead_s=0.0))
-    hard = simulate_mission(replace(SHORT, strategy="lattice", stop_overhead_s=60.0))
-    assert len(hard.visits) < len(easy.visits)
-    assert easy.series[-1].counting_s > hard.series[-1].counting_s
-
-
-@pytest.mark.slow
-def test_a_footprint_blurs_what_the_sensor_sees():
-    base = MissionSettings(
-        strategy="lattice", hours=2.0, dwell="fmi:300", fit="reml", model="matern32", cell_m=2.0, preset="paper"
-    )
-    sharp, blurred = (simulate_mission(replace(base, footprint_m=radius)).soil_map for radius in (0.0, 20.0))
-    assert np.nanstd(blurred.rate) < np.nanstd(sharp.rate)
-
-
-@pytest.mark.slow
 def test_missions_over_a_graph_stop_at_its_nodes_and_drive_its_edges(tmp_path):
     field = surrogate_field("synthetic-high")
     graph = open_lattice(field.field, 10.0).graph
@@ -126,11 +101,6 @@ def test_missions_over_a_graph_stop_at_its_nodes_and_drive_its_edges(tmp_path):
     assert result.series[-1].mse < 0.5
     laid = simulate_mission(replace(SHORT, travel="graph"))
     assert laid.series[-1].samples > 8
-
-
-def test_the_cadence_of_the_sensor_is_free():
-    result = simulate_mission(replace(SHORT, cadence_s=30.0, hours=0.5))
-    assert [record.stamp_s for record in result.records] == [30.0 * k for k in range(1, len(result.records) + 1)]
 
 
 @pytest.mark.parametrize(
@@ -208,24 +178,6 @@ def test_several_robots_share_one_map(map_from):
     assert bits(three) == bits(simulate_mission(replace(base, robots=3)))
 
 
-def test_how_each_of_several_robots_ended_is_told():
-    result = simulate_mission(replace(SHORT, hours=0.2, robots=2))
-    assert result.ended.startswith("robot 1: ")
-    assert "; robot 2: " in result.ended
-    assert any("s  robot 2: plan: " in line for line in result.log)
-
-
-@pytest.mark.slow
-def test_a_field_of_its_own_for_each_seed():
-    base = replace(SHORT, field="rough", hours=0.2)
-    same = [simulate_mission(replace(base, seed=seed)).truth_rate for seed in (1, 2)]
-    own = [simulate_mission(replace(base, seed=seed, random_field=True)).truth_rate for seed in (1, 2, 1)]
-    np.testing.assert_array_equal(same[0], same[1])
-    np.testing.assert_array_equal(own[0], own[2])
-    assert np.nanmax(np.abs(own[0] - own[1])) > 0.5
-    assert np.nanmax(np.abs(own[0] - same[0])) > 0.5
-
-
 @pytest.mark.slow
 def test_a_planner_learns_how_slow_the_robot_really_is():
     slow = replace(SHORT, strategy="random", dwell="fmi:30", map_from="records", real_speed_mps=0.3)
@@ -236,15 +188,7 @@ def test_a_planner_learns_how_slow_the_robot_really_is():
 
 
 @pytest.mark.slow
-def test_learning_changes_nothing_where_the_settings_are_true():
-    usual = replace(SHORT, strategy="random", dwell="fmi:30", map_from="records")
-    with_it, without = simulate_mission(usual), simulate_mission(replace(usual, learn_travel=False))
-    assert with_it.series == without.series
-    assert len(with_it.motion[0].legs) > 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("every_s", "dwell"), [(60.0, "fmi:60"), (300.0, "fmi:60"), (300.0, "optimal")])
+@pytest.mark.parametrize(("every_s", "dwell"), [(60.0, "fmi:60"), (300.0, "optimal")])
 def test_maps_that_guide_nothing_are_made_for_the_series_only(every_s, dwell, monkeypatch):
     base = MissionSettings(field="synthetic-high", strategy="lattice", dwell=dwell, hours=0.5, cell_m=4.0)
     made, fit = [], FieldMap.compute

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from soilmoist_ros.simulation.fields.catalogue import surrogate_field
-from soilmoist_ros.simulation.mission.mission_result import achieved, reported
+from soilmoist_ros.simulation.mission.mission_result import achieved
 from soilmoist_ros.simulation.mission.settings import MissionSettings
 from soilmoist_ros.simulation.mission.simulator import simulate_mission
 
@@ -29,7 +29,7 @@ def test_a_uniform_field_is_told_after_a_quarter_of_the_time():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("field", ["smooth", "synthetic-low", "ridge"])
+@pytest.mark.parametrize("field", ["smooth", "ridge"])
 def test_a_field_that_varies_is_explored_to_the_end(field):
     result, hours = mission(field=field, until_gain=1.0)
     assert "varies" not in result.ended
@@ -55,21 +55,3 @@ def test_without_a_limit_forecasts_change_nothing():
     asked, _ = mission(field=UNIFORM, hours=0.5, until_sd=1e-6)
     assert result.series == asked.series
     assert any(one.forecast.hidden is not None for one in result.forecasts), "it is told, and the mission goes on"
-
-
-@pytest.mark.slow
-def test_most_maps_end_within_the_band_of_their_forecasts():
-    """``scripts/bench_missions.py`` has the whole table; here a few missions guard against gross errors."""
-    inside, ratios = [], []
-    for field in ("smooth", "patches", "ridge", "synthetic-low"):
-        settings = MissionSettings(field=field, cell_m=4.0, seed=7, hours=1.0, random_field=True)
-        forecasts = simulate_mission(settings, forecasts=True).forecasts
-        sd = achieved(forecasts).forecast.sd
-        for share, made in reported(forecasts, 3600.0):
-            if share:
-                low, high = made.forecast.band_end
-                inside.append(low <= sd <= high)
-                ratios.append(sd / made.forecast.sd_end)
-    assert len(inside) == 12
-    assert np.mean(inside) >= 0.6
-    assert 0.8 <= np.exp(np.mean(np.log(ratios))) <= 1.25

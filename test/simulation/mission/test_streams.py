@@ -57,14 +57,6 @@ def test_counts_do_not_depend_on_the_noise_of_the_receiver():
     assert noisy == exact
 
 
-@pytest.mark.slow
-def test_the_first_records_do_not_depend_on_the_strategy():
-    """Both robots are at the start: their sensors draw equal counts, their strategies choose different stops."""
-    cadence = {"cadence_s": 1.0, "speed_mps": 1e-3, "hours": 0.02}
-    drawn, planned = (replace(SETTINGS, strategy=name, **cadence) for name in ("random", "lattice"))
-    assert counts(drawn) == counts(planned)
-
-
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_planner_on_a_robot_draws_the_stop_that_the_simulator_draws(seed):
     settings = replace(SETTINGS, strategy="random", travel="free", seed=seed)

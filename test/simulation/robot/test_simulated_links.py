@@ -85,28 +85,11 @@ def test_damages_lose_the_expected_records_and_never_invent_one(kind, lost, noti
     assert problems == noticed
 
 
-def test_damages_repeat():
-    numbers, _ = read(outputs(damages=[{"kind": "missing", "nth": 2, "every": 3}]))
-    assert numbers == [1, 3, 4, 6, 7, 9, 10]
-
-
-def test_a_split_message_comes_in_two_parts():
-    found = [(time_s, output.data) for time_s, output in outputs(damages=[{"kind": "split", "nth": 4}])]
-    assert [time_s for time_s, _ in found[3:5]] == [40.0, 40.5]
-    assert (found[3][1] + found[4][1]).decode() == line(4) + "\r\n"
-
-
 def test_a_cut_closes_the_link_and_loses_the_messages_sent_meanwhile():
     found = outputs(outages=[{"kind": "cut", "at_s": 25, "for_s": 20}])
     turns = [(time_s, output.reachable) for time_s, output in found if isinstance(output, Reachable)]
     assert turns == [(25, False), (45, True)]
     assert read(found)[0] == [1, 2, 5, 6, 7, 8, 9, 10]
-
-
-def test_adjacent_cuts_are_merged():
-    found = outputs(outages=[{"kind": "cut", "at_s": 25, "for_s": 20}, {"kind": "cut", "at_s": 35, "for_s": 30}])
-    turns = [(time_s, output.reachable) for time_s, output in found if isinstance(output, Reachable)]
-    assert turns == [(25, False), (65, True)]
 
 
 def test_silence_loses_messages_without_closing_the_link():
@@ -119,12 +102,6 @@ def test_a_stall_loses_nothing():
     found = outputs(outages=[{"kind": "stall", "at_s": 25, "for_s": 30}])
     assert [time_s for time_s, _ in found] == [10, 20, 55, 55, 55, 60, 70, 80, 90, 100]
     assert read(found) == (list(range(1, 11)), set())
-
-
-def test_the_damaged_line_can_be_chosen():
-    link = FaultyLink("gnss", LinkFaults(damages=[{"kind": "no_checksum", "nth": 1}]), np.random.default_rng(1))
-    link.send(0.0, ["$A*00", "$B*11", "$C*22"], spoilt=1)
-    assert link.receive(0.0) == [Sent("gnss", b"$A*00\r\n$B\r\n$C*22\r\n")]
 
 
 span = st.fixed_dictionaries({"at_s": st.integers(0, 120), "for_s": st.integers(1, 60)})
@@ -210,25 +187,6 @@ def test_a_client_that_reads_nothing_does_not_block_the_others(server, monkeypat
                     break
             assert server.clients == 1
         assert sleeps.recv(6) == b"hello\n"
-
-
-def test_a_slow_client_receives_the_remaining_bytes_later(server):
-    with connect(server) as slow:
-        text = b"".join(b"%07d\n" % number for number in range(100_000))
-        server.send(text)
-        assert server.clients == 1
-        slow.setblocking(False)
-        got = bytearray()
-
-        def complete():
-            try:
-                got.extend(slow.recv(1 << 16))
-            except BlockingIOError:
-                return False
-            return len(got) == len(text) + 6
-
-        until(server, complete)
-        assert got[6:] == text
 
 
 def test_an_unreachable_server_refuses_clients(server):

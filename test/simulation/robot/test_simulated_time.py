@@ -32,12 +32,6 @@ def test_simulated_time_follows_the_wall_clock_at_its_speed():
     assert [time.step_s(wall_s) for wall_s in (5.0, 5.05, 5.1, 5.15)] == pytest.approx([0, 3, 3, 3])
 
 
-def test_simulated_time_starts_with_the_first_call():
-    time = SimulatedTime(speed=10, longest_step_s=0.1)
-    assert time.step_s(100.0) == 0.0
-    assert time.step_s(100.05) == pytest.approx(0.5)
-
-
 @given(st.lists(st.floats(-1, 100), max_size=20), st.floats(0.01, 10_000), st.floats(0.001, 1))
 def test_pauses_of_the_machine_cause_no_jumps(pauses, speed, longest_s):
     time = SimulatedTime(speed, longest_s)
@@ -46,12 +40,6 @@ def test_pauses_of_the_machine_cause_no_jumps(pauses, speed, longest_s):
     for pause_s in pauses:
         wall_s += pause_s
         assert 0 <= time.step_s(wall_s) <= longest_s * speed * (1 + 1e-9)
-
-
-@pytest.mark.parametrize("bad", [0.0, -1.0, float("nan"), float("inf")])
-def test_an_invalid_speed_is_rejected(bad):
-    with pytest.raises(ValueError, match="speed must be > 0"):
-        SimulatedTime(bad, 0.1)
 
 
 def test_start_times():
@@ -63,15 +51,6 @@ def test_start_times():
             read_start_time(bad)
 
 
-WAITED_FOR = (
-    Phase.WAITING,
-    Phase.CANCELLING,
-    Phase.PLANNING,
-    Phase.COUNTING,
-    Phase.TRAVELLING,
-    Phase.RETURNING,
-    Phase.FINISHED,
-)
 COUNTING = RobotProgress(Phase.COUNTING, sent_s=100.0, handled_s=100.0)
 TRAVELLING = RobotProgress(Phase.TRAVELLING, sent_s=100.0, handled_s=50.0)
 PLAN = {"robot_1": RobotProgress(Phase.PLANNING)}
@@ -120,11 +99,6 @@ def test_what_is_awaited(progress, expected):
     assert awaited(progress) is expected
 
 
-@pytest.mark.parametrize("phase", [None, *(phase for phase in Phase if phase not in WAITED_FOR)])
-def test_other_missions_do_not_stop_the_time(phase):
-    assert awaited(RobotProgress(phase, 100.0, 0.0, 0.0, True, 100.0, 0.0)) is None
-
-
 def test_time_stands_still_until_all_is_there():
     clock = Clock()
     assert not clock.stands(0.0)
@@ -159,13 +133,6 @@ def test_a_shorter_limit_ends_every_wait_earlier():
     assert clock.may_run_to(2.0, RECORD) == math.inf
 
 
-def test_one_that_is_excused_does_not_excuse_others():
-    clock = Clock()
-    clock.stands(0.0, RECORD)
-    assert not clock.stands(LIMITS_S[Awaited.RECORD], RECORD)
-    assert clock.stands(LIMITS_S[Awaited.RECORD], RECORD, PLAN)
-
-
 def test_a_long_wait_is_reported_by_its_cause():
     clock = Clock()
     clock.stands(0.0, RECORD)
@@ -188,14 +155,6 @@ def test_time_crawls_after_a_goal_because_the_planner_needs_positions():
     assert ends_s == pytest.approx([0, 1, 2, 3, 4, 5, 6])
     assert clock.may_run_to(12.0, ARRIVAL | RECORD) == -math.inf
     assert clock.may_run_to(12.1, {"robot_1": TRAVELLING}) == math.inf
-
-
-def test_a_slow_computer_has_more_time_until_the_next_position():
-    clock = WaitingClock(epoch_s=1.0)
-    clock.may_run_to(0.0, RECORD)
-    clock.may_run_to(0.5, {"robot_2": COUNTING})
-    ends_s = [clock.may_run_to(wall_s, ARRIVAL) - 107.0 for wall_s in (5.0, 6.0, 8.0)]
-    assert ends_s == pytest.approx([0, 1, 2])
 
 
 PROGRESS = st.builds(

@@ -85,12 +85,6 @@ def test_a_goal_ends_after_the_travel_time_at_its_target():
     assert drive.of(OnRoute) == [(3.0 + 10 * n, OnRoute(goal, name)) for n, name in enumerate("ABCD")]
 
 
-def test_a_goal_at_the_robot_takes_only_the_overhead():
-    drive = Drive()
-    goal = drive.go("A")
-    assert drive.until(100).ends == [(5.0, GoalEnded(goal, Outcome.SUCCEEDED, True))]
-
-
 def test_cancelling_stops_the_robot():
     drive = Drive()
     goal = drive.go("E")
@@ -193,17 +187,6 @@ def test_localisation_reports_changes_only():
         (0, Localised("A", "A")), (1.0, Localised("A", "none")),
         (5.5, Localised("B", "none")), (9.5, Localised("B", "B")),
     ]  # fmt: skip
-
-
-def test_delayed_localisation_keeps_its_order():
-    prompt, late = Drive(), Drive(localisation_delay_s=[0, 3])
-    for drive in (prompt, late):
-        drive.go("E")
-        drive.until(60, look_every_s=0.25)
-    assert [event for _, event in late.of(Localised)] == [event for _, event in prompt.of(Localised)]
-    delays = [b - a for (a, _), (b, _) in zip(prompt.of(Localised), late.of(Localised), strict=True)]
-    assert all(0 <= delay <= 3 for delay in delays)
-    assert max(delays) > 1
 
 
 def test_the_robot_can_drive_to_a_position_off_the_graph():
