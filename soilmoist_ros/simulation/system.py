@@ -44,7 +44,6 @@ class VirtualSystem:
     yield equal counts. The scenario applies to each robot.
 
     :param settings: field, seed, robots, sensor and noise; settings of the mission itself are ignored
-    :param gnss_period_s: time between epochs of the GNSS receivers [s], > 0
     :raises InputError: if the field, the graph or the scenario cannot be used
     """
 
@@ -135,8 +134,6 @@ class SimulatedRobot:
     """Body and devices of one robot. The sensors of additional properties have no faults.
 
     :param fields: surrogate field of each property; the first is counted by the logger
-    :param travel: travel graph of the navigation, and how the robot moves
-    :param gnss_period_s: time between epochs of the GNSS receiver [s], > 0
     """
 
     def __init__(

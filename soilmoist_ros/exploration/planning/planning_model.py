@@ -78,7 +78,6 @@ class PlanningModel:
     :param kriging: kriging of all samples so far, or the map of them; its kriging is made when first needed
     :param cells_xy: cells over which the variance is integrated, shape (g, 2) [m]
     :param weight: omega of each cell, shape (g,): ``1/g`` for a map of the rate
-    :param stops_xy: candidates, shape (k, 2) [m]
     :param factor: product of the correction factors now: ``raw rate = rate / factor`` [-]
     :param others: models of further properties over the same cells and stops; their weights are scaled so that
         the integrated variances add up
@@ -276,21 +275,14 @@ def best_dwell(
     longest_s: Array,
     min_dwell_s: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Dwell with the highest value per second of a trip (marginal value theorem, Charnov 1976), and the value.
+    """Dwell of the highest value per second of a trip (marginal value theorem, Charnov 1976) [s], and the value.
+
+    The arguments are D, counted on the way, A, B, n, T, and the longest and shortest dwell; the first four have
+    the shape (k,), or (p, k) for p properties.
 
     With D counted on the way, ``(D + A t/(B t + n)) / (T + t)`` is largest where
     ``(D B^2 + A B) t^2 + 2 D B n t + D n^2 - A n T = 0``; for D = 0 this is ``t = sqrt(n T / B)``. The best
     dwell for several properties lies between their separate best dwells.
-
-    :param on_way: D, reduction of the integrated variance on the way; D, A, B and n have the shape (k,), or
-        (p, k) for p properties
-    :param gain: A
-    :param variance: B [(counts/s)^2], > 0
-    :param rate: n, rate times correction factor [counts/s], > 0
-    :param travel_s: T [s]
-    :param longest_s: longest dwell possible [s]
-    :param min_dwell_s: shortest dwell [s], where ``longest_s`` allows it
-    :returns: dwell [s], and reduction of the integrated variance per second
     """
     square = on_way * variance**2 + gain * variance
     half = on_way * variance * rate
@@ -326,10 +318,7 @@ def _best_of_all(
 
 
 def spread_cells(mask: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
-    """Evenly spaced cells that represent the field: every m-th row and column, so that about ``most`` remain.
-
-    :param most: about the largest number of cells
-    """
+    """Evenly spaced cells that represent the field, at least one: every m-th row and column, about ``most``."""
     step = max(1, math.ceil(math.sqrt(np.count_nonzero(mask) / most)))
     rows, columns = np.indices(mask.shape)
     chosen = mask & (rows % step == step // 2) & (columns % step == step // 2)

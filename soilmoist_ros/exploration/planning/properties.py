@@ -58,11 +58,7 @@ def correction_factor(record: CountRecord) -> float:
 
 
 def variation(variogram: Variogram, cells_xy: Array) -> float:
-    """Variance of the smooth rate over cells, as expected from a variogram [(counts/s)^2].
-
-    :param variogram: of the rate
-    :param cells_xy: places of the cells, shape (g, 2) [m]
-    """
+    """Variance of the smooth rate over cells, as expected from a variogram [(counts/s)^2]."""
     scaled = variogram.scaled(cells_xy)
     correlation = variogram.correlation_of_square(squared_distances(scaled, scaled))
     return max(variogram.structured_sill * (1 - float(correlation.mean())), 0.0)
@@ -89,11 +85,7 @@ def property_weights(texts: Iterable[str]) -> dict[str, float]:
 
 
 def property_name(field: str) -> str:
-    """Name of the property that a surrogate field simulates.
-
-    :param field: name of the field, or the path of its file
-    :returns: letters, digits and _, as ROS requires, such as ``synthetic_low`` of ``synthetic-low``
-    """
+    """Name of the property that a surrogate field simulates."""
     path = Path(field)
     text = path.stem if path.suffix in (".yaml", ".yml") else path.name
     name = re.sub("[^A-Za-z0-9]+", "_", text).strip("_")

@@ -41,54 +41,31 @@ class Counting:
     on_way: bool = True  # whether records taken while driving are mapped too
 
 
+@dataclass(eq=False)
 class Prospect:
-    """Candidates and their values for the planner.
+    """Candidates and their values for the planner; arrays of shape (k,)."""
 
-    :param model: posterior covariance, with exactly these candidates as its stops
-    :param stops: the candidates
-    :param travel: routes and times
-    :param position_xy: where the robot is [m]
-    :param travel_s: travel times to the candidates, shape (k,) [s]; inf if unreachable
-    :param budget_s: time left for the trip and the dwell, shape (k,) [s]
-    :param counting: when the robot counts
-    :param staying: number of the candidate at which the robot stands and may count on: its travel time is 0, with
-        no way and no stop overhead; ``None`` if there is none
-    :param min_dwell_s: shortest dwell [s]
-    :param travel_cost_s: travel times with the costs that an operator adds, shape (k,) [s]; for comparisons of
-        stops, never for the clock. The times alone if ``None``
-    :param of_candidates: index of each among all candidates of the situation, shape (k,); all of them if ``None``
-    """
-
-    def __init__(
-        self,
-        model: PlanningModel,
-        stops: Sequence[Stop],
-        travel: TravelModel,
-        position_xy: tuple[float, float],
-        travel_s: Array,
-        budget_s: Array,
-        counting: Counting,
-        staying: int | None = None,
-        min_dwell_s: float = 0.0,
-        travel_cost_s: Array | None = None,
-        of_candidates: Indices | None = None,
-    ) -> None:
-        self.model = model
-        self.stops = stops
-        self._travel = travel
-        self.position = position_xy
-        self._travel_s = travel_s
-        self._budget_s = budget_s
-        self.counting = counting
-        self.staying = staying
-        self.min_dwell_s = min_dwell_s
-        self.travel_cost_s = travel_s if travel_cost_s is None else travel_cost_s
-        self.of_candidates = np.arange(len(stops)) if of_candidates is None else of_candidates
+    model: PlanningModel  # posterior covariance, with exactly these candidates as its stops
+    stops: Sequence[Stop]  # the candidates
+    travel: TravelModel  # routes and times
+    position: tuple[float, float]  # where the robot is [m]
+    travel_s: Array  # travel times to the candidates [s]; inf if unreachable
+    budget_s: Array  # time left for the trip and the dwell [s]
+    counting: Counting  # when the robot counts
+    staying: int | None = None
+    """Number of the candidate at which the robot stands and may count on: its travel time is 0, with no way and no
+    stop overhead; ``None`` if there is none."""
+    min_dwell_s: float = 0.0  # shortest dwell [s]
+    travel_cost_s: Array | None = None
+    """Travel times with the costs that an operator adds [s]; for comparisons of stops, never for the clock."""
+    of_candidates: Indices | None = (
+        None  # index of each among all candidates of the situation; all of them if ``None``
+    )
 
     @cached_property
     def reachable(self) -> Indices:
         """Numbers of the candidates at which the robot could still count."""
-        return np.flatnonzero(np.isfinite(self._travel_s) & (self._travel_s < self._budget_s))
+        return np.flatnonzero(np.isfinite(self.travel_s) & (self.travel_s < self.budget_s))
 
     @cached_property
     def reachable_stops(self) -> tuple[Stop, ...]:
@@ -121,9 +98,10 @@ class Prospect:
     def _weighed(self, weigh: Callable[..., _Weights], rows: Indices) -> _Weights:
         """Value of some :attr:`reachable` candidates, by a method of the model."""
         stops, (ways, exposure_s) = self.reachable[rows], self._ways
-        longest_s = np.minimum(self._budget_s[stops] - self._travel_s[stops], MAX_DWELL_S)
+        longest_s = np.minimum(self.budget_s[stops] - self.travel_s[stops], MAX_DWELL_S)
         overhead_s = np.where(stops == self.staying, 0.0, self.overhead_s)
-        travel_s, cost_s = self._travel_s[stops], self.travel_cost_s[stops]
+        travel_s = self.travel_s[stops]
+        cost_s = travel_s if self.travel_cost_s is None else self.travel_cost_s[stops]
         return weigh(
             Trips(stops, travel_s, ways[rows], exposure_s[rows], overhead_s, longest_s, cost_s, self.min_dwell_s)
         )
@@ -135,10 +113,7 @@ class Prospect:
         return float(self.promising_worth.value[needs_trip].max(initial=0.0))
 
     def dwell(self, stop: Stop, longest_s: float = MAX_DWELL_S) -> MarginalValue | None:
-        """Dwell rule of a stop at the current price of time, ``None`` if the stop is not reachable.
-
-        :param longest_s: counting ends after this time in any case [s]
-        """
+        """Dwell rule of a stop at the current price of time, ``None`` if the stop is not reachable."""
         for row, number in enumerate(self.reachable.tolist()):
             if self.stops[number].name == stop.name:
                 worth = self.worth(np.array([row]))
@@ -155,7 +130,7 @@ class Prospect:
     @property
     def overhead_s(self) -> float:
         """Time of each trip in which the robot already counts at the stop [s]."""
-        motion = self._travel.motion
+        motion = self.travel.motion
         return motion.stop_overhead_s * motion.overhead_counted if self.counting.on_way else 0.0
 
     def place(self, row: int) -> tuple[float, float]:
@@ -164,16 +139,13 @@ class Prospect:
         return stop.x_m, stop.y_m
 
     def way(self, place: tuple[float, float], row: int, travel_s: float) -> tuple[Indices, Array]:
-        """Nodes on the route from a place to a reachable candidate, and the exposure at each [s].
-
-        :param travel_s: time of the trip, stop overhead included [s]
-        """
-        drive_s = travel_s - self._travel.motion.stop_overhead_s
+        """Nodes on the route from a place to a reachable candidate, and the exposure at each [s]."""
+        drive_s = travel_s - self.travel.motion.stop_overhead_s
         count = min(math.ceil(drive_s / self.counting.cadence_s - _ROUNDING), MAX_PLACES)
         if count <= 0:
             return np.empty(0, np.intp), np.empty(0)
         shares = (np.arange(count) + 0.5) / count
-        places = self._travel.along(place, (self.reachable_stops[row],), shares[None])[0]
+        places = self.travel.along(place, (self.reachable_stops[row],), shares[None])[0]
         return self.model.nearest_nodes(places), np.full(count, drive_s / count)
 
     @cached_property
@@ -185,13 +157,13 @@ class Prospect:
         """Nodes on the route to each candidate, and the exposure at each [s]; both of shape (k, m)."""
         if not self.counting.on_way:
             return np.empty((len(stops), 0), np.intp), np.empty((len(stops), 0))
-        drive_s = self._travel_s[stops] - self._travel.motion.stop_overhead_s
+        drive_s = self.travel_s[stops] - self.travel.motion.stop_overhead_s
         counts = np.clip(np.ceil(drive_s / self.counting.cadence_s - _ROUNDING), 0, MAX_PLACES).astype(int)
         most = int(counts.max(initial=0))
         start = np.asarray(self.position, float)
         shares = (np.arange(most) + 0.5) / np.maximum(counts, 1)[:, None]
         chosen = tuple(self.stops[number] for number in stops.tolist())
-        places = self._travel.along(self.position, chosen, np.minimum(shares, 1.0))
+        places = self.travel.along(self.position, chosen, np.minimum(shares, 1.0))
         used = np.arange(most) < counts[:, None]
         exposure_s = np.where(used, (drive_s / np.maximum(counts, 1))[:, None], 0.0)
         nodes = np.full(used.shape, self.model.nearest_nodes(start))
@@ -199,12 +171,7 @@ class Prospect:
         return nodes, exposure_s
 
     def counted_on_tour(self, rows: Indices, dwell_s: float, legs_s: Array) -> tuple[Indices, Array]:
-        """Nodes at which a tour counts, and the exposure at each [s].
-
-        :param rows: :attr:`reachable` candidates in the order of the visits
-        :param dwell_s: dwell at each [s]
-        :param legs_s: travel time to each, stop overhead included, shape (m,) [s]
-        """
+        """Nodes at which a tour counts, and the exposure at each [s]."""
         nodes = [self.model.stop_nodes[self.reachable[rows]]]
         seconds = [np.full(len(rows), dwell_s + self.overhead_s)]
         if self.counts_on_way:
@@ -218,10 +185,7 @@ class Prospect:
         return node, np.bincount(which, np.concatenate(seconds)).astype(float)
 
     def tour_cost_s(self, legs_s: Array) -> float:
-        """What an operator adds to the time of a tour in comparisons [s].
-
-        :param legs_s: travel time of each leg, stop overhead included, shape (m,) [s]
-        """
-        motion = self._travel.motion
+        """What an operator adds to the time of a tour in comparisons [s]."""
+        motion = self.travel.motion
         driven_m = motion.speed_mps * float(np.maximum(legs_s - motion.stop_overhead_s, 0.0).sum())
         return motion.stop_cost_s * len(legs_s) + motion.metre_cost_s * driven_m

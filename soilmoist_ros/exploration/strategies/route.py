@@ -44,10 +44,8 @@ def open_route(
     given order, which may be that of an earlier tour, :func:`shortened`, and improves it for a fixed number of
     iterations. The result is never worse than the nearest-neighbour route, and equal seeds give equal routes.
 
-    :param from_start_s: travel times from the robot, shape (k,) [s], >= 0; inf if unreachable
-    :param between_s: travel times from row to column, shape (k, k) [s], likewise; need not be symmetric
-    :param service_s: time spent at each target, one value or shape (k,) [s]; it changes
-        the arrivals, but not the shortest order
+    Times [s] from the robot, shape (k,), and from row to column, shape (k, k), may be inf, and need not be
+    symmetric. The service time at each target changes the arrivals, but not the shortest order.
     """
     start, between = np.asarray(from_start_s, float), np.asarray(between_s, float)
     count = len(start)
@@ -108,10 +106,7 @@ def shortened(from_start_s: Array, between_s: Array) -> Indices:
     """The order 0, 1, 2 ... of an open route, improved until no 2-opt move and no move of one target helps.
 
     Croes (1958), Operations Research 6:791-812. Quick for a route that is nearly the shortest already. Times must
-    be symmetric and finite; otherwise the order stays.
-
-    :param from_start_s: travel times from the robot, shape (k,) [s]
-    :param between_s: travel times between the targets, shape (k, k) [s]
+    be symmetric and finite; otherwise the order stays. Arguments as of :func:`open_route`.
     """
     count = len(from_start_s)
     order = np.arange(count)
@@ -240,10 +235,7 @@ class KMeans:
         self._square = squared_distances(xy, xy[[first]])[:, 0]
 
     def centres(self, count: int) -> Array:
-        """Centres, shape (count, 2) [m]; any number begins with the same start.
-
-        :param count: number of clusters, >= 1; limited to the number of different places
-        """
+        """Centres, shape (count, 2) [m]; any number begins with the same start."""
         while len(self._start) < count and (share := self._mass * self._square).any():
             self._start.append(_drawn(share, self._rng))
             self._square = np.minimum(self._square, squared_distances(self._xy, self._xy[self._start[-1:]])[:, 0])
@@ -269,11 +261,7 @@ def _drawn(weight: Array, rng: np.random.Generator) -> int:
 
 
 def lloyd(xy: Array, mass: Array, centres: Array) -> Array:
-    """Centres, shape (k, 2) [m], moved to the middle of the mass that is nearest to them.
-
-    :param xy: places, shape (g, 2) [m]
-    :param mass: weight of each place, shape (g,)
-    """
+    """Centres, shape (k, 2) [m], moved to the middle of the mass that is nearest to them."""
     return _middles(xy, mass, squared_distances(xy, centres).argmin(axis=1), centres)
 
 

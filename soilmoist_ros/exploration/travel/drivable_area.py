@@ -105,11 +105,7 @@ class DrivableArea:
             return np.asarray(shapely.intersects_xy(self._tolerant, x, y), bool)
 
     def allows(self, start_xy: ArrayLike, end_xy: ArrayLike) -> Flags:
-        """True if each straight line from a start to its end stays inside, shape (k,).
-
-        :param start_xy: shape (k, 2) or (2,) [m]
-        :param end_xy: likewise [m]
-        """
+        """True if each straight line from a start to its end stays inside, shape (k,)."""
         import shapely
 
         start, end = np.broadcast_arrays(

@@ -51,17 +51,9 @@ class Leg:
 
 
 class LearnedMotion:
-    """The motion of a robot, as far as its legs show it.
+    """The motion of a robot, as far as its legs show it; the prior if it shall not learn.
 
     The turning time is learned only if its parameter is not 0, the costs of an operator never.
-
-    :param prior: parameters
-    :param learns: whether the motion follows the legs; otherwise it stays the prior
-
-    Attributes
-    ----------
-    motion : RobotMotion
-        the prior itself until the legs differ from it
     """
 
     def __init__(self, prior: RobotMotion, learns: bool = True) -> None:
@@ -77,11 +69,7 @@ class LearnedMotion:
         self._counted_legs = 0
 
     def set_off(self, now_s: float, way: Array) -> None:
-        """The robot gets a goal.
-
-        :param now_s: time [s]
-        :param way: corners of the route, shape (p, 2) [m]
-        """
+        """The robot gets a goal."""
         self._begun = (now_s, polyline_length_m(way), polyline_turn_rad(way))
         self._stop, self._leg_counted_s = (float(way[-1, 0]), float(way[-1, 1])), 0.0
 
@@ -90,11 +78,7 @@ class LearnedMotion:
         self._begun = self._stop = None
 
     def count(self, place: tuple[float, float], exposure_s: float) -> None:
-        """A record has come: what is counted at the stop before the arrival counts there, too.
-
-        :param place: where it was counted [m]
-        :param exposure_s: its exposure [s]
-        """
+        """A record has come: what is counted at the stop before the arrival counts there, too."""
         if self._stop is None:
             return
         near = math.dist(place, self._stop) <= NEAR_M
@@ -108,10 +92,7 @@ class LearnedMotion:
         self._combine()
 
     def arrive(self, now_s: float) -> bool:
-        """The robot has arrived and counts; whether a leg was learned from.
-
-        :param now_s: time [s]
-        """
+        """The robot has arrived and counts; whether a leg was learned from."""
         begun, self._begun = self._begun, None
         if begun is None:
             return False
@@ -153,12 +134,7 @@ class LearnedMotion:
 
 
 def learned_motion(prior: RobotMotion, legs: tuple[Leg, ...]) -> RobotMotion:
-    """The motion that prior and legs make most likely.
-
-    :param prior: parameters
-    :param legs: legs driven
-    :returns: ``prior`` itself where the times of the legs would change by less than :data:`SAME`
-    """
+    """The motion that prior and legs make most likely; ``prior`` itself where hardly a time would change."""
     if not legs:
         return prior
     start = np.array([1 / prior.speed_mps, prior.turn_s_per_rad, prior.stop_overhead_s])

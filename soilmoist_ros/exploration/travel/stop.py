@@ -41,11 +41,7 @@ def stops_xy(stops: Sequence[Stop]) -> Array:
 
 
 def inside_any(polygons: Sequence[ArrayLike], xy: ArrayLike) -> NDArray[np.bool_]:
-    """True if each place lies in one of some polygons, shape (k,).
-
-    :param polygons: corners of each, shape (c, 2) [m]
-    :param xy: places, shape (k, 2) or (2,) [m]
-    """
+    """True if each place lies in one of some polygons, shape (k,)."""
     places = np.asarray(xy, float).reshape(-1, 2)
     if not len(polygons):
         return np.zeros(len(places), bool)
@@ -105,11 +101,7 @@ class WayPoint:
 
 
 def way_points(way: ArrayLike, stop: Stop) -> tuple[WayPoint, ...]:
-    """Goals along a route, where it bends; the last one is the stop.
-
-    :param way: corners of the route from the robot's place, shape (p, 2); none if it is not known [m]
-    :param stop: end of the route; it may also be the last corner
-    """
+    """Goals along a route, where it bends; the last one is the stop."""
     end = (stop.x_m, stop.y_m)
     places = _bends(np.asarray(way, float).reshape(-1, 2))
     before, goals = places[0] if places else end, list[WayPoint]()

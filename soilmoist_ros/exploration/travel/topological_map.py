@@ -153,8 +153,6 @@ def parse_topological_map(text: str, path: Path | None = None) -> TopologicalMap
 
     Unknown keys are kept and not looked at.
 
-    :param text: the JSON text
-    :param path: file to name in messages
     :raises InputError: with the names of all nodes without a name or place, duplicate nodes and edges, and unknown
         edge targets. Nodes that cannot be reached are kept: which part is used depends on where the robot stands
     """
@@ -172,10 +170,6 @@ def make_topological_map(graph: TravelGraph, name: str, updated: datetime) -> To
 
     Places are rounded to 0.1 mm. The influence zones are octagons that do not overlap; any heading will do
     at a node, since the sensor has none.
-
-    :param graph: nodes and directed edges, in the frame ``map`` [m]
-    :param name: name of the map, of its metric map and of its set of nodes
-    :param updated: time written as ``last_updated``
     """
     zone, unrestricted = _octagon(zone_radius_m(graph)), dict.fromkeys(_RESTRICTIONS, "True")
     turn = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}

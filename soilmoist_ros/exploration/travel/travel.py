@@ -152,9 +152,7 @@ class FreeTravel(TravelModel):
     outside first drives straight to the nearest place inside. Stops outside, or in another part of the field, are
     unreachable.
 
-    :param motion: how the robot moves
     :param polygons: outlines of the field, each of shape (k, 2) [m]; without any, all routes are straight
-    :param no_go: outlines of areas that must not be entered, likewise
     :param margin_m: distance to keep from the border and the no-go areas, such as the robot's radius [m], >= 0
     """
 
@@ -281,8 +279,6 @@ class FreeTravel(TravelModel):
 class GraphTravel(TravelModel):
     """Shortest routes along a travel graph; the robot enters the graph at the nearest node.
 
-    :param graph: nodes and edges; stops have the names of its nodes
-    :param motion: how the robot moves
     :param enters: whether a robot at a place, shape (2,), may drive straight to others, shape (k, 2): it enters
         the graph at the nearest node of those, if there is one
     """

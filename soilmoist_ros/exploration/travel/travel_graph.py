@@ -41,9 +41,7 @@ class TravelGraph:
     ) -> TravelGraph:
         """Graph of nodes and of edges given by the names of their ends.
 
-        :param nodes: the nodes, at least one
         :param edges: (start, end) of each edge; give both directions if the robot may drive both
-        :param path: file to name in messages
         :raises InputError: with every unknown end, duplicate name and bad place
         """
         pairs = list(edges)
@@ -123,10 +121,8 @@ class TravelGraph:
         return self.routes_to_all(self.index(start))[0].copy()
 
     def routes_from(self, start: int, back: bool = False) -> tuple[Array, Indices]:
-        """Shortest routes from one node to each, which are not kept.
+        """Shortest routes from one node to each, or ``back`` from each to the node; they are not kept.
 
-        :param start: number of the node
-        :param back: the routes from each node to this one instead
         :returns: their lengths, shape (n,) [m], inf without a route; and the neighbour of each node on its route,
             on the side of ``start``, shape (n,)
         """
@@ -172,10 +168,7 @@ class TravelGraph:
         return np.asarray(rank[np.searchsorted(found, label)], np.intp)
 
     def part(self, keep: NDArray[np.bool_]) -> TravelGraph:
-        """The graph of some of the nodes and the edges between them.
-
-        :param keep: nodes to keep, shape (n,)
-        """
+        """The graph of some of the nodes and the edges between them."""
         number = np.cumsum(keep) - 1
         within = keep[self.edges].all(axis=1)
         names = tuple(name for name, kept in zip(self.names, keep, strict=True) if kept)
@@ -223,10 +216,7 @@ def open_lattice(
 
     No edge crosses the border or a no-go area.
 
-    :param field: outline and no-go areas
-    :param spacing_m: distance between rows and between columns [m], > 0
     :param neighbours: 4 (along rows and columns) or 8 (diagonals too)
-    :param margin_m: distance to keep from the border and the no-go areas [m], >= 0
     :raises InputError: if not even two joined nodes, or far too many, would lie in the field
     """
     import shapely
@@ -273,12 +263,9 @@ def crop_rows(
     no-go area cuts a row, there is no headland: the robot backs out. A row that is met twice (a field that
     is not convex) has the parts ``row3`` and ``row3b``. Parts that cannot be reached are left out.
 
-    :param field: outline and no-go areas
     :param row_spacing_m: distance between rows [m], > 0; the rows are centred on the field
-    :param node_spacing_m: greatest distance between the nodes of a row [m], > 0
     :param heading_deg: direction of the rows, clockwise from north [deg]; ``start`` is where one comes from
     :param headland_m: width of the headlands, measured along the rows [m], > 0
-    :param margin_m: distance to keep from the border and the no-go areas [m], >= 0
     :raises InputError: if no row, no two joined nodes, or far too many would lie in the field
     """
     _require(0, row_spacing_m=row_spacing_m, node_spacing_m=node_spacing_m, headland_m=headland_m)

@@ -56,9 +56,6 @@ def random_field(x_m: Array, y_m: Array, model: ModelName, range_m: float, rng: 
     by at most 1e-6. Bilinear interpolation between nodes loses variance. With a step of a tenth of the range, the
     mean loss is 1 % with the Gaussian and Matern models and 6 % with the exponential.
 
-    :param x_m: columns, evenly spaced, shape (nx,) [m]
-    :param y_m: rows, evenly spaced, shape (ny,) [m]
-    :param model: correlation model, parametrised as :class:`Variogram`
     :raises ValueError: if the range is too long for the grid, because the torus would not fit into memory
     """
     steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (y_m, x_m)]
@@ -106,10 +103,7 @@ class RateFormula(Section):
         return self
 
     def function(self, extent: Extent, rng: np.random.Generator | None = None) -> Truth:
-        """A function of positions, shape (n, 2) [m], that returns values, shape (n,).
-
-        :param rng: source of randomness; the seed of the formula if ``None``
-        """
+        """Function of positions, shape (n, 2) [m], that returns values, shape (n,); ``rng`` replaces the seed."""
         raise NotImplementedError
 
 

@@ -78,9 +78,6 @@ def kriged_grid(xy: Array, rate_cps: Array, variogram: Variogram, x_m: Array, y_
     The nugget is treated as noise of the values and filtered. Without a nugget, the surface reproduces the points;
     with a nugget, it passes them smoothly, without spikes.
 
-    :param xy: distinct positions, shape (n, 2) [m]
-    :param rate_cps: rates at the positions, shape (n,), > 0 [counts/s]
-    :param variogram: variogram, not fitted
     :raises ValueError: if there are too few or too many points, the kriging system is ill-conditioned (smooth
         models without a nugget, points close together), or the extrapolated rate is not positive somewhere
     """

@@ -75,7 +75,6 @@ def write_field_file(field: SurrogateField, path: Path) -> None:
 def write_site_file(field: SurrogateField, path: Path, footprint_m: float = 0.0) -> None:
     """Write a site file with the soil and the calibration of a surrogate field, if it has any.
 
-    :param footprint_m: radius of the sensor's footprint [m]; 0 for a sensor that sees its own place only
     :raises InputError: if it cannot be written
     """
     about: dict[str, Any] = {"name": "simulated sensor"}
@@ -91,8 +90,6 @@ def write_site_file(field: SurrogateField, path: Path, footprint_m: float = 0.0)
 def write_truth_file(field: SurrogateField, grid: FieldGrid, path: Path) -> None:
     """Write the truth as a field file, readable as a surrogate field, and its grid as CSV in the same folder.
 
-    :param grid: grid; the truth is written at all cell centres, also outside the field
-    :param path: field file to write; the grid gets the suffix ``.csv``
     :raises InputError: if the files cannot be written
     """
     table = path.with_suffix(".csv")

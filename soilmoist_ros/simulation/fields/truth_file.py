@@ -133,7 +133,6 @@ class SurrogateFile(FieldFile):
 def load_surrogate(path: Path, rng: np.random.Generator | None = None) -> SurrogateField:
     """Read a surrogate field from a field file with a truth.
 
-    :param path: field file
     :param rng: source of randomness of a random formula; the seed of the formula if ``None``
     :raises InputError: with the mistakes in the field file or in the files that it names
     """
@@ -306,8 +305,6 @@ class Table(NamedTuple):
 def read_table(path: Path, gaps: bool = False, least: int = 3) -> Table:
     """Read a CSV with the columns x_m, y_m and rate_cps or vwc; other columns and lines with ``#`` are ignored.
 
-    :param gaps: permit rows without a value
-    :param least: minimum number of points
     :raises InputError: with every mistake: a missing column, a value that is not a number or out of range, a
         duplicate position, too few points
     """

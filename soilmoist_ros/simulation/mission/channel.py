@@ -37,7 +37,6 @@ Array = NDArray[np.float64]
 class Channel:
     """Maps one property for all robots of a mission.
 
-    :param curve: calibration for a moisture map, if any
     :param earlier: earlier surveys that inform the map, in addition to those that the settings ask for
     :param covariates: covariates that inform it, likewise
     :param whole: whether every map is of all cells; otherwise only the last one is, the others are of those that

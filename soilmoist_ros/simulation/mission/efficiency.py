@@ -128,10 +128,7 @@ def least_variance(
 
     :param variogram: variogram; its nugget is ignored, so the bound is valid for every nugget
     :param cells_xy: cells that stand for the field, shape (g, 2) [m]; cost grows with the cube of g
-    :param weight: omega of each cell, shape (g,), summing up to 1 for a map of the rate
     :param rate_cps: rate at each cell times the correction factor, shape (g,), > 0 [counts/s]
-    :param time_s: counting time, > 0 [s]
-    :param known: what is known of the field besides
     :returns: the variance [(counts/s)^2], the time to count at each cell, shape (g,) [s], and the share by which
         the variance may lie above the minimum
     """

@@ -60,11 +60,7 @@ _cell_stops = lru_cache(maxsize=4)(cell_stops)
 
 
 def mission_map(field: Field, grid: FieldGrid, graph: str | None = None) -> TopologicalMap:
-    """Topological map of a field: from a file, or an open lattice of about :data:`LATTICE_NODES` nodes.
-
-    :param graph: file with the map, ``None`` for the lattice
-    :raises InputError: if the file cannot be used
-    """
+    """Topological map of a field: from a file, or an open lattice of about :data:`LATTICE_NODES` nodes."""
     if graph is not None:
         return _on_field(read_topological_map(Path(graph)), field)
     lattice = open_lattice(field, math.sqrt(grid.area_m2 / LATTICE_NODES)).graph

@@ -50,10 +50,7 @@ def map_errors(
     curve: MoistureCurve | None,
     true_vwc: Array | None = None,
 ) -> MapErrors:
-    """Errors over the cells of a field.
-
-    :param true_vwc: :func:`possible_moisture` of the true rate, if already computed, shape (g,) [m^3/m^3]
-    """
+    """Errors over the cells of a field."""
     error = rate_cps - true_rate_cps
     covered = float(np.mean(np.abs(error) <= _COVERAGE_SD * rate_sd_cps))
     vwc_rmse = math.nan
@@ -73,10 +70,7 @@ class TimedForecast(NamedTuple):
 
 
 def reported(forecasts: Sequence[TimedForecast], planned_s: float) -> list[tuple[float, TimedForecast]]:
-    """The first forecast at or after each of :data:`SHARES` of the planned time, with the share.
-
-    :param planned_s: planned mission time [s]
-    """
+    """The first forecast at or after each of :data:`SHARES` of the planned time, with the share."""
     found: list[tuple[float, TimedForecast]] = []
     for share in SHARES:
         made = next((one for one in forecasts if one.time_s >= share * planned_s), None)

@@ -88,12 +88,10 @@ def simulate_mission(
 ) -> MissionResult:
     """Simulate one mission. The settings determine the result, bit for bit.
 
-    :param settings: everything that determines the mission
     :param progress: called regularly with the elapsed share of the mission time [0..1]
     :param forecasts: whether to forecast the map's standard deviation, some milliseconds each; always done where a
         forecast may end the mission
     :param earlier: earlier surveys that inform the maps, by name of the property
-    :param covariates: files with covariates, in addition to those of the mission field
     :param watch: receives each moment, which does not change the mission; its false ends the mission
     :raises InputError: if the settings cannot be used: an unknown field, strategy or dwell rule, bad files
     """

@@ -139,8 +139,6 @@ class _Client:
 class LineServer:
     """Serves any number of clients; no client can block it. It has no thread: call :meth:`poll` often.
 
-    :param name: device that it serves, for messages
-    :param host: address to listen on
     :param port: port to listen on; 0 for a free one
     :param greeting: bytes that each client receives first
     :raises InputError: if it cannot listen on this address

@@ -76,8 +76,6 @@ class VirtualSensor:
     The true rate is divided by the correction factors of the weather. The record contains the factors that a
     driver computes from the logged weather; the correction therefore restores the true rate.
     :param footprint_m: radius from within which 86 % of the counts come [m]; 0 for a point sensor
-    :param weather: whether the weather changes
-    :param drift: how the true rate changes with time
     """
 
     def __init__(
@@ -107,7 +105,6 @@ class VirtualSensor:
     def record(self, end_s: float, path_xy: Array, reported_xy: tuple[float, float]) -> CountRecord:
         """The record of the counting interval that ends at ``end_s``.
 
-        :param end_s: end of the interval [s]
         :param path_xy: positions at evenly spaced times within the interval, shape (m, 2) [m]; one is enough at
             rest
         :param reported_xy: position at the middle of the interval as the GNSS reports it [m]
@@ -193,8 +190,6 @@ class VirtualLogger:
     The sensor draws the counts of all tubes together from a separate random stream. The total counts therefore
     equal the counts of a simulation without a logger. A multinomial draw divides the total among the tubes, which
     keeps the counts of each tube Poisson.
-    :param start_s: time at which the simulation begins [s since 1970 UTC]
-    :param rng: source of randomness for the tubes
     """
 
     def __init__(

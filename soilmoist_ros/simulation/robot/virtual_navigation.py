@@ -92,9 +92,6 @@ class VirtualNavigation:
 
     :meth:`happened` returns the events that time or requests have caused. ``present`` states whether the
     navigation server exists now.
-
-    :param travel: travel graph, and how the robot moves on it
-    :param faults: faults to simulate
     """
 
     def __init__(
