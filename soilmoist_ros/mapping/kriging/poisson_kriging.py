@@ -22,12 +22,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import IllConditionedError
 from soilmoist_ros.mapping.kriging.raster import check_raster, krige_raster
 from soilmoist_ros.mapping.kriging.system import (
     KrigingSystem,
     Points,
     Progress,
+    cholesky_with_jitter,
     coincident,
     no_system,
     sample_correlation,
@@ -46,9 +46,6 @@ from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 
 Array = NDArray[np.float64]
-
-JITTER = (0.0, 1e-13, 1e-11, 1e-9)
-"""Values added to the diagonal, relative to its mean, until the Cholesky factor exists."""
 
 _log = logging.getLogger(__name__)
 
@@ -343,34 +340,19 @@ class PoissonKriging:
 
     def _rebuild(self) -> None:
         """Factor the matrix, with as little jitter as makes it positive definite."""
-        from scipy.linalg.lapack import dpotrf
-
         self.noise_mean_rate = self._wanted_mean_rate()
         variogram, places, prior, noise = self.variogram, self._places, self.prior, self._noise(self._places)
         matrix = sample_correlation(variogram, places.xy, places.spread).T
         matrix *= variogram.structured_sill
-        diagonal, features = np.diag_indices(len(places)), np.empty((0, 0))
+        features = np.empty((0, 0))
         if prior is not None:
             features = prior.at(places.xy, places.spread)
             matrix += prior.covariance(features, features)
-            matrix[diagonal] += prior.own_variance(places.xy)
-        without_noise, scale = matrix[diagonal], variogram.sill + float(np.mean(noise))
-        for relative in JITTER:
-            self.jitter = relative * scale
-            matrix[diagonal] = without_noise + (variogram.nugget + self.jitter + noise)
-            factor, info = dpotrf(matrix, lower=1, clean=1)
-            if info:
-                continue
-            if relative:
-                _log.warning("added %.3g to the diagonal: the kriging matrix is ill-conditioned", self.jitter)
-            uncertain = self._uncertain_places()
-            self._system = KrigingSystem.of_factor(variogram, places, factor, prior, features, uncertain)
-            return
-        raise IllConditionedError(
-            f"the kriging matrix of {len(places)} samples is not positive definite even with a jitter of "
-            f"{self.jitter:.3g}: the variogram is too smooth for places so close together; "
-            "use matern32 or exponential, a nugget, or merge close samples"
-        )
+            matrix[np.diag_indices(len(places))] += prior.own_variance(places.xy)
+        scale = variogram.sill + float(np.mean(noise))
+        factor, self.jitter = cholesky_with_jitter(matrix, variogram.nugget + noise, scale)
+        uncertain = self._uncertain_places()
+        self._system = KrigingSystem.of_factor(variogram, places, factor, prior, features, uncertain)
 
 
 @lru_cache(maxsize=2)

@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soilmoist_ros.foundation import squared_distances
+from soilmoist_ros.foundation import IllConditionedError, squared_distances
 from soilmoist_ros.mapping.samples import NO_SAMPLES, Samples
 from soilmoist_ros.mapping.variogram.field_prior import FieldPrior
 from soilmoist_ros.mapping.variogram.model import Variogram, scaled
@@ -18,9 +19,12 @@ from soilmoist_ros.mapping.variogram.support import Supports
 
 Array = NDArray[np.float64]
 
+JITTER = (0.0, 1e-13, 1e-11, 1e-9)
+"""Values added to the diagonal, relative to its mean, until the Cholesky factor exists."""
 _AT_ONCE = 16384
 """Correlations computed at a time, so that intermediate results stay in the cache."""
 _NO_FEATURES = np.empty((0, 0))
+_log = logging.getLogger(__name__)
 _TILE_ELEMENTS = 400_000
 """Elements of one tile of covariances (3 MB: stays in the cache, and the solve is already at full speed)."""
 
@@ -123,6 +127,33 @@ def _correlation(variogram: Variogram, scaled: Array, others: Array) -> Array:
     for some in (slice(start, start + step) for start in range(0, len(scaled), step)):
         correlation[some] = variogram.correlation_of_square(squared_distances(scaled[some], others))
     return correlation
+
+
+def cholesky_with_jitter(covariance: Array, noise: Array, scale: float) -> tuple[Array, float]:
+    """Cholesky factor of a covariance and its noise, with as little jitter as makes it positive definite.
+
+    :param covariance: without noise, shape (n, n); its diagonal is changed
+    :param noise: nugget and noise, shape (n,)
+    :param scale: variance that jitter is relative to
+    :returns: lower triangle L, and the jitter on the diagonal
+    :raises IllConditionedError: if no jitter suffices
+    """
+    from scipy.linalg.lapack import dpotrf
+
+    diagonal = np.diag_indices(len(noise))
+    without_noise = covariance[diagonal]
+    for relative in JITTER:
+        covariance[diagonal] = without_noise + (relative * scale + noise)
+        factor, info = dpotrf(covariance, lower=1, clean=1)
+        if not info:
+            if relative:
+                _log.warning("added %.3g to the diagonal: the kriging matrix is ill-conditioned", relative * scale)
+            return np.asarray(factor), relative * scale
+    raise IllConditionedError(
+        f"the kriging matrix of {len(noise)} samples is not positive definite even with a jitter of "
+        f"{JITTER[-1] * scale:.3g}: the variogram is too smooth for places so close together; "
+        "use matern32 or exponential, a nugget, or merge close samples"
+    )
 
 
 def coincident(xy: Array, places_xy: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -2,16 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Poisson kriging of very many samples, tile by tile, in bounded memory and on many processors.
 
-The area is halved both ways until a tile is small compared with the circle around its nearest samples. All
-cells of a tile share one Cholesky factor L, of the nearest samples and of groups of merged farther ones. One
-mean for the whole map avoids seams between tiles: the generalised least-squares mean under Vecchia's
-approximation by blocks (Stein, Chi & Welty 2004, Journal of the Royal Statistical Society B 66:275-296). For a
-tile, W = L^-1 C_.0 and b = L^-1 1; for the whole map, c is the mean and v its variance. Then ``rate = c + a.W``
-and ``variance = C_00 - |W|^2 + v (b.W - 1)^2``, which is exact if the tile has all samples.
-
-Samples are merged on all scales in the tree of Barnes & Hut (1986), Nature 324:446-449, over counts instead of
-masses: near samples stay single, far ones form groups. A group is one sample with all counts and the whole
-exposure of its members, at their exposure-weighted mean place.
+The area is quartered until a tile is small compared with the circle around its nearest samples. All cells of a
+tile share one Cholesky factor L, of the samples nearest to its centre. One mean for the whole map avoids seams
+between tiles: the generalised least-squares mean under Vecchia's approximation by blocks (Stein, Chi & Welty
+2004, Journal of the Royal Statistical Society B 66:275-296). For a tile, W = L^-1 C_.0 and b = L^-1 1; for the
+whole map, c is the mean and v its variance. Then ``rate = c + a.W`` and
+``variance = C_00 - |W|^2 + v (b.W - 1)^2``, which is exact if the tile has all samples.
 """
 
 from __future__ import annotations
@@ -19,221 +15,68 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import tee
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soilmoist_ros.foundation import IllConditionedError
-from soilmoist_ros.mapping.kriging.poisson_kriging import JITTER
 from soilmoist_ros.mapping.kriging.raster import check_raster
-from soilmoist_ros.mapping.kriging.system import Points, Progress, coincident, sample_correlation
+from soilmoist_ros.mapping.kriging.system import (
+    KrigingSystem,
+    Points,
+    Progress,
+    cholesky_with_jitter,
+    sample_correlation,
+    target_variance,
+)
 from soilmoist_ros.mapping.samples import Samples, as_samples, check_xy, merge_exactly, noise_rate, spatial_blocks
 from soilmoist_ros.mapping.variogram.local import LocalRate, noise_rates
 from soilmoist_ros.mapping.variogram.model import Variogram
 
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 Compute = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 """Applies a function to each item and returns the results in order, like the built-in ``map``."""
 
-NEAREST = (300, 425, 600, 850, 1200)
-"""Candidate numbers of nearest samples."""
-REFERENCE = 2400
-"""Number of nearest samples of the reference for the choice."""
+NEAREST = (300, 600, 1200)
+"""Candidate numbers of nearest samples; each is compared with twice as many."""
 TOLERANCE = 0.0075
 """Acceptable error of the rate, as a share of the kriging sd."""
-OPENING = 0.35
-"""Maximum ratio of the width of a group of far samples to its distance from the tile."""
-REACH = 2.0
-"""Distance from which samples are ignored, in practical ranges."""
 _TILE_RADIUS = 0.4
 """Maximum ratio of the half diagonal of a tile to the radius of the circle around its nearest samples."""
 _PILOT_TILES = 4
 _BLOCK_PLACES = 300
 """Places of a block, and minimum number of places before it, in the estimate of the mean."""
-_TILE_ELEMENTS = 400_000
-_AT_ONCE = 65_536
-"""Targets whose coordinates are computed at a time."""
-_MAX_HALVINGS = 80
-_MAX_PARTS = 4
-"""Maximum number of parts of a side at once."""
-_BITS = 20
-"""Halvings of the square around the samples; places closer together than its side / 2^20 are parted at once."""
-
-
-class Neighbourhood(NamedTuple):
-    """Samples around a rectangle, the far ones merged."""
-
-    xy: Array  # places, shape (m, 2) [m]
-    rate: Array  # corrected rates, shape (m,) [counts/s]
-    exposure_s: Array  # effective exposures, shape (m,) [s]
-    spread: Array  # second moments of the areas of those that are not merged, shape (m, 4)
-
-
-class _Level(NamedTuple):
-    """Groups of one size in the order along the curve; the children of group i are those from first[i] on."""
-
-    xy: Array
-    counts: Array
-    exposure_s: Array
-    spread: Array
-    low: Array
-    high: Array
-    first: NDArray[np.intp]
-
-
-class SampleTree:
-    """A quadtree of merged samples.
-
-    :param places: samples at distinct places, at least one
-
-    Attributes
-    ----------
-    low_m : ndarray
-        south-west corner of the square around all samples [m]
-    side_m : float
-        its side [m]
-    """
-
-    def __init__(self, places: Samples) -> None:
-        from scipy.spatial import cKDTree
-
-        self.low_m = places.xy.min(axis=0)
-        self.side_m = float(np.ptp(places.xy, axis=0).max()) or 1.0
-        cell = ((places.xy - self.low_m) / self.side_m * 2**_BITS).astype(np.uint64)
-        code = _interleaved(*np.minimum(cell, np.uint64(2**_BITS - 1)).T)
-        order = np.argsort(code, kind="stable")
-        code, xy = code[order], places.xy[order]
-        counts, exposure_s = places.counts[order], places.exposure_s[order]
-        levels = [_Level(xy, counts, exposure_s, places.spread[order], xy, xy, np.arange(len(xy)))]
-        for bits in range(2 * _BITS, -1, -2):
-            _, first = np.unique(code, return_index=True)
-            if len(first) < len(levels[-1].counts) or bits == 0:
-                levels.append(_merged(levels[-1], first))
-                code = code[first]
-            code >>= np.uint64(2)
-        self._levels = levels
-        self._index = cKDTree(xy)
-
-    def __len__(self) -> int:
-        return len(self._levels[0].counts)
-
-    def margin_m(self, low: Array, high: Array, nearest: int) -> float:
-        """Width of a margin around a rectangle that contains at most a number of samples [m].
-
-        :param low: south-west corner of the rectangle, shape (2,) [m]
-        :param high: north-east corner [m]
-        :param nearest: number of samples
-        :returns: infinity if there are no more samples at all, negative if the rectangle itself may hold more
-        """
-        if nearest >= len(self):
-            return np.inf
-        radius_m = self._index.query((low + high) / 2, [nearest])[0].item()
-        return float(radius_m - np.hypot(*(high - low)) / 2)
-
-    def neighbourhood(
-        self, low: Array, high: Array, margin_m: float, reach_m: float, opening: float
-    ) -> Neighbourhood:
-        """Single samples within a margin around a rectangle, and groups that look small from the rectangle beyond.
-
-        :param low: south-west corner of the rectangle, shape (2,) [m]
-        :param high: north-east corner [m]
-        :param margin_m: distance from the rectangle up to which nothing is merged [m]
-        :param reach_m: distance from which on samples are left out [m]
-        :param opening: largest width of a group over its distance from the rectangle, >= 0; 0 merges nothing
-        """
-        taken: list[tuple[_Level, NDArray[np.intp]]] = []
-        group = np.arange(len(self._levels[-1].counts))
-        for number in range(len(self._levels) - 1, -1, -1):
-            level = self._levels[number]
-            gap = np.maximum(np.maximum(low - level.high[group], level.low[group] - high), 0)
-            distance = np.hypot(gap[:, 0], gap[:, 1])
-            seen = distance <= reach_m
-            group, distance = group[seen], distance[seen]
-            width = (level.high[group] - level.low[group]).max(axis=1, initial=0)
-            whole = (width <= opening * distance) & (distance > margin_m) | (width == 0)
-            taken.append((level, group[whole]))
-            if number:
-                opened = group[~whole]
-                end = np.append(level.first[1:], len(self._levels[number - 1].counts))
-                group = _ranges(level.first[opened], end[opened])
-        columns = [(level.xy, level.counts, level.exposure_s, level.spread) for level, _ in taken]
-        xy, counts, exposure_s, spread = (
-            np.concatenate([column[group] for column, (_, group) in zip(same, taken, strict=True)])
-            for same in zip(*columns, strict=True)
-        )
-        return Neighbourhood(xy, counts / exposure_s, exposure_s, spread)
-
-
-def _merged(below: _Level, first: NDArray[np.intp]) -> _Level:
-    """Groups of consecutive members, each beginning at an element of ``first``."""
-    exposure_s = np.add.reduceat(below.exposure_s, first)
-    mean = np.add.reduceat(below.xy * below.exposure_s[:, None], first) / exposure_s[:, None]
-    low, high = np.minimum.reduceat(below.low, first), np.maximum.reduceat(below.high, first)
-    single = (low == high).all(axis=1, keepdims=True)  # stays exactly where and what it is
-    return _Level(
-        np.where(single, low, mean),
-        np.add.reduceat(below.counts, first),
-        exposure_s,
-        np.where(single, below.spread[first], 0.0),
-        low,
-        high,
-        first,
-    )
-
-
-def _ranges(start: NDArray[np.intp], end: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The numbers from each start up to its end, one range after the other."""
-    count = end - start
-    return np.repeat(end - np.cumsum(count), count) + np.arange(count.sum())
-
-
-def _interleaved(x: NDArray[np.uint64], y: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Number of a cell along the Z-shaped curve (Morton order): the bits of x and y in turn."""
-    code = np.zeros_like(x)
-    for bit in range(_BITS):
-        one, place = np.uint64(1), np.uint64(bit)
-        code |= ((x >> place) & one) << np.uint64(2 * bit)
-        code |= ((y >> place) & one) << np.uint64(2 * bit + 1)
-    return code
-
-
-# -- Tiles ---------------------------------------------------------------------------------------------------
+_MAX_QUARTERINGS = 40
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Difference between a tiled map and a map with many more neighbours, measured on a few tiles."""
+    """Difference between a tiled map and a map with twice as many neighbours, measured on a few tiles."""
 
-    nearest: int  # number of nearest samples of each tile that are not merged
-    rate_error: float  # largest difference of the rate, as a share of the kriging sd; NaN if nothing was left out
+    nearest: int  # number of nearest samples of each tile
+    rate_error: float  # largest difference of the rate, as a share of the kriging sd
     sd_error: float  # largest relative difference of the kriging sd
 
     def __str__(self) -> str:
         return (
-            f"in tiles of {self.nearest} nearest samples, farther ones merged; compared with {REFERENCE}, on "
-            f"{_PILOT_TILES} tiles the rate is off by up to {100 * self.rate_error:.2g} % of its sd, "
+            f"in tiles of {self.nearest} nearest samples; compared with twice as many, on {_PILOT_TILES} tiles "
+            f"the rate is off by up to {100 * self.rate_error:.2g} % of its sd, "
             f"and the sd by {100 * self.sd_error:.2g} %"
         )
 
 
-Indices = NDArray[np.integer[Any]]
-Places = Callable[[Indices, int], Array]
-"""Coordinates of targets along an axis [m], from their numbers."""
-
-
-class _Box(NamedTuple):
-    """A rectangle of the map and the numbers of the targets in it."""
+class _Square(NamedTuple):
+    """A square of the map and the numbers of the targets in it."""
 
     low: Array
-    sides: Array
+    side: float
     target: Indices
-
-    @property
-    def high(self) -> Array:
-        return self.low + self.sides
+    is_tile: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,90 +86,65 @@ class _Model:
     variogram: Variogram
     keep_nugget: bool
     noise_rate: float | LocalRate
-    tree: SampleTree
+    places: Samples
+    tree: cKDTree
     nearest: int
     mean: float = 0.0
     mean_variance: float = 0.0
 
-    def leaves(self, places: Places, box: _Box, most: int = 0, depth: int = 0) -> Iterator[tuple[_Box, bool]]:
-        """Tiles with targets, or larger boxes with at most ``most`` targets; and whether each is a tile."""
-        margin_m = self.tree.margin_m(box.low, box.high, self.nearest)
-        half_diagonal = np.hypot(*box.sides) / 2
-        most_m = _TILE_RADIUS * (margin_m + half_diagonal)
-        is_tile = half_diagonal <= most_m or depth > _MAX_HALVINGS
-        if is_tile or len(box.target) <= most:
-            yield box, bool(is_tile)
+    def square(self, target: Indices) -> _Square:
+        """The square around all samples."""
+        xy = self.places.xy
+        return _Square(xy.min(axis=0), float(np.ptp(xy, axis=0).max()) or 1.0, target)
+
+    def radius_m(self, centre: Array) -> float:
+        """Radius of the circle that holds the nearest samples [m]; infinite if these are all."""
+        return np.inf if self.nearest >= len(self.places) else float(self.tree.query(centre, [self.nearest])[0][0])
+
+    def leaves(self, xy: Array, square: _Square, most: int = 0, depth: int = 0) -> Iterator[_Square]:
+        """Tiles with targets, or larger squares with at most ``most`` targets; targets of shape (g, 2)."""
+        low, side, target, _ = square
+        is_tile = depth > _MAX_QUARTERINGS or side / np.sqrt(2) <= _TILE_RADIUS * self.radius_m(low + side / 2)
+        if is_tile or len(target) <= most:
+            yield square._replace(is_tile=is_tile)
             return
-        parts = _parts(box.sides, most_m)
-        sides = box.sides / parts
-        part = np.empty(len(box.target), np.int8)
-        for start in range(0, len(part), _AT_ONCE):  # coordinates take more memory than numbers
-            some = slice(start, start + _AT_ONCE)
-            column, row = (
-                np.clip((places(box.target[some], axis) - box.low[axis]) // sides[axis], 0, parts[axis] - 1)
-                for axis in (0, 1)
-            )
-            part[some] = column + row * parts[0]
-        for number in range(parts.prod()):
-            target = box.target[part == number]
-            if len(target):
-                low = box.low + sides * [number % parts[0], number // parts[0]]
-                yield from self.leaves(places, _Box(low, sides, target), most, depth + 1)
+        part = np.clip((xy[target] - low) // (side / 2), 0, 1)  # targets beyond the square belong to its border
+        for corner in np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]):
+            inside = target[(part == corner).all(axis=1)]
+            if len(inside):
+                yield from self.leaves(xy, _Square(low + corner * side / 2, side / 2, inside), most, depth + 1)
 
-    def neighbourhood(self, box: _Box) -> Neighbourhood:
-        margin_m = max(self.tree.margin_m(box.low, box.high, self.nearest), 0.0)
-        reach_m = np.inf
-        if margin_m < np.inf:
-            reach_m = REACH * self.variogram.practical_range_m * np.sqrt(self.variogram.anisotropy)
-        return self.tree.neighbourhood(box.low, box.high, margin_m, reach_m, OPENING)
+    def some(self, number: Indices) -> Samples:
+        """The places with these numbers."""
+        places = self.places
+        return Samples(*(a[number] for a in (places.xy, places.counts, places.exposure_s, places.spread)))
 
-    def krige_tile(self, box: _Box, xy: Array) -> Array:
-        """Rate and variance of targets in a tile, shape (2, g); targets of shape (g, 2)."""
+    def krige_tile(self, centre: Array, xy: Array) -> Array:
+        """Rate and variance of the targets of a tile, shape (2, g)."""
         from scipy.linalg.blas import dtrsm
 
-        near, variogram = self.neighbourhood(box), self.variogram
-        result = np.tile([[self.mean], [self.mean_variance]], len(xy))
-        result[1] += variogram.sill if self.keep_nugget else variogram.structured_sill
-        if not len(near.rate):
-            return result
-        factor = self.factor(near.xy, near.exposure_s, near.spread)
-        solved = dtrsm(1.0, factor, np.column_stack([near.rate - self.mean, np.ones(len(near.rate))]), lower=1)
-        targets = Points(variogram, near.xy, xy, near.spread)
-        target, place = coincident(xy, near.xy)
-        step = max(1, _TILE_ELEMENTS // len(near.rate))
-        for start in range(0, len(xy), step):
-            part = slice(start, min(start + step, len(xy)))
-            covariance = targets.correlation(part)
-            covariance *= variogram.structured_sill
-            if self.keep_nugget:
-                here = slice(*np.searchsorted(target, (part.start, part.stop)))
-                covariance[target[here] - start, place[here]] += variogram.nugget
-            weights = dtrsm(1.0, factor, covariance.T, lower=1, overwrite_b=1).T
-            products = weights @ solved
-            result[0, part] += products[:, 0]
-            result[1, part] += self.mean_variance * (products[:, 1] ** 2 - 2 * products[:, 1])
+        nearest = np.arange(len(self.places))
+        if self.nearest < len(nearest):
+            nearest = np.sort(self.tree.query(centre, self.nearest)[1])
+        near, result = self.some(nearest), np.empty((2, len(xy)))
+        factor = self.factor(near)
+        right = np.column_stack([near.rate_cps - self.mean, np.ones(len(near))])
+        residual, ones = np.ascontiguousarray(dtrsm(1.0, factor, right, lower=1).T)
+        system = KrigingSystem(self.variogram, near, factor, ones, residual, self.mean)
+        targets = Points(self.variogram, near.xy, xy, near.spread)
+        for part, weights in system.solved_tiles(targets, self.keep_nugget):
+            result[0, part] = self.mean + weights @ residual
+            result[1, part] = self.mean_variance * (weights @ ones - 1) ** 2
             result[1, part] -= np.einsum("ij,ij->i", weights, weights)
+        result[1] += target_variance(self.variogram, self.keep_nugget)
         return result
 
-    def factor(self, xy: Array, exposure_s: Array, spread: Array) -> Array:
-        """Cholesky factor of the covariance of the samples and their noise; its upper triangle is arbitrary."""
-        from scipy.linalg.lapack import dpotrf
-
-        covariance = sample_correlation(self.variogram, xy, spread)
+    def factor(self, places: Samples) -> Array:
+        """Cholesky factor of the covariance of samples and their noise."""
+        covariance = sample_correlation(self.variogram, places.xy, places.spread).T
         covariance *= self.variogram.structured_sill
-        diagonal = covariance.diagonal() + self.variogram.nugget
-        diagonal += noise_rates(self.noise_rate, xy) / exposure_s
-        for relative in JITTER:
-            covariance[np.diag_indices(len(xy))] = diagonal + relative * diagonal.mean()
-            factor, info = dpotrf(covariance, lower=1, clean=0, overwrite_a=1)
-            if not info:
-                return np.asarray(factor)
-            covariance = np.asfortranarray(np.triu(covariance, 1))  # the triangle that is as it was
-            covariance += covariance.T
-        raise IllConditionedError(
-            f"the kriging matrix of {len(xy)} neighbouring samples is not positive definite: the variogram is too "
-            "smooth for places so close together; use matern32 or exponential, a nugget, or merge close samples"
-        )
+        noise = self.variogram.nugget + noise_rates(self.noise_rate, places.xy) / places.exposure_s
+        return cholesky_with_jitter(covariance, noise, self.variogram.structured_sill + float(noise.mean()))[0]
 
 
 class TiledKriging:
@@ -336,22 +154,15 @@ class TiledKriging:
     samples and targets. The result at a place depends only on the samples and the place, not on other targets or
     ``compute``.
 
-    :meth:`fit` chooses the smallest number of neighbours, at most 1200, that keeps the rate on a few tiles within
-    0.75 % of the kriging sd of the rate from 2400 neighbours. :attr:`accuracy` is measured on these tiles and is
-    no bound: the error of single cells may be several times as large.
-
-    Errors of the rate against exact kriging of 4000 to 5000 samples 6 m apart, of 10 and 120 s each, as shares of
-    the kriging sd:
-
-    * Matern 3/2: at most 2 % at ranges of 15 and 50 m and 5 % at 150 m (root mean square 0.2 and 0.9 %); error of
-      the sd 0.02 %
-    * exponential: at most 8 % (root mean square 0.7 %)
-    * Gaussian with a range far above the sample spacing, for which no neighbourhood is large enough: 10 to 35 %
-      (root mean square 3 to 12 %); error of the sd 1 %
+    :meth:`fit` chooses the smallest number of neighbours that keeps the rate on a few tiles within 0.75 % of the
+    kriging sd of the rate from twice as many; at most 1200. :attr:`accuracy` is no bound: the error of single
+    cells may be several times as large. With 300 neighbours, errors against exact kriging of 900 samples 6 m apart
+    are at most 1 % of the kriging sd at ranges of 10 m, 2 % at 30 m (Matern 3/2), 6 % at 60 m (exponential)
+    and 20 % for a Gaussian with a range of 30 m, for which no neighbourhood is large enough.
 
     :param variogram: variogram of the latent rate; its amplitude is left out
     :param keep_nugget: as :class:`PoissonKriging`
-    :param nearest: number of nearest samples of a tile that are not merged; chosen by :meth:`fit` if ``None``
+    :param nearest: number of nearest samples of a tile; chosen by :meth:`fit` if ``None``
     :param compute: computes the tiles; by default in this process, one after the other
     :param mean_rate: as :class:`PoissonKriging`
     :raises ValueError: if ``nearest`` is not positive
@@ -404,6 +215,8 @@ class TiledKriging:
         :raises ValueError: if there is no sample, or as :class:`Samples`
         :raises IllConditionedError: if a matrix cannot be factored
         """
+        from scipy.spatial import cKDTree
+
         records = as_samples(xy, counts, exposure_s, spread)
         if not len(records):
             raise ValueError("kriging needs at least one sample; wait for the first record")
@@ -412,11 +225,10 @@ class TiledKriging:
         self.noise_mean_rate = noise_rate(places) if known is None or isinstance(known, LocalRate) else known
         rate = known if isinstance(known, LocalRate) else self.noise_mean_rate
         nearest = self._nearest or NEAREST[0]
-        model = _Model(self.variogram, self.keep_nugget, rate, SampleTree(places), nearest)
-        model = self._with_mean(model, places)
-        self._model, self.accuracy = model, None
+        model = _Model(self.variogram, self.keep_nugget, rate, places, cKDTree(places.xy), nearest)
+        self._model, self.accuracy = self._with_mean(model), None
         if self._nearest is None:
-            self._model, self.accuracy = _chosen(model, places)
+            self._model, self.accuracy = _chosen(self._model)
         return self
 
     def predict(self, xy: ArrayLike, progress: Progress | None = None) -> tuple[Array, Array]:
@@ -427,25 +239,18 @@ class TiledKriging:
         :returns: rate [counts/s] and variance without counting noise [(counts/s)^2], each of shape (g,)
         :raises RuntimeError: before :meth:`fit`
         """
-        self._fitted()
-        targets = check_xy(xy)
-        result = np.empty((2, len(targets)))
-        self._predict(_of_points(targets), np.arange(len(targets)), result, progress)
-        return result[0], result[1]
-
-    def _predict(self, places: Places, target: Indices, result: Array, progress: Progress | None) -> None:
-        """Fill in the columns of these numbers of a result of shape (2, g)."""
-        model = self._fitted()
-        self.clipped_variances = done = 0
-        everything = _Box(model.tree.low_m, np.full(2, model.tree.side_m), target)
-        tasks, same = tee(_tasks(model, places, everything) if len(target) else [])
-        for (boxes, _), found in zip(same, self._compute(partial(_krige, model), tasks), strict=False):
-            self.clipped_variances += int(np.count_nonzero(found[1] < 0))
-            numbers = np.concatenate([box.target for box, _ in boxes])
-            result[0, numbers], result[1, numbers] = found[0], np.maximum(found[1], 0.0)
-            done += len(numbers)
+        model, targets = self._fitted(), check_xy(xy)
+        result, done = np.empty((2, len(targets))), 0
+        most = int(np.clip(len(targets) / 64, 64, 8192))  # targets of a task
+        squares = list(model.leaves(targets, model.square(np.arange(len(targets))), most)) if len(targets) else []
+        tasks = ((square, targets[square.target]) for square in squares)
+        for square, found in zip(squares, self._compute(partial(_krige, model), tasks), strict=False):
+            result[:, square.target] = found
+            done += len(square.target)
             if progress is not None:
-                progress(done / len(target))
+                progress(done / len(targets))
+        self.clipped_variances = int(np.count_nonzero(result[1] < 0))
+        return result[0], np.maximum(result[1], 0.0)
 
     def predict_grid(
         self,
@@ -466,12 +271,8 @@ class TiledKriging:
         """
         x, y, wanted = check_raster(x_m, y_m, mask)
         rasters = np.full((2, len(y), len(x)), np.nan)
-        cells = np.flatnonzero(wanted).astype(np.min_scalar_type(wanted.size))
-
-        def places(numbers: Indices, axis: int) -> Array:
-            return y[numbers // len(x)] if axis else x[numbers % len(x)]
-
-        self._predict(places, cells, rasters.reshape(2, -1), progress)
+        row, column = np.nonzero(wanted)
+        rasters[:, wanted] = self.predict(np.column_stack([x[column], y[row]]), progress)
         return rasters[0], rasters[1]
 
     def _fitted(self) -> _Model:
@@ -479,108 +280,53 @@ class TiledKriging:
             raise RuntimeError("the kriging has no samples yet; call fit() first")
         return self._model
 
-    def _with_mean(self, model: _Model, places: Samples) -> _Model:
-        blocks = spatial_blocks(places.xy, max(model.nearest, _BLOCK_PLACES), _BLOCK_PLACES)
-        order = np.concatenate(blocks)
-        ends = np.cumsum([len(block) for block in blocks])
-        sorted_places = Samples(*(a[order] for a in (places.xy, places.counts, places.exposure_s, places.spread)))
-        ranges = list(zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True))
-        information, towards = np.sum(
-            list(self._compute(partial(_mean_sums, model, sorted_places), ranges)), axis=0
-        )
+    def _with_mean(self, model: _Model) -> _Model:
+        blocks = spatial_blocks(model.places.xy, max(model.nearest, _BLOCK_PLACES), _BLOCK_PLACES)
+        ends = np.cumsum([len(block) for block in blocks]).tolist()
+        ordered = replace(model, places=model.some(np.concatenate(blocks)))
+        ranges = list(zip([0, *ends[:-1]], ends, strict=True))
+        information, towards = np.sum(list(self._compute(partial(_mean_sums, ordered), ranges)), axis=0)
         return replace(model, mean=float(towards / information), mean_variance=float(1 / information))
 
 
-def _parts(sides: Array, most_m: float) -> NDArray[np.intp]:
-    """Numbers of parts of both sides of a box: as few as have a half diagonal of at most ``most_m``, or two."""
-    few = np.indices((_MAX_PARTS, _MAX_PARTS)).reshape(2, -1).T + 1
-    fit = few[np.hypot(*(sides / few).T) / 2 <= most_m]
-    if len(fit):
-        return np.asarray(fit[fit.prod(axis=1).argmin()])
-    return np.array([2, 1] if sides[0] >= sides[1] else [1, 2])
-
-
-def _mean_sums(model: _Model, places: Samples, block: tuple[int, int]) -> tuple[float, float]:
-    """1'K^-1 1 and 1'K^-1 z of a block, given the nearest places of the blocks before it."""
+def _mean_sums(model: _Model, block: tuple[int, int]) -> tuple[float, float]:
+    """1'K^-1 1 and 1'K^-1 z of a block of places, given the nearest places of the blocks before it."""
     from scipy.linalg.blas import dtrsm
 
-    start, end = block
-    xy = places.xy[start:end]
-    gap = np.maximum(np.maximum(xy.min(axis=0) - places.xy[:start], places.xy[:start] - xy.max(axis=0)), 0)
+    (start, end), places = block, model.places
+    xy, known = places.xy[start:end], places.xy[:start]
+    gap = np.maximum(np.maximum(xy.min(axis=0) - known, known - xy.max(axis=0)), 0)
     before = np.argsort(np.hypot(gap[:, 0], gap[:, 1]), kind="stable")[: max(model.nearest, _BLOCK_PLACES)]
-    number = np.concatenate([before, np.arange(start, end)])
-    factor = model.factor(places.xy[number], places.exposure_s[number], places.spread[number])
-    right = np.column_stack([np.ones(len(number)), places.rate_cps[number]])
-    ones, rate = dtrsm(1.0, factor, right, lower=1)[len(before) :].T
+    some = model.some(np.concatenate([before, np.arange(start, end)]))
+    right = np.column_stack([np.ones(len(some)), some.rate_cps])
+    ones, rate = dtrsm(1.0, model.factor(some), right, lower=1)[len(before) :].T
     return float(ones @ ones), float(ones @ rate)
 
 
-def _chosen(model: _Model, places: Samples) -> tuple[_Model, Accuracy | None]:
+def _chosen(model: _Model) -> tuple[_Model, Accuracy | None]:
     """The model with the smallest sufficient number of neighbours, judged on tiles around some places."""
-    if len(places) <= NEAREST[-1] // 2:
-        return replace(model, nearest=len(places)), None
-    pilot = np.linspace(0, len(places) - 1, _PILOT_TILES + 2).astype(int)[1:-1]
-    centres = places.xy[np.lexsort(places.xy.T)[pilot]]
-    everything = _Box(model.tree.low_m, np.full(2, model.tree.side_m), np.arange(1))
-    coarsest = replace(model, nearest=NEAREST[-1])
-    tiles = [next(coarsest.leaves(_of_points(centre[None]), everything))[0] for centre in centres]
-    steps = (np.arange(6) + 0.5) / 6
-    lattice = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    points = [tile.low + tile.sides * lattice for tile in tiles]
-    reference = replace(model, nearest=REFERENCE)
-    exact = [reference.krige_tile(tile, xy) for tile, xy in zip(tiles, points, strict=True)]
-    rate, variance = np.hstack(exact)
+    xy = model.places.xy
+    if len(xy) <= NEAREST[-1]:
+        return replace(model, nearest=len(xy)), None
+    pilot = np.linspace(0, len(xy) - 1, _PILOT_TILES + 2).astype(int)[1:-1]
+    centres = xy[np.lexsort(xy.T)[pilot]]
+    lattice = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 6)] * 2), -1).reshape(-1, 2)
     for nearest in NEAREST:
-        tried = replace(model, nearest=nearest)
-        boxes = [everything._replace(target=np.arange(len(xy))) for xy in points]
-        found = np.hstack([_krige(tried, ([(box, False)], xy)) for box, xy in zip(boxes, points, strict=True)])
-        sd = np.sqrt(np.maximum(variance, 1e-300))
-        accuracy = Accuracy(
-            nearest,
-            float(np.max(np.abs(found[0] - rate) / sd)),
-            float(np.max(np.abs(np.sqrt(np.maximum(found[1], 0)) / sd - 1))),
-        )
+        tried, twice = (replace(model, nearest=count) for count in (nearest, 2 * nearest))
+        tiles = [(one, one + lattice * _TILE_RADIUS * tried.radius_m(one) / np.sqrt(2)) for one in centres]
+        found, expected = (np.hstack([each.krige_tile(*tile) for tile in tiles]) for each in (tried, twice))
+        sd, found_sd = np.sqrt(np.maximum(expected[1], 1e-300)), np.sqrt(np.maximum(found[1], 0))
+        rate_error = float(np.max(np.abs(found[0] - expected[0]) / sd))
+        accuracy = Accuracy(nearest, rate_error, float(np.max(np.abs(found_sd / sd - 1))))
         if accuracy.rate_error <= TOLERANCE and accuracy.sd_error <= TOLERANCE:
             break
     return tried, accuracy
 
 
-_Task = tuple[list[tuple[_Box, bool]], Array]
-
-
-def _tasks(model: _Model, places: Places, everything: _Box) -> Iterator[_Task]:
-    """The boxes of the map in parcels of about equal numbers of targets, and the places of these targets."""
-    most = int(np.clip(len(everything.target) / 64, 64, 8192))
-    boxes: list[tuple[_Box, bool]] = []
-    size = 0
-
-    def parcel() -> _Task:
-        target = np.concatenate([box.target for box, _ in boxes])
-        return boxes, np.column_stack([places(target, axis) for axis in (0, 1)])
-
-    for box, is_tile in model.leaves(places, everything, most):
-        boxes.append((box, is_tile))
-        size += len(box.target)
-        if size >= most:
-            yield parcel()
-            boxes, size = [], 0
-    if boxes:
-        yield parcel()
-
-
-def _of_points(xy: Array) -> Places:
-    """Places of targets of shape (g, 2) [m]."""
-    return lambda target, axis: np.asarray(xy[target, axis])
-
-
-def _krige(model: _Model, task: _Task) -> Array:
-    """Rate and variance of the targets of a task, in the order of the task, shape (2, g)."""
-    boxes, xy = task
-    places = _of_points(xy)
-    result, start = np.empty((2, len(xy))), 0
-    for box, is_tile in boxes:
-        here = box._replace(target=np.arange(start, start + len(box.target)))
-        start += len(box.target)
-        for tile, _ in [(here, True)] if is_tile else model.leaves(places, here):
-            result[:, tile.target] = model.krige_tile(tile, xy[tile.target])
+def _krige(model: _Model, task: tuple[_Square, Array]) -> Array:
+    """Rate and variance of the targets of a square, in their order, shape (2, g)."""
+    square, xy = task
+    here, result = square._replace(target=np.arange(len(xy))), np.empty((2, len(xy)))
+    for tile in [here] if square.is_tile else model.leaves(xy, here):
+        result[:, tile.target] = model.krige_tile(tile.low + tile.side / 2, xy[tile.target])
     return result

@@ -355,7 +355,7 @@ def test_negative_variances_are_clipped_counted_and_reported(caplog):
 
 
 def test_a_matrix_beyond_help_is_an_error_with_a_remedy(monkeypatch):
-    monkeypatch.setattr("soilmoist_ros.mapping.kriging.poisson_kriging.JITTER", (0.0,))
+    monkeypatch.setattr("soilmoist_ros.mapping.kriging.system.JITTER", (0.0,))
     xy = np.column_stack([np.linspace(0, 1, 40), np.zeros(40)])
     with pytest.raises(IllConditionedError, match=r"40 samples is not positive definite.*use matern32"):
         PoissonKriging(Variogram("gaussian", 0, 100, 0.3)).fit(xy, np.full(40, 3 * 10**17), np.full(40, 1e17))
