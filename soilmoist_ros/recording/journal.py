@@ -34,12 +34,7 @@ _COMPLETE: Final = "complete"
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry of a journal.
-
-    :param seq: its number; consecutive entries have consecutive numbers
-    :param kind: kind of the entry
-    :param payload: plain data
-    """
+    """An entry of a journal: its number, kind, and plain data. Consecutive entries have consecutive numbers."""
 
     seq: int
     kind: str
@@ -48,12 +43,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Lines:
-    """The content of a journal's file.
-
-    :param entries: whole entries in the order of the file
-    :param problems: problems of the file, in words
-    :param good_bytes: bytes up to the end of the last whole line [bytes], where writing may continue
-    """
+    """Whole entries of a journal's file, its problems, and the end of the last whole line [bytes]."""
 
     entries: tuple[Entry, ...]
     problems: tuple[str, ...]

@@ -216,8 +216,7 @@ class RunConfiguration:
                     continue
                 if all(first.get(name) == values.get(name) for name in _CHOSEN):
                     continue
-            kept = {name: _keep(run / CONFIGURATION, node, name, value) for name, value in values.items()}
-            write_parameters(run, node, kept)
+            write_parameters(run, node, _kept(run, node, values))
             self._written[node] = values
             done.append(node)
         return done
@@ -234,9 +233,12 @@ def _complete(run: Path, node: str, values: Mapping[str, object]) -> bool:
         return False
     missing = {name: value for name, value in values.items() if name not in had}
     if missing:
-        kept = {name: _keep(run / CONFIGURATION, node, name, value) for name, value in missing.items()}
-        write_parameters(run, node, {**had, **kept})
+        write_parameters(run, node, {**had, **_kept(run, node, missing)})
     return bool(missing)
+
+
+def _kept(run: Path, node: str, values: Mapping[str, object]) -> dict[str, object]:
+    return {name: _keep(run / CONFIGURATION, node, name, value) for name, value in values.items()}
 
 
 def _run_of(bag: Path) -> Path:
@@ -295,12 +297,13 @@ def _copies(source: Path, parameter: str, stem: str) -> dict[str, bytes]:
     content = _content(source)
     if content is None:
         raise InputError("cannot be read any more", "check the path and its permissions", source)
-    own = {f"{stem}{source.suffix}": content}
+    name = f"{stem}{source.suffix}"
+    own = {name: content}
     *path, key = _NAMED.get(parameter, ("",))
     try:
         tree = section = read_yaml(source)
-        for name in path:
-            section = section[name]
+        for part in path:
+            section = section[part]
         named = source.parent / section[key]
     except (InputError, KeyError, TypeError):
         return own
@@ -310,7 +313,7 @@ def _copies(source: Path, parameter: str, stem: str) -> dict[str, bytes]:
     section[key] = f"{stem}_{named.name}"
     text = StringIO()
     YAML(typ="rt").dump(tree, text)  # with its comments
-    return {f"{stem}{source.suffix}": text.getvalue().encode(), section[key]: other}
+    return {name: text.getvalue().encode(), section[key]: other}
 
 
 def _content(path: Path) -> bytes | None:

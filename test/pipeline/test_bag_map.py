@@ -7,10 +7,7 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 import json
-import os
 import shutil
-import subprocess
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
@@ -36,7 +33,7 @@ from soilmoist_ros.recording.bag.writer import BagWriter
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.run_folder import CONFIGURATION, write_parameters
 from soilmoist_ros.recording.stored_records import write_records
-from soilmoist_ros.reporting.outputs import write_failed, write_outputs
+from soilmoist_ros.reporting.outputs import write_failed
 from soilmoist_ros.sensing.position.place_doubt import DOUBTS, Doubt, Outcome
 from soilmoist_ros.sensing.records import CountRecord
 from virtual_survey import write_survey
@@ -123,12 +120,6 @@ def edited_site(tmp_path):
     return edit
 
 
-def test_golden_bags_are_small_and_all_are_tested():
-    assert {path.name for path in GOLDEN.iterdir() if (path / "bag").is_dir()} == set(CASES)
-    for case in CASES:
-        assert sum(path.stat().st_size for path in (GOLDEN / case).rglob("*") if path.is_file()) < 200_000
-
-
 @pytest.mark.parametrize(
     ("case", "name"),
     [pytest.param(*one, marks=() if one == ("raw_lines", "raw") else pytest.mark.slow) for one in REPLAYS],
@@ -203,17 +194,6 @@ def test_the_mission_is_replayed_as_it_was(makers, tmp_path):
     assert run.truth_rate is not None
     assert run.mission.settings.strategy == "greedy"
     assert run.mission.soil_map is run.soil_map
-
-
-@pytest.mark.slow
-def test_without_a_truth_there_are_outputs_as_well(tmp_path):
-    replay = replay_bag(GOLDEN / "drive_and_stop")
-    assert all(np.isnan(row.mse) for row in replay.run.mission.series)
-    write_outputs(tmp_path, replay.run)
-    html = (tmp_path / "report.html").read_text()
-    assert "SIMULATED DATA" in html
-    assert "no map, so no error" not in html
-    assert json.loads((tmp_path / "summary.json").read_text())["simulated"] is True
 
 
 @pytest.mark.slow
@@ -337,15 +317,6 @@ def test_other_settings_give_another_map(changes, why):
 
 
 @pytest.mark.slow
-def test_another_calibration_changes_the_moisture_only(edited_site):
-    own = replay_bag(GOLDEN / "raw_lines").run
-    other = replay_bag(GOLDEN / "raw_lines", ReplaySettings(site=edited_site(calibration="{n0_cps: 7.5}"))).run
-    np.testing.assert_array_equal(own.soil_map.rate, other.soil_map.rate)
-    assert np.nanmin(other.soil_map.vwc - own.soil_map.vwc) > 0
-    assert not other.notes
-
-
-@pytest.mark.slow
 def test_other_corrections_need_the_raw_lines(edited_site):
     site = edited_site(corrections="{pressure: {reference_hpa: 950.0}}")
     own = replay_bag(GOLDEN / "raw_lines").run
@@ -386,12 +357,6 @@ def test_raw_lines_alone_and_of_a_robot(tmp_path):
         replay_bag(GOLDEN / "one_stop", ReplaySettings(source="raw"))
 
 
-def test_a_robot_without_a_mission_does_not_get_that_of_another():
-    assert replay_bag(GOLDEN / "two_robots", ReplaySettings(counts_topic="/robot1/counts")).run.mission is None
-    with pytest.raises(InputError, match=r"several topics 'counts'.*/robot1/counts, /robot2/counts"):
-        replay_bag(GOLDEN / "two_robots")
-
-
 @pytest.mark.slow
 def test_the_robot_s_own_records_are_meant_where_another_sensor_s_are_below(tmp_path):
     bag = copy_bag(
@@ -401,16 +366,6 @@ def test_the_robot_s_own_records_are_meant_where_another_sensor_s_are_below(tmp_
     for given, meant in (("counts", "/robot1/counts"), ("/compaction/counts", "/robot2/counts")):
         own = replay_bag(bag, with_files("two_robots", counts_topic=given)).run.track
         assert list(own) == list(replay_bag(GOLDEN / "two_robots", ReplaySettings(counts_topic=meant)).run.track)
-
-
-@pytest.mark.slow
-def test_topics_of_another_namespace_are_found_where_there_is_one_robot(tmp_path):
-    """Records that were remapped into a separate namespace."""
-    bag = copy_bag(
-        GOLDEN / "one_stop" / "bag", tmp_path / "bag",
-        rename=lambda topic: "/sensor/counts" if topic == "/counts" else topic,
-    )  # fmt: skip
-    assert replay_bag(bag, with_files("one_stop")).comparisons == replay_bag(GOLDEN / "one_stop").comparisons
 
 
 @pytest.mark.slow
@@ -441,36 +396,6 @@ def other_field(folder):
         "polygon: [[5000, 0], [5060, 0], [5060, 50], [5000, 50]]\n"
     )
     return str(path)
-
-
-def test_messages_of_others_named_mission_are_ignored(tmp_path):
-    bag = tmp_path / "bag"
-    copy_bag(GOLDEN / "one_stop" / "bag", bag)
-    types = STORE.types
-    kind = "diagnostic_msgs/msg/DiagnosticStatus"
-    pair = types["diagnostic_msgs/msg/KeyValue"]
-    whole = tmp_path / "whole"
-    with AnyReader([bag]) as reader, Writer(whole, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        topics = {c.id: writer.add_connection(c.topic, c.msgtype, typestore=STORE) for c in reader.connections}
-        mission = writer.add_connection("/mission", kind, typestore=STORE)
-        for values in ([], [pair("time_used_s", "soon")], [pair("state", "counting")]):
-            message = types[kind](0, "mission", "", "", values)
-            writer.write(mission, reader.start_time, STORE.serialize_cdr(message, kind))
-        for connection, stamp_ns, data in reader.messages():
-            writer.write(topics[connection.id], stamp_ns, data)
-    assert replay_bag(whole, with_files("one_stop")).run.mission is None
-
-
-@pytest.mark.process
-def test_one_thread_computes_unless_somebody_has_said_otherwise():
-    program = (
-        "import sys; assert 'numpy' not in sys.modules; import soilmoist_ros.mapping, os;"
-        "print(os.environ['OPENBLAS_NUM_THREADS'])"
-    )
-    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
-    for given, wanted in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")):
-        command = [sys.executable, "-c", program]
-        assert subprocess.check_output(command, env={**environment, **given}, text=True).strip() == wanted
 
 
 def failure(bag, settings=None):
@@ -529,17 +454,6 @@ def test_quarantined_records_are_the_cause():
     assert failed.quarantined == {"noisy_tube": 2, "impossible_count": 1}
 
 
-def test_records_of_another_place_are_the_cause(tmp_path):
-    path = tmp_path / "field.yaml"
-    path.write_text("name: east\npolygon_lonlat: [[0.52, 53.26], [0.53, 53.26], [0.53, 53.27], [0.52, 53.27]]\n")
-    failed = failure(GOLDEN / "one_stop", ReplaySettings(field=str(path)))
-    assert failed.why.startswith("All 14 records lie at least 70 km west")
-    assert "sign of the longitude" in failed.todo[0]
-    (loss,) = failed.losses
-    assert (loss.kind, loss.count) == ("outside the field", 14)
-    assert "70 km west of the field" in loss.example
-
-
 def test_faults_that_nodes_reported_are_counted_errors_first(monkeypatch):
     def status(name, level, message):
         return SimpleNamespace(name=name, level=level, message=message)
@@ -574,12 +488,6 @@ def test_faults_that_nodes_reported_are_counted_errors_first(monkeypatch):
         ("logger", "wrong checksum", 1, True),
         ("driver", "old", 2, False),
     ]
-
-
-def test_a_bag_that_cannot_be_read_has_no_report(tmp_path):
-    with pytest.raises(InputError) as caught:
-        replay_bag(tmp_path / "none")
-    assert not isinstance(caught.value, NoMapError)
 
 
 @pytest.fixture

@@ -68,23 +68,6 @@ def test_a_map_that_starts_from_what_was_saved_is_the_same(saved):
         assert band.tobytes() == wanted.tobytes()
 
 
-def test_options_reach_the_map():
-    survey = filled(
-        records(), cell_m=5.0, model="spherical", fit="soft_l1", keep_nugget=False, merge_radius_m=100.0
-    )
-    assert survey.map.grid.cell_m == 5.0
-    assert len(survey.map.state.samples) == 1
-    with pytest.raises(InputError, match="there are too few samples for a map"):
-        survey.run(survey.map.snapshot())
-    survey = filled(records(), model="spherical", fit="soft_l1", keep_nugget=False)
-    assert survey.map.grid.cell_m == 0.5  # the field's own
-    run = survey.run(survey.map.snapshot())
-    assert run.soil_map.variogram.model == "spherical"
-    assert run.soil_map.fit.method == "soft_l1"
-    assert not run.soil_map.kriging.keep_nugget
-    assert run.settings["nugget"] == "filtered"
-
-
 def test_without_a_site_there_is_a_rate_map():
     survey = open_survey("example")
     for record in records():
@@ -92,13 +75,6 @@ def test_without_a_site_there_is_a_rate_map():
     run = survey.run(survey.map.snapshot())
     assert run.title == "Neutron count rate map"
     assert np.isnan(run.soil_map.vwc).all()
-
-
-def test_mistakes_are_told_with_a_remedy():
-    with pytest.raises(InputError, match=r"did you mean 'example'\?"):
-        open_survey("exampel")
-    with pytest.raises(InputError, match=r"cannot be gridded: .*change the cell size"):
-        open_survey("example", cell_m=500.0)
 
 
 def test_a_known_footprint_is_deconvolved_unless_the_site_says_no(tmp_path):
@@ -171,10 +147,6 @@ def test_the_report_has_the_depth_and_radius_of_the_counts_in_the_air_of_the_sur
     sensed = summary(run)["map"]["sensed"]
     assert sensed["depth_d86_cm"] == dict(zip(("mean", "min", "max"), run.sensed.depth_cm, strict=True))
     assert sensed["radius_r86_m"]["max"] > 100
-
-
-def test_without_a_moisture_no_depth_is_known():
-    assert run_of(soil_map(None), Site()).sensed is None
 
 
 def test_corrections_of_the_site_are_listed_with_their_parameters(the_map):

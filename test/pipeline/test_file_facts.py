@@ -95,12 +95,6 @@ def test_doubts_about_a_field(corners, doubts):
     assert all(doubt in text for doubt, text in zip(doubts, found, strict=True))
 
 
-def test_plants_and_road_are_among_the_corrections():
-    site = Site(corrections={"biomass": {"dry_kgm2": 2.0}, "road": {"width_m": 4.0}})
-    (text,) = texts(site_findings(site), "correction")
-    assert "plants (factor 1.018), road (factor 0.9" in text
-
-
 def test_a_site_has_the_moisture_of_its_calibration():
     (moisture,) = texts(site_findings(KANSAS), "moisture")
     assert moisture.startswith(

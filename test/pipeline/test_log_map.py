@@ -46,17 +46,6 @@ def settings(survey, **changes):
     return MapSettings(**{**files, **changes})
 
 
-def test_steps_are_reported_and_the_files_are_inputs(survey):
-    steps = []
-    run = map_logs([survey / "survey.log"], settings(survey), lambda step, share: steps.append(step))
-    assert steps[0] == "reading logs"
-    assert f"fitting the variogram of {len(run.soil_map.samples)} samples" in steps
-    assert [item.role for item in run.inputs] == ["neutron log", "GNSS log", "site", "field"]
-    assert all(len(item.sha256) == 64 for item in run.inputs)
-    assert run.simulated
-    assert len(repr(run)) < 115
-
-
 @pytest.fixture(scope="module")
 def reference(survey, tmp_path_factory):
     """Log of a sensor that stood while the survey went on."""
@@ -103,15 +92,6 @@ def test_the_error_of_a_reference_sensor_is_in_the_map(survey, reference):
     assert mean_sd(run.soil_map, moisture=False) > added
 
 
-@pytest.mark.slow
-def test_a_reference_of_another_time_is_refused(survey, reference, tmp_path):
-    lines = reference.read_text().splitlines()
-    short = tmp_path / "short.log"
-    short.write_text("\n".join(lines[-150:]) + "\n")
-    with pytest.raises(InputError, match=r"short.log: the reference sensor has no good record during the survey"):
-        map_logs([survey / "survey.log"], settings(survey, reference=short))
-
-
 def test_a_reference_that_is_the_survey_is_refused(survey):
     with pytest.raises(
         InputError, match=r"survey.log: is the log of the survey itself.* -> give the log of a second"
@@ -139,23 +119,6 @@ def test_a_reference_stands_still_near_the_survey(places, said):
         return
     with pytest.raises(InputError, match=f"station.log: is of a sensor {said}"):
         require_standing(log, frame, [record])
-
-
-def test_without_a_field_the_surroundings_of_the_track_are_mapped(survey):
-    run = map_logs([survey / "survey.log"], settings(survey, field=None, cell_m=4.0))
-    assert run.field_name == "surroundings of the track"
-    assert np.isfinite(run.soil_map.rate).any()
-
-
-@pytest.mark.slow
-def test_files_may_be_named_as_on_the_command_line(roving_record):
-    for site in ("gypsum_transect", Path("gypsum_transect")):
-        run = map_logs([roving_record], MapSettings(site=site, cell_m=200.0, fit="soft_l1"))
-        assert run.calibration is not None
-    with pytest.raises(InputError, match=r"no shipped site of the name 'gypsum'"):
-        map_logs([roving_record], MapSettings(site="gypsum"))
-    with pytest.raises(InputError, match=r"no shipped field of the name 'frm' .*did you mean 'farm'"):
-        map_logs([roving_record], MapSettings(field="frm"))
 
 
 def test_a_file_of_positions_without_a_fix_is_refused(survey, tmp_path):
@@ -229,12 +192,6 @@ def test_the_wrong_side_of_greenwich_is_named(roving_record, tmp_path):
     assert "write 'longitude: west' in the site file" in said
 
 
-def test_a_field_file_of_the_wrong_hemisphere_is_named(roving_record, tmp_path):
-    site = config_folder() / "sites" / "gypsum_transect.yaml"
-    said = refusal(roving_record, site=site, field=kansas(tmp_path, [[lon, -lat] for lon, lat in CORNERS]))
-    assert "correct the sign of the latitude" in said
-
-
 def test_a_stationary_probe_elsewhere_is_refused(survey, tmp_path):
     """A log without positions: the site file says where the probe stands."""
     site = tmp_path / "site.yaml"
@@ -265,12 +222,6 @@ def test_a_field_beyond_the_correlation_range_is_refused(survey, tmp_path):
     )  # fmt: skip
     assert "west (be" in said
     assert "beyond the correlation range of" in said
-
-
-def test_records_of_the_example_lie_inside(survey):
-    run = map_logs([survey / "survey.log"], settings(survey, cell_m=10.0))
-    inside, placed = run.inside
-    assert inside == placed == len(run.track)
 
 
 @pytest.mark.slow

@@ -87,13 +87,6 @@ def test_one_file_decides_the_order_of_day_and_month_for_the_others(tmp_path):
         read_logs([tmp_path / "a.csv"], None, Site())
 
 
-def test_check_shows_the_first_records_as_they_were_understood(card):
-    result = CliRunner().invoke(main, ["check", "--log", str(card / "DATA0.txt")])
-    expected = "line 2: 2018-01-08 00:03:00 UTC; 150, none counts in 900 s; 1000.0 hPa; 9.0 degC; 80%"
-    assert f"  record      {expected}" in result.output
-    assert "  counts of   N1Cts; left out: N2Cts" in result.output
-
-
 def test_columns_that_are_not_used_are_named(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("Datetime,neutrons,muons,integration_time(s)\n2024-05-01 10:00:00,170,8000,600\n")

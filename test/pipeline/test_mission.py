@@ -135,16 +135,6 @@ def test_the_records_of_a_pause_are_not_counted():
     assert visit.raw_counts == 20 + 23 + 24
 
 
-def test_a_stop_without_a_sample_is_no_visit():
-    statuses = [
-        visit_status(1.0, "travelling"), visit_status(10.0, "counting"), visit_status(12.0, "planning"),
-        visit_status(13.0, "travelling", target="n2"), visit_status(20.0, "counting", target="n2"),
-        visit_status(31.0, "finished", target="", samples=1, counting_s=11.0),
-    ]  # fmt: skip
-    (visit,) = estimate_visits(statuses, [record(30.5, 9)])
-    assert (visit.name, visit.raw_counts) == ("n2", 9)
-
-
 def test_published_visits_of_this_mission_are_taken_as_they_are():
     statuses = [
         visit_status(1.0, "travelling"),
@@ -177,12 +167,3 @@ def test_a_clock_that_is_set_takes_no_visit_out_of_its_mission_and_brings_none_i
         ]
         own = [visit(5.0, began_s), visit(95.0, set_s)]
         assert mission_visits(statuses, [visit(5.0, 0.0), visit(500.0, 5400.0), *own], []) == own
-
-
-def test_the_times_of_estimated_visits_are_those_of_the_mission():
-    statuses = [
-        visit_status(1.0, "travelling"),
-        visit_status(12.0, "counting")._replace(stamp_s=9.0),  # the clock was set back by 3 s
-        visit_status(22.8, "planning", samples=1, counting_s=10.8)._replace(stamp_s=19.8),
-    ]
-    assert [visit.arrived_s for visit in estimate_visits(statuses, [])] == [12.0]

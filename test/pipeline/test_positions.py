@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -261,21 +260,6 @@ def test_which_topic_has_the_positions_is_shown_or_asked_for(tmp_path):
     assert (code, "12 records at 53.27 N" in said) == (0, True)
 
 
-def test_topics_without_messages_are_no_choice(tmp_path):
-    """A recorder lists topics that nobody published to."""
-    types = Types(2)
-    path = bag(tmp_path / "run", types, {"/gps/data": KINDS["fix"](types)}, packed=False)
-    with closing(sqlite3.connect(path / "run.db3")) as base, base:
-        for number, name, like in ((98, "/robot/fix", "/gps/data"), (99, "/notes", "/crns/line")):
-            columns = "type, serialization_format, offered_qos_profiles, type_description_hash"
-            base.execute(
-                f"INSERT INTO topics (id, name, {columns}) SELECT ?, ?, {columns} FROM topics WHERE name = ?",
-                (number, name, like),
-            )
-    code, said = run("check", "--log", path)
-    assert (code, "12 records at 53.27 N" in said) == (0, True), said
-
-
 def test_options_that_a_remedy_names_are_there(tmp_path):
     types = Types(2)
     old = bag(tmp_path / "a.mcap", types, {"/fix": lambda n: types.fix(n, T0 + n - 1024 * 604_800)})
@@ -314,22 +298,6 @@ def test_files_of_two_receivers_are_not_mixed(tmp_path, log):
     )
     code, said = run("check", "--log", both)
     assert (code, "has 60 times with several positions, 111 km apart (median)" in said) == (2, True)
-
-
-def test_swapped_coordinates_are_doubted(tmp_path, log):
-    rows = [f"{T0 + n:.0f},{place(n)[1]},{place(n)[0]}" for n in range(SECONDS)]
-    (tmp_path / "a").write_text("\n".join(["time,lat,lon", *rows]))
-    for command in (("check", "--log", log), ("map", log, "--out", tmp_path / "out")):
-        code, said = run(*command, "--nmea", tmp_path / "a")
-        assert (code, "with latitude and longitude swapped it is near Nettleham" in said) == (0, True), said
-
-
-def test_a_file_without_its_metadata_has_lines_and_positions(tmp_path):
-    types = Types(2)
-    folder = tmp_path / "folder"
-    folder.mkdir()
-    bag(folder / "a.mcap", types, {"/fix": KINDS["fix"](types)})
-    assert "12 records at 53.27 N" in run("check", "--log", folder)[1]
 
 
 def test_positions_of_a_type_that_cannot_be_read_are_named(tmp_path):
@@ -371,18 +339,6 @@ def test_quality_9_and_a_part_of_the_track_and_no_date(tmp_path, log):
     page = (tmp_path / "out" / "report.html").read_text()
     assert "the receiver has no position at the time of this record" in page
     assert "its positions are from 2026-05-14 09:00:00 to 2026-05-14 09:01:01 UTC" in page
-
-
-@pytest.mark.parametrize("text", ["yesterday", "2026-05-14 25:00"])
-def test_times_and_durations_that_cannot_be_read_are_refused(tmp_path, log, text):
-    code, said = run("map", log, "--out", tmp_path / "out", "--from", text)
-    assert (code, "2026-05-02T14:30Z" in said) == (2, True)
-    code, said = run("map", log, "--out", tmp_path / "out", "--gnss-shift", "18")
-    assert (code, "such as -18s or 1024w" in said) == (2, True)
-    code, said = run("map", log, "--out", tmp_path / "out", "--from", "2026-05-15", "--to", "2026-05-14")
-    assert (code, "--from must be before --to" in said) == (2, True)
-    code, said = run("map", log, "--out", tmp_path / "out", "--from", "2026-05-15")
-    assert (code, "the log lasts from 2026-05-14 09:00:10 to 2026-05-14 09:02:00 UTC" in said) == (2, True)
 
 
 @pytest.mark.parametrize(

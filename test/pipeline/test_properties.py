@@ -13,13 +13,12 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from soilmoist_ros.cli.main import main
 from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.foundation.geodesy import LocalFrame
 from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
-from soilmoist_ros.pipeline.properties import RecordedPlaces, recorded_places
+from soilmoist_ros.pipeline.properties import RecordedPlaces
 from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters, write_parameters
 
 GOLDEN = Path(__file__).resolve().parent.parent / "golden" / "drive_and_stop"
@@ -80,16 +79,6 @@ def test_without_its_settings_it_is_mapped_like_the_first_but_without_the_calibr
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("properties", "mission"), [([], True), (["clay"], True), (["/elsewhere/salt"], True), (["salt"], False)]
-)
-def test_it_is_mapped_whether_the_planner_knew_it_or_not(run_with, properties, mission):
-    run = replay_bag(run_with(properties, mission=mission)).run
-    assert [one.name for one in run.properties] == ["moisture", "salt"]
-    assert (run.mission is not None) == mission
-
-
-@pytest.mark.slow
 def test_properties_are_chosen_by_name(run_with):
     run = run_with(["salt"])
     for chosen in (["salt"], ["moisture"], ["salt", "moisture"]):
@@ -106,18 +95,6 @@ def test_one_alone_is_a_replay_of_its_own(run_with):
     run = replay_bag(run_with(["salt"]), ReplaySettings(counts_topic="/salt/counts")).run
     assert run.mission is None
     assert [one.name for one in run.properties] == ["salt"]
-
-
-@pytest.mark.slow
-def test_the_command_writes_all_maps_and_says_so(run_with, tmp_path, capsys):
-    out = tmp_path / "out"
-    command = ["replay", str(run_with(["salt:2"])), "--truth", "salt=half-wet", "--out", str(out)]
-    main(command, standalone_mode=False)
-    said = capsys.readouterr().out
-    assert "property   salt, " in said
-    assert "map_salt.tif" in said
-    assert {"map_salt.tif", "samples_salt.geojson"} <= {path.name for path in out.iterdir()}
-    assert ": Rate uncertainty" in (out / "report.html").read_text()
 
 
 @pytest.mark.parametrize(
@@ -167,24 +144,11 @@ def test_a_field_with_another_datum_is_mapped_where_the_robot_was(tmp_path):
         np.testing.assert_allclose(frame.to_geographic([(one.x_m, one.y_m)]), known, atol=1e-9)
 
 
-def test_a_field_elsewhere_is_refused(tmp_path):
-    path = field_file(tmp_path, LocalFrame(53.268, 0.5245), FIELD.polygon)
-    with pytest.raises(
-        InputError, match=r"All 14 records lie at least 70 km west .* Correct the sign of the longitude"
-    ):
-        replay_bag(RECORDED, ReplaySettings(field=str(path)))
-
-
 def test_visits_are_converted_with_their_stops():
     other = dataclasses.replace(FIELD, frame=LocalFrame(53.269, -0.5245))
     (moved,) = RecordedPlaces(FIELD.frame, other).visits([Visit("a", 5.0, 6.0, 0.0, 1.0, 3, "why")])
     assert (moved.x_m, moved.y_m) == pytest.approx((5.0, 6.0 - 111.3), abs=0.1)
     assert np.isnan(moved.stop_x_m)
-
-
-def test_without_a_configuration_the_places_are_those_of_the_field(tmp_path):
-    assert recorded_places(None, FIELD).recorded == FIELD.frame
-    assert recorded_places(RECORDED / "configuration", FIELD).recorded == FIELD.frame
 
 
 def test_a_field_on_the_other_side_of_the_earth_is_refused(tmp_path):

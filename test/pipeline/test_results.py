@@ -64,21 +64,6 @@ def test_a_calibration_with_a_part_missing_is_refused(tmp_path, key):
         curve_of({"calibration": calibration}, tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "5", '"text"', "null", "[" * 5000])
-def test_what_is_no_object_is_refused(tmp_path, text):
-    path = tmp_path / "summary.json"
-    path.write_text(text)
-    for read, given in ((read_summary, tmp_path), (read_features, path)):
-        with pytest.raises(InputError, match=r"summary\.json"):
-            read(given)
-
-
-def test_a_summary_without_an_end_is_not_read(tmp_path):
-    (tmp_path / "summary.json").symlink_to("/dev/null")
-    with pytest.raises(InputError, match="not a regular file"):
-        read_summary(tmp_path)
-
-
 @pytest.mark.parametrize("feature", [5, {}, {"properties": {}}, {"properties": {}, "geometry": None}])
 def test_a_feature_has_a_geometry_and_properties(tmp_path, feature):
     path = tmp_path / "samples.geojson"

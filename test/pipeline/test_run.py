@@ -8,9 +8,7 @@ import json
 from dataclasses import replace
 from datetime import UTC, datetime
 
-import pytest
-
-from soilmoist_ros.pipeline.run import FailedRun, InputFile, LossRow, NoMapError, Trouble
+from soilmoist_ros.pipeline.run import FailedRun, InputFile, LossRow, Trouble
 from soilmoist_ros.recording.stored_records import read_records
 from soilmoist_ros.reporting.outputs import write_failed
 from soilmoist_ros.reporting.page.report import failed_facts, render_failed
@@ -33,12 +31,6 @@ FAILED = FailedRun(
     losses=[LossRow("outside the field", 1, "at x = 5 m", "lost", "check the field file")],
     troubles=[Trouble("sensor_driver: logger", "records have a wrong checksum", 12, error=True)],
 )
-
-
-def test_the_error_says_why_and_what_to_do():
-    error = NoMapError(FAILED)
-    assert str(error) == "no map: All 2 records lie 70 km west of the field 'north <1>' -> Correct the sign"
-    assert error.failed is FAILED
 
 
 def test_what_was_counted():
@@ -83,8 +75,3 @@ def test_the_page_says_why_first_and_escapes_names():
     assert "<1>" not in html
     assert "2 February 2026" in html
     assert "The mission" not in html
-
-
-@pytest.mark.parametrize("track", [(), TRACK[:1]])
-def test_a_page_without_a_chart(track):
-    assert "Rate over time" not in render_failed(replace(FAILED, track=track, losses=(), troubles=(), inputs=()))

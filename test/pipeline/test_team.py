@@ -12,7 +12,6 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.pipeline import ReplaySettings, replay_bag
 from soilmoist_ros.recording.run_folder import CONFIGURATION, read_parameters, write_parameters
 
@@ -80,19 +79,6 @@ def test_the_records_of_all_are_mapped_and_each_has_its_mission(run_of):
     assert np.all(np.diff([row.time_s for row in mission.series]) >= 0)
     assert mission.ended == f"robot 1: {single.ended}; robot 2: {single.ended}"
     assert len(team.tracks_xy) == 2
-
-
-@pytest.mark.slow
-def test_one_of_them_can_be_mapped_alone(run_of):
-    run = run_of(list(ROBOTS))
-    (one, two) = (replay_bag(run, ReplaySettings(counts_topic=f"/{robot}/counts")).run.track for robot in ROBOTS)
-    assert abs(len(one) - len(two)) <= 1
-    assert {record.stamp_s for record in one}.isdisjoint({record.stamp_s for record in two})
-
-
-def test_robots_whose_mapper_maps_one_of_them_are_no_team(run_of):
-    with pytest.raises(InputError, match="has several topics 'counts'"):
-        replay_bag(run_of([]))
 
 
 @pytest.mark.slow

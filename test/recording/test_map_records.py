@@ -170,16 +170,6 @@ def test_records_of_which_nobody_says_whose_they_are_are_doubted_with_any_robot(
     assert [each.x_m for each in found] == [1.0, 1.0], "the place of another robot is not known"
 
 
-def test_what_a_mapper_does_not_take_is_sent_less_and_less_often():
-    one, two = team("/robot_1", "/robot_2").values()
-    one.records.take(RECEIVED, [record(1, 0)])
-    one.exchange.update(0.0)
-    held = two.exchange.held()
-    sent = [now_s for now_s in range(0, 4 * 3600, 10) if one.exchange.missed("/robot_2", held, now_s)]
-    assert sent[:4] == [20, 80, 200, 440]
-    assert len(sent) <= 10
-
-
 @pytest.mark.parametrize("order", [*permutations(range(3))])
 def test_a_record_counts_once_in_whichever_way_it_comes_first(order):
     robot, found = Robot(), [record(1, 0)]

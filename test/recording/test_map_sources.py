@@ -35,7 +35,6 @@ from soilmoist_ros.recording.journal import ENTRIES, Journal, load_journal
 from soilmoist_ros.recording.map_records import RECEIVED, MapRecords
 from soilmoist_ros.recording.map_sources import (
     DRIVER,
-    OWN,
     SESSION,
     MapSources,
     RecordLog,
@@ -142,27 +141,6 @@ def test_a_record_of_several_sources_counts_once_and_twins_of_one_source_twice()
     assert field_map.state.records == 5
     assert [one.stamp_s for one in field_map.track] == sorted(one.stamp_s for one in field_map.track)
     assert records.read_anew("bag", [many[0], twin, many[3]]) == []
-
-
-def test_robots_of_a_team_do_not_make_the_map_again_for_each_record():
-    many = published(4)
-    field_map = FieldMap(GRID)
-    records = MapRecords(field_map, late_s=60.0)
-    records.take(RECEIVED, [many[2]])
-    records.take("log", [many[1]])
-    assert [one.stamp_s for one in field_map.track] == [many[2].stamp_s, many[1].stamp_s]
-
-
-def test_unreadable_messages_stay_counted_when_the_map_is_made_again():
-    from soilmoist_ros.mapping.records import Skip
-
-    many = published(3)
-    field_map = FieldMap(GRID)
-    records = MapRecords(field_map)
-    field_map.skip(Skip.UNREADABLE, "no points")
-    records.take(RECEIVED, many[1:])
-    records.take("log", many[:1])
-    assert (field_map.state.records, field_map.skipped[Skip.UNREADABLE].count) == (3, 1)
 
 
 def test_a_reset_outlives_a_restart(tmp_path):
@@ -376,38 +354,6 @@ def test_a_disk_that_becomes_read_only_after_a_sync_that_failed_loses_no_record(
     assert RecordTail(tmp_path / DRIVER, "map").read().records == records
 
 
-def test_what_a_full_disk_has_taken_stays_in_the_log(tmp_path, monkeypatch):
-    records, log, tail = published(5), RecordLog(tmp_path / DRIVER, "map"), RecordTail(tmp_path / DRIVER, "map")
-    write, free = os.write, [2]
-
-    def full(descriptor, data):
-        if not free[0]:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        free[0] -= 1
-        return write(descriptor, data)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "write", full)
-        for new in (records[:4], records[4:]):
-            with pytest.raises(OSError, match="No space"):
-                log.write(new)
-        assert RecordTail(tmp_path / DRIVER, "map").read().records == tail.read().records == records[:2]
-    log.close()
-    assert tail.read().records == records[2:]
-
-
-def test_many_records_are_not_written_again_each_time(tmp_path, monkeypatch):
-    records, log, syncs = published(1) * 1001, RecordLog(tmp_path / DRIVER, "map"), []
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "fdatasync", lambda _: [syncs.append(1), refuse(errno.EIO)()])
-        for new in (records, *[[]] * 20):
-            with pytest.raises(OSError, match="Input/output"):
-                log.write(new)
-    assert len(syncs) == 1
-    log.close()
-    assert len(RecordTail(tmp_path / DRIVER, "map").read().records) == 1001
-
-
 def test_a_log_that_is_closed_writes_what_waits(tmp_path, disk, caplog):
     records = published(3)
     log = RecordLog(tmp_path / DRIVER, "map")
@@ -423,16 +369,3 @@ def test_a_log_that_is_closed_writes_what_waits(tmp_path, disk, caplog):
         log.write(published(1, seed=2))
     log.close()
     assert "1 records are lost" in caplog.text
-
-
-def test_a_mapper_writes_what_a_full_disk_refused_before_it_is_killed(tmp_path, disk):
-    session, records = open_session(tmp_path / "records", None, True), published(4)
-    sources = MapSources(MapRecords(FieldMap(GRID)), session)
-    disk.append("full")
-    sources.received(records)
-    assert "not on the disk" in sources.problem
-    disk.clear()
-    sources.poll()
-    assert not sources.problem
-    assert RecordTail(session / OWN, "map").read().records == records  # nothing is left to its end
-    sources.close()

@@ -16,7 +16,6 @@ from soilmoist_ros.mapping.field import load_field
 from soilmoist_ros.pipeline.bag_map import ReplaySettings, robot_survey
 from soilmoist_ros.recording.run_folder import (
     RunConfiguration,
-    bag_of,
     configuration_of,
     copy_configuration,
     read_parameters,
@@ -89,10 +88,6 @@ def test_a_run_may_be_moved(tmp_path):
     assert found == {**names, "field": str(tmp_path / "moved" / "configuration" / "field.yaml")}
 
 
-def test_no_parameters():
-    assert read_parameters(None, "mapper") == {}
-
-
 @pytest.mark.parametrize(
     "content", ["", "3", "a: 1", "a: {b: 1}", "[]", "a: {ros__parameters: 3}", "{}", "a:\n  - 1"]
 )
@@ -102,12 +97,6 @@ def test_other_files_are_refused(tmp_path, content):
     with pytest.raises(InputError, match="is not a file of node parameters") as caught:
         read_parameters(tmp_path, "mapper")
     assert caught.value.mistakes[0].path == tmp_path / "mapper.yaml"
-
-
-def test_a_folder_that_cannot_be_written(tmp_path):
-    (tmp_path / "configuration").write_text("in the way")
-    with pytest.raises(InputError, match="choose another output folder"):
-        write_parameters(tmp_path, "mapper", {})
 
 
 def test_where_the_configuration_of_a_bag_is(tmp_path):
@@ -123,22 +112,6 @@ def test_where_the_configuration_of_a_bag_is(tmp_path):
     assert [configuration_of(path) for path in (run, bag, file)] == [run / "configuration"] * 3
     (bag / "configuration").mkdir()
     assert [configuration_of(path) for path in (bag, file)] == [bag / "configuration"] * 2
-
-
-def test_the_bag_of_a_run(tmp_path):
-    run = tmp_path / "run.2026"
-    (run / "bag").mkdir(parents=True)
-    assert bag_of(run) == run / "bag"
-    assert bag_of(run / "bag") == run / "bag"
-    assert bag_of(tmp_path / "none") == tmp_path / "none"
-
-
-def test_a_file_is_replaced_wholly(tmp_path):
-    path = tmp_path / "state"
-    write_whole(path, b"one")
-    write_whole(path, b"two")
-    assert path.read_bytes() == b"two"
-    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_the_file_before_stays_if_the_new_one_does_not_reach_the_disk(tmp_path, monkeypatch):
@@ -241,14 +214,6 @@ def test_changes_and_new_bags_are_written_what_others_wrote_is_left_alone(files,
     second.mkdir()
     assert configuration.write(second) == ["mapper", "planner"]
     assert read_parameters(configuration_of(second), "planner") == {"hours": 2.0}
-
-
-def test_names_of_files_of_another_computer_are_kept_as_they_are(tmp_path):
-    configuration = RunConfiguration()
-    values = {"field": "/nowhere/field.yaml", "site": "", "graph": "free", "name": "example"}
-    configuration.take("mapper", values)
-    configuration.write(tmp_path)
-    assert read_parameters(tmp_path / "configuration", "mapper") == values
 
 
 def test_what_cannot_be_written_is_reported_and_retried(files, tmp_path):

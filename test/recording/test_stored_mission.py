@@ -4,7 +4,6 @@
 
 import errno
 import os
-import time
 from contextlib import closing
 from dataclasses import replace
 
@@ -18,7 +17,7 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.recording.journal import ENTRIES, Journal
-from soilmoist_ros.recording.stored_mission import MARK, MAX_CRASHES, WINDOW_S, ProcessMark, StoredMission
+from soilmoist_ros.recording.stored_mission import MAX_CRASHES, WINDOW_S, ProcessMark, StoredMission
 
 RULES = MissionRules(budget_s=3600.0, dwell=parse_dwell("fmi:60"))
 STARTED = (Moved(1.0, 0.0, 0.0), Command(2.0, Verb.START))
@@ -115,14 +114,6 @@ def test_a_mission_that_is_forgotten_may_have_left_the_robot_driving(tmp_path):
     assert not start(tmp_path / "driving", "ask").left_driving, "it is taken up, which stops the robot"
 
 
-def test_long_after_a_crash_resume_decides(tmp_path):
-    run(tmp_path, STARTED)
-    long_ago_s = time.time() - 3600.0
-    os.utime(tmp_path / ENTRIES, (long_ago_s, long_ago_s))
-    assert not start(tmp_path).resumes
-    assert start(tmp_path, limit_s=0.0).mission is not None
-
-
 def test_a_paused_mission_waits_for_the_operator(tmp_path):
     run(tmp_path, PAUSED)
     again = start(tmp_path)
@@ -173,12 +164,6 @@ def test_a_crash_after_the_end_of_a_mission_starts_no_other_one(tmp_path):
     assert not start(tmp_path, "fresh").starts
 
 
-def test_without_a_journal_nothing_is_found():
-    stored = StoredMission(None, RULES, "auto", 60.0)
-    assert (stored.mission, stored.resumes, stored.starts) == (None, False, True)
-    stored.close()
-
-
 NOW_S, LIMIT_S = 1.78e9, 60.0
 
 
@@ -196,10 +181,6 @@ def marked(tmp_path):
         return mark
 
     return make
-
-
-def test_the_first_start_is_after_no_crash(marked):
-    assert not marked(0.0).after_crash
 
 
 def test_a_crash_is_recognised_until_the_limit(marked):
@@ -220,9 +201,3 @@ def test_a_process_that_crashes_again_and_again_is_not_trusted(marked):
     marked(0.0)
     assert [marked(10.0 * number).after_crash for number in range(1, 6)] == [True] * MAX_CRASHES + [False] * 2
     assert marked(60.0 + WINDOW_S).after_crash
-
-
-def test_a_damaged_mark_is_no_crash(marked, tmp_path):
-    for text in ("", "{", "[1]"):
-        (tmp_path / MARK).write_text(text)
-        assert not marked(5.0).after_crash

@@ -19,7 +19,7 @@ from soilmoist_ros.exploration.planning.dwell import parse_dwell
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.journal import Journal
 from soilmoist_ros.recording.stored_records import COLUMNS, RECORDS, read_earlier, read_records, write_records
-from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, NAN, CountRecord
+from soilmoist_ros.sensing.records import FIRST_STAMP_S, LAST_STAMP_S, CountRecord
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 records = st.builds(
@@ -45,12 +45,6 @@ def test_tables_of_earlier_releases_have_no_quarantine(tmp_path):
     assert path.read_text().splitlines()[0].endswith(",quarantine")
     path.write_text("".join(line.rpartition(",")[0] + "\n" for line in path.read_text().splitlines()))
     assert read_records(path) == [CountRecord(1.0, 2.0, 3.0, 4.5, 7, 10.0, 9.0)]
-
-
-def test_a_missing_position_stays_missing(tmp_path):
-    write_records(tmp_path / "records.csv", [CountRecord(1.5, NAN, NAN, NAN, 4, 10.0, 9.0)])
-    (found,) = read_records(tmp_path / "records.csv")
-    assert str(found) == str(CountRecord(1.5, NAN, NAN, NAN, 4, 10.0, 9.0))
 
 
 @pytest.mark.parametrize(
@@ -87,16 +81,6 @@ def test_a_damaged_table_is_refused_with_the_line(tmp_path, change, message):
             read_records(path)
     finally:
         csv.field_size_limit(limit)
-
-
-def test_what_is_no_table_is_refused(tmp_path):
-    (tmp_path / "records.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="is not text"):
-        read_records(tmp_path / "records.csv")
-    with pytest.raises(InputError, match="cannot be read"):
-        read_records(tmp_path / "none.csv")
-    with pytest.raises(InputError, match="cannot be written"):
-        write_records(tmp_path / "none" / "records.csv", [])
 
 
 CLOUD = "sensor_msgs/msg/PointCloud2"

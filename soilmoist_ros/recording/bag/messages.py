@@ -25,22 +25,12 @@ QUARANTINED: Final = "quarantined_counts"
 """Topic of the records that are quarantined, next to ``counts``."""
 REASON: Final = "reason"
 """Field of ``quarantined_counts``: number of the reason."""
-REASONS: Final[Mapping[int, str]] = MappingProxyType(
-    {
-        1: Kind.NOISY_TUBE.value,
-        2: Kind.DEAD_TUBE.value,
-        3: Kind.STUCK_TUBE.value,
-        4: Kind.IMPOSSIBLE_COUNT.value,
-        5: Kind.IMPOSSIBLE_WEATHER.value,
-        6: Kind.FROZEN_PRESSURE.value,
-        7: Kind.PLACE_JUMP.value,
-        8: Kind.CLOCK_DRIFT.value,
-        9: Kind.OVERDISPERSED.value,
-        10: Kind.UNEXPECTED_COUNT.value,
-        11: Kind.RATE_JUMP.value,
-        12: Kind.PLACE_DOUBT.value,
-    }
+_KINDS: Final = (
+    *(Kind.NOISY_TUBE, Kind.DEAD_TUBE, Kind.STUCK_TUBE, Kind.IMPOSSIBLE_COUNT, Kind.IMPOSSIBLE_WEATHER),
+    *(Kind.FROZEN_PRESSURE, Kind.PLACE_JUMP, Kind.CLOCK_DRIFT, Kind.OVERDISPERSED, Kind.UNEXPECTED_COUNT),
+    *(Kind.RATE_JUMP, Kind.PLACE_DOUBT),
 )
+REASONS: Final[Mapping[int, str]] = MappingProxyType({number: kind.value for number, kind in enumerate(_KINDS, 1)})
 """Reason codes by number. Bags hold the numbers: they never change, new ones are added at the end."""
 UNKNOWN_REASON: Final = "unknown_reason"
 """Reason code of a number that is not in the table, such as 0."""
@@ -103,23 +93,22 @@ def count_records(cloud: PointCloud) -> list[CountRecord]:
     if int(cloud.height) * int(cloud.width) > _MAX_RECORDS:
         raise ValueError(f"it has {int(cloud.height) * int(cloud.width)} records, more than {_MAX_RECORDS}")
     table = points(cloud).ravel()
-    missing = [name for name in _COUNTS if name not in (table.dtype.names or ())]
+    names = table.dtype.names or ()
+    missing = [name for name in _COUNTS if name not in names]
     if missing:
-        raise ValueError(
-            f"the points have no field {', '.join(missing)}, only: {', '.join(table.dtype.names or ())}"
-        )
-    stamp_s = cloud.header.stamp.sec + cloud.header.stamp.nanosec * 1e-9
-    offsets = table[STAMP_OFFSET] if STAMP_OFFSET in (table.dtype.names or ()) else np.zeros(len(table))
+        raise ValueError(f"the points have no field {', '.join(missing)}, only: {', '.join(names)}")
     # Columns of plain numbers are ten times faster than one point after the other.
-    columns = [
+    columns: list[list[Any]] = [
         table[name].astype(np.int64 if name == "raw_counts" else np.float64).reshape(len(table)).tolist()
         for name in _COUNTS
     ]
-    stamps_s = (stamp_s + offsets.astype(np.float64).reshape(len(table))).tolist()
-    if REASON not in (table.dtype.names or ()):
-        return [CountRecord(*values) for values in zip(stamps_s, *columns, strict=True)]
-    reasons = [REASONS.get(int(number), UNKNOWN_REASON) for number in table[REASON].reshape(len(table)).tolist()]
-    return [CountRecord(*values) for values in zip(stamps_s, *columns, reasons, strict=True)]
+    stamp_s = cloud.header.stamp.sec + cloud.header.stamp.nanosec * 1e-9
+    offsets = table[STAMP_OFFSET] if STAMP_OFFSET in names else np.zeros(len(table))
+    columns.insert(0, (stamp_s + offsets.astype(np.float64).reshape(len(table))).tolist())
+    if REASON in names:
+        numbers = table[REASON].reshape(len(table)).tolist()
+        columns.append([REASONS.get(int(number), UNKNOWN_REASON) for number in numbers])
+    return [CountRecord(*values) for values in zip(*columns, strict=True)]
 
 
 def quarantined_topic(counts: str) -> str:
@@ -168,7 +157,7 @@ def visit_of(message: Any, robot: int = 1) -> Visit:
             records=int(message.records),
             exposure_s=float(message.exposure_s),
             effective_exposure_s=float(message.effective_exposure_s),
-            ended=_end(str(message.reason_code)),
+            ended=VisitEnd(code) if (code := str(message.reason_code)) in set(VisitEnd) else VisitEnd.UNKNOWN,
             outcome=foreign_text(str(message.reason)),
             dwell=foreign_text(str(message.dwell_rule)),
             arrival_stamp_s=_seconds(message.arrival),
@@ -178,13 +167,6 @@ def visit_of(message: Any, robot: int = 1) -> Visit:
         )
     except AttributeError as error:
         raise ValueError(f"the message is not a visit: {error}") from None
-
-
-def _end(code: str) -> VisitEnd:
-    try:
-        return VisitEnd(code)
-    except ValueError:
-        return VisitEnd.UNKNOWN
 
 
 def _seconds(stamp: Any) -> float:

@@ -9,11 +9,11 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from io import StringIO
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from ruamel.yaml import YAML
 
@@ -182,12 +182,7 @@ class Qos:
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag.
-
-    :param name: full name
-    :param definition: definition of its type
-    :param offered: quality of service that its publishers offer
-    """
+    """A topic of a bag by its full name, and the quality of service that its publishers offer."""
 
     name: str
     definition: Definition
@@ -221,12 +216,7 @@ class Extent:
 
 @dataclass
 class Content:
-    """Topics and messages of a file.
-
-    :param topics: its topics
-    :param counts: number of messages of each topic, by name
-    :param extent: all messages
-    """
+    """Topics of a file, the number of messages of each by name, and all its messages."""
 
     topics: list[Topic] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
@@ -240,11 +230,7 @@ class Content:
 
 @dataclass(frozen=True)
 class BagFile:
-    """A file of a bag.
-
-    :param name: name of the file
-    :param extent: its messages
-    """
+    """A file of a bag by its name."""
 
     name: str
     extent: Extent
@@ -315,8 +301,7 @@ def qos_from_yaml(text: str) -> tuple[Qos, ...]:
         return ()
 
 
-@dataclass(frozen=True)
-class Request:
+class Request(NamedTuple):
     """Quality of service that a recorder requests for a topic.
 
     :param reliable: whether lost messages are sent again
@@ -334,12 +319,8 @@ class Request:
 
     def weakened(self, other: Request) -> Request:
         """The common part of both requests."""
-        return replace(
-            self,
-            reliable=self.reliable and other.reliable,
-            latched=self.latched and other.latched,
-            depth=max(self.depth, other.depth),
-        )
+        reliable, latched = self.reliable and other.reliable, self.latched and other.latched
+        return Request(reliable, latched, max(self.depth, other.depth))
 
 
 def request_for(offered: Sequence[Qos]) -> Request:
@@ -348,9 +329,9 @@ def request_for(offered: Sequence[Qos]) -> Request:
     :param offered: quality of service of each publisher, at least one
     """
     return Request(
-        reliable=all(qos.reliability == "reliable" for qos in offered),
-        latched=all(qos.durability == "transient_local" for qos in offered),
-        depth=max(_KEEP_AT_LEAST, sum(qos.depth for qos in offered)),
+        all(qos.reliability == "reliable" for qos in offered),
+        all(qos.durability == "transient_local" for qos in offered),
+        max(_KEEP_AT_LEAST, sum(qos.depth for qos in offered)),
     )
 
 

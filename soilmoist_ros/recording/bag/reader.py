@@ -33,13 +33,7 @@ GIVE: Final = "give the folder of a bag, or an MCAP, db3 or ROS 1 .bag file"
 
 @dataclass(frozen=True, slots=True)
 class BagMessage:
-    """A message of a bag.
-
-    :param topic: full name of its topic
-    :param type_name: name of its type, as in ``std_msgs/msg/String``
-    :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
-    :param data: the message in CDR
-    """
+    """A message of a bag in CDR, with its topic, type, and the time of its receipt [ns since 1970-01-01 UTC]."""
 
     topic: str
     type_name: str

@@ -35,16 +35,13 @@ _RECOVER: Final = "to restore what it has: soilmoist bag recover"
 class RecorderState:
     """State of a recorder.
 
-    :param recording: whether it was started and not stopped
     :param bag: folder of the bag, ``None`` until it is made
     :param messages: messages written to the bag
     :param dropped: messages lost because the disk was too slow, full or gone
-    :param waiting_bytes: size of messages that wait for the writer [bytes]
-    :param size_bytes: size of the bag [bytes]
     :param rate_bps: bytes written in a second, over the last minutes [B/s]; 0 if unknown
     :param deleted: files of the bag that were deleted for space
     :param gone: bags that were deleted or moved while they were recorded, in words
-    :param topics: topics with messages in the bag
+    :param topics: number of topics with messages in the bag
     :param problem: what prevents writing now; empty without a problem
     """
 

@@ -106,11 +106,9 @@ class Excess:
 
 @dataclass(frozen=True)
 class _Closed:
-    """A bag that was closed.
+    """A bag that was closed, its size [bytes] and number (0 for none).
 
-    :param size: size of its files [bytes]
     :param changed_s: when its metadata were written, by the clock of then [s since 1970-01-01 UTC]
-    :param number: its number; 0 if it has none
     :param closed_s: when it was closed, if the clock was right [s since 1970-01-01 UTC]
     """
 

@@ -53,13 +53,7 @@ Record = tuple[int, bytes]
 
 @dataclass(frozen=True, slots=True)
 class ScannedMessage:
-    """A message of a file.
-
-    :param topic: its topic
-    :param log_ns: time at which it was received [ns since 1970-01-01 UTC]
-    :param publish_ns: time at which it was published [ns since 1970-01-01 UTC]
-    :param data: the message in CDR
-    """
+    """A message of a file in CDR, and when it was received and published [ns since 1970-01-01 UTC]."""
 
     topic: Topic
     log_ns: int

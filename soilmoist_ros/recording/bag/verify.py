@@ -51,11 +51,7 @@ _MIN_GAP_S: Final = 1.0
 
 @dataclass(frozen=True)
 class Gap:
-    """A silence of an otherwise regular topic.
-
-    :param start_s: time of the last message before it [s since 1970-01-01 UTC]
-    :param duration_s: its length [s]
-    """
+    """A silence of an otherwise regular topic, from the last message before it [s since 1970-01-01 UTC]."""
 
     start_s: float
     duration_s: float
@@ -315,14 +311,7 @@ def _split_number(path: Path) -> tuple[int, str]:
 
 @dataclass(frozen=True)
 class RecoveredBag:
-    """Result of a recovery.
-
-    :param source: the bag that was read
-    :param folder: the bag that was written
-    :param extent: the messages in it
-    :param counts: number of messages of each topic
-    :param problems: problems of the source, in words
-    """
+    """A bag that was written in ``folder``, its messages by topic, and the problems of its source."""
 
     source: Path
     folder: Path

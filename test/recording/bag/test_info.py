@@ -7,8 +7,7 @@ import pytest
 from bags import NOTES, PRESSURE, START_NS, number_message, text_message
 from rich.console import Console
 
-from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.recording.bag.info import info_table, print_plain, recovery_table, size_text
+from soilmoist_ros.recording.bag.info import info_table, print_plain, recovery_table
 from soilmoist_ros.recording.bag.verify import bag_info, find_gaps, recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
 
@@ -53,22 +52,6 @@ def test_a_terminal_shows_names_of_topics_and_obeys_nothing_in_them(tmp_path, na
         assert "\x1b]" not in text
 
 
-def test_an_unclosed_bag_says_what_to_do(unclosed):
-    info = bag_info(unclosed.folder)
-    assert info.extent.messages == 24
-    assert info.problems == ("unclosed_0.mcap was not closed", "metadata.yaml is missing")
-    assert "-> soilmoist bag recover" in shown(info_table(info))
-
-
-def test_a_damaged_bag_is_named(bag):
-    data = bytearray(bag.path.read_bytes())
-    data[bag.sizes[1] + 60] ^= 1
-    bag.path.write_bytes(data)
-    info = bag_info(bag.path)
-    assert "whole_0.mcap is damaged in 1 place" in info.problems
-    assert info.extent.messages == 21
-
-
 def test_a_bag_that_is_being_recorded_is_left_alone(tmp_path):
     with BagWriter(tmp_path / "run") as writer:
         writer.write(NOTES, START_NS, START_NS, text_message("x"))
@@ -102,24 +85,3 @@ def test_gaps_are_found(tmp_path):
 )
 def test_topics_without_gaps_have_none(times):
     assert find_gaps(times) == ()
-
-
-def test_what_was_recovered_is_shown(unclosed, tmp_path):
-    text = shown(recovery_table(recover_bag(unclosed.folder, tmp_path / "recovered")))
-    assert "unclosed_0.mcap was not closed" in text
-    assert f"recovered to {tmp_path / 'recovered'}: 24 messages" in text
-
-
-@pytest.mark.parametrize(
-    ("size", "text"),
-    [(0, "0 B"), (999, "999 B"), (1500, "1.5 kB"), (2_500_000, "2.5 MB"), (7 * 10**12, "7e+03 GB")],
-)
-def test_sizes(size, text):
-    assert size_text(size) == text
-
-
-def test_what_is_no_bag_is_reported(tmp_path):
-    with pytest.raises(InputError, match="no such bag"):
-        bag_info(tmp_path / "none")
-    with pytest.raises(InputError, match="holds no MCAP file"):
-        bag_info(tmp_path)

@@ -13,9 +13,7 @@ from rosbags.typesys.stores import Stores
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.metadata import (
     INFINITE_NS,
-    Extent,
     Qos,
-    Request,
     find_definition,
     qos_from_yaml,
     request_for,
@@ -42,10 +40,6 @@ def test_quality_of_service_comes_back_as_it_was(offered):
     assert qos_from_yaml(to_yaml([qos.to_dict() for qos in offered])) == tuple(offered)
 
 
-def test_an_endless_duration_is_written_as_ros_does():
-    assert Qos().to_dict()["deadline"] == {"sec": 9223372036, "nsec": 854775807}
-
-
 @pytest.mark.slow
 @given(st.lists(QOS, min_size=1, max_size=3))
 def test_the_numbers_of_older_bags_become_words(offered):
@@ -56,33 +50,12 @@ def test_the_numbers_of_older_bags_become_words(offered):
     ]
 
 
-@pytest.mark.parametrize("text", ["", "[", "- 1", "text", "- {history: keep_last}"])
-def test_nonsense_is_no_quality_of_service(text):
-    assert qos_from_yaml(text) == ()
-
-
 @given(st.lists(QOS, min_size=1, max_size=4))
 def test_a_request_is_one_that_every_publisher_can_meet(offered):
     request = request_for(offered)
     assert request.reliable == all(qos.reliability == "reliable" for qos in offered)
     assert request.latched == all(qos.durability == "transient_local" for qos in offered)
     assert request.depth >= max(qos.depth for qos in offered)
-
-
-def test_a_request_is_only_ever_weakened():
-    strong, weak = Request(True, True, 100), Request(False, True, 200)
-    assert weak.is_weaker(strong)
-    assert not strong.is_weaker(weak)
-    assert weak.weakened(strong) == Request(False, True, 200)
-
-
-@given(st.lists(st.integers(0, 10**18), min_size=1))
-def test_the_extent_holds_all_times(times):
-    extent = Extent()
-    for time_ns in times:
-        extent = extent.with_message(time_ns)
-    assert extent == Extent(len(times), min(times), max(times))
-    assert extent.duration_ns == max(times) - min(times)
 
 
 LINE = "=" * 80
@@ -121,10 +94,6 @@ def test_types_within_a_type_come_after_it_once(prefix):
     assert definition.type_hash == "RIHS01_abc"
     assert definition.encoding == "ros2msg"
     assert "near_msgs/msg/Part" in get_types_from_msg(definition.text, "near_msgs/msg/Whole")
-
-
-def test_a_distribution_without_hashes_has_none(prefix):
-    assert find_definition("far_msgs/msg/Point", [prefix]).type_hash == ""
 
 
 @pytest.mark.parametrize(

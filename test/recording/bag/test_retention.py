@@ -17,7 +17,6 @@ from soilmoist_ros.recording.bag.retention import (
     delete_bags,
     excess_text,
     find_excess,
-    is_synchronised,
 )
 from soilmoist_ros.recording.bag.verify import recover_bag
 from soilmoist_ros.recording.bag.writer import BagWriter
@@ -158,13 +157,6 @@ def watch():
     return seen
 
 
-def test_a_clock_that_nobody_keeps_is_not_trusted():
-    watch = ClockWatch()
-    for minute in range(100):
-        watch.look(CLOCK_NOW_S + 60 * minute, 60.0 * minute, synchronised=False)
-        assert (watch.right, watch.settled) == (False, False)
-
-
 def test_a_clock_is_settled_after_an_hour_and_needs_no_network_then(watch):
     assert (watch.right, watch.settled) == (True, True)
     watch.look(CLOCK_NOW_S + 3661.0, 3660.0, synchronised=False)  # it has drifted
@@ -177,7 +169,3 @@ def test_a_clock_that_was_set_is_not_settled(watch, step_s):
     assert (watch.right, watch.settled) == (False, False)
     watch.look(CLOCK_NOW_S + 3720.0, 3720.0, synchronised=True)  # and back again
     assert (watch.right, watch.settled) == (True, False)
-
-
-def test_the_kernel_is_asked():
-    assert is_synchronised() in (True, False)

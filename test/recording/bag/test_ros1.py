@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import bz2
-import os
 import struct
 
 import numpy as np
@@ -84,17 +83,6 @@ def test_a_bag_that_was_cut_off_is_not_empty(tmp_path):
     path.write_bytes(path.read_bytes()[:4600])
     with pytest.raises(InputError, match="is cut off: its index would begin at byte"):
         BagReader(path)
-
-
-def test_a_bag_that_becomes_shorter_while_it_is_read_is_refused(tmp_path):
-    words = [("/a", TEXT, number, text("x" * 10_000)) for number in range(20)]
-    path = write(tmp_path / "run.bag", words, chunk_bytes=10_000)
-    with BagReader(path) as bag:
-        messages = bag.messages()
-        next(messages)
-        os.truncate(path, 50_000)
-        with pytest.raises(InputError, match="cannot be read as a bag"):
-            list(messages)
 
 
 def test_a_type_that_differs_in_ros_2_is_refused_and_others_are_read(tmp_path):

@@ -10,11 +10,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from bombs import bombs, channel, chunk, file_of, message, schema
+from bombs import bombs
 
 from soilmoist_ros.foundation.errors import InputError
 from soilmoist_ros.recording.bag.reader import BagReader
-from soilmoist_ros.recording.bag.scan import McapScan
 from soilmoist_ros.recording.bag.verify import bag_info
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "one_stop" / "bag"
@@ -61,24 +60,6 @@ def test_a_file_is_read_or_refused(tmp_path, seed):
             for path in (tmp_path, tmp_path / "bag_0.mcap"):
                 with suppress(InputError):
                     work(path)
-
-
-def chunks_of(times, per_chunk):
-    """A file of plain chunks with messages of these times [ns]."""
-    chunks = []
-    for at in range(0, len(times), per_chunk):
-        part = times[at : at + per_chunk]
-        body = schema() + channel() + b"".join(message(time_ns=time_ns) for time_ns in part)
-        chunks.append(chunk(body, len(body), "", start_ns=min(part)))
-    return file_of(*chunks)
-
-
-def test_messages_of_chunks_in_any_order_are_sorted_by_time(tmp_path):
-    path, rng = tmp_path / "mixed.mcap", random.Random(1)
-    for per_chunk in (1, 3, 20):
-        times = [rng.randrange(1, 30) for _ in range(60)]
-        path.write_bytes(chunks_of(times, per_chunk))
-        assert [found.log_ns for found in McapScan(path).sorted_messages({"/notes"})] == sorted(times)
 
 
 LIMIT = """

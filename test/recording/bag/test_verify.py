@@ -19,7 +19,6 @@ from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
 from soilmoist_ros.cli.bag import command
@@ -331,15 +330,6 @@ def test_a_cut_at_any_byte_costs_only_the_chunk_it_hits(bag, tmp_path):
     assert not scan.damaged
 
 
-@pytest.mark.parametrize("opcode", [*range(17), 127, 128, 255])  # all that MCAP has, and some that it has not
-def test_a_first_record_that_looks_like_another_one_costs_nothing(bag, tmp_path, opcode):
-    whole = bytearray(bag.path.read_bytes())
-    whole[8] = opcode  # 2 would be the footer, behind which nothing comes
-    path = tmp_path / "damaged_0.mcap"
-    path.write_bytes(whole)
-    assert scanned(path)[0] == bag.messages
-
-
 @pytest.mark.slow
 @SAME_FOLDER
 @given(data=st.data())
@@ -404,30 +394,6 @@ def write_foreign(path, messages, **options):
         writer.finish()
 
 
-def test_a_bag_that_cannot_be_read_leaves_no_half_written_one(bag, tmp_path):
-    (bag.folder / "whole_1.mcap").mkdir()  # cannot be opened as a file
-    with pytest.raises(InputError, match="cannot be read: Is a directory"):
-        recover_bag(bag.folder, tmp_path / "recovered")
-    assert not (tmp_path / "recovered").exists()
-
-
-def test_a_message_among_indexes_is_not_believed(tmp_path):
-    # One bit makes an index of messages a message: the first number is the channel, the next are times.
-    with BagWriter(tmp_path / "run") as writer:
-        for number in range(3):
-            writer.write(NOTES, START_NS + number, START_NS, text_message("note"))
-            writer.flush()
-    data = bytearray(writer.path.read_bytes())
-    (place,) = [place for place in [data.index(b"\x07\x16\0\0\0\0\0\0\0")] if place]
-    data[place] ^= 2
-    writer.path.write_bytes(data)
-    found, scan = scanned(writer.path)
-    assert [log_ns - START_NS for _, log_ns, _ in found] == [0, 1, 2]
-    assert findings(scan) == ["run_0.mcap is damaged in 1 place"]
-    with pytest.raises(InputError, match="damaged"), BagReader(tmp_path / "run") as reader:
-        list(reader.messages())
-
-
 def test_no_link_leads_out_of_a_bag(bag, tmp_path):
     folder = tmp_path / "stranger"
     folder.mkdir()
@@ -455,21 +421,6 @@ def test_a_large_chunk_that_was_cut_gives_the_messages_before_the_cut(tmp_path, 
     assert scan.cut_bytes > 0
 
 
-def test_messages_outside_chunks_are_found(tmp_path):
-    path = tmp_path / "plain.mcap"
-    with path.open("wb") as file:
-        writer = McapWriter(file, use_chunking=False)
-        writer.start(profile="ros2")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        channel = writer.register_channel("/notes", "cdr", schema)
-        for number in range(3):
-            writer.add_message(channel, log_time=number, publish_time=number, data=b"x" * 10)
-        file.flush()
-    found, scan = scanned(path)
-    assert len(found) == 3
-    assert not scan.finished
-
-
 def test_all_files_of_a_split_bag_are_recovered_in_their_order(unclosed, tmp_path):
     split = tmp_path / "split"
     split.mkdir()
@@ -488,15 +439,6 @@ def test_all_files_of_a_split_bag_are_recovered_in_their_order(unclosed, tmp_pat
 
 def unclosed_topic(sample):
     return next(McapScan(sample.path).messages()).topic
-
-
-def test_the_bag_of_a_recorder_that_loses_everything_says_so(tmp_path):
-    # The writer of rosbags keeps everything in memory until its first megabyte.
-    writer = RosbagsWriter(tmp_path / "lost", version=9, storage_plugin=StoragePlugin.MCAP)
-    writer.open()
-    writer.abort()
-    with pytest.raises(InputError, match="no complete message"):
-        recover_bag(tmp_path / "lost", tmp_path / "recovered")
 
 
 @pytest.mark.parametrize(
