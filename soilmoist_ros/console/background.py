@@ -162,10 +162,8 @@ def _jpeg(rgb: Pixels) -> bytes:
 class BackgroundRoute:
     """Handler of requests for the background.
 
-    :param web: the module ``aiohttp.web``
     :param source: GeoTIFF; empty for none
     :param board: has the section ``field``; receives ``background``: extent and version, or an error
-    :param jobs: does what takes long
     """
 
     def __init__(self, web: Any, source: str, board: Board, jobs: Jobs) -> None:

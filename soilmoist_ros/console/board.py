@@ -96,11 +96,7 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class RobotHistory:
-    """Writes the sections ``place``, ``trail`` and ``count`` of a robot.
-
-    :param board: where
-    :param robot: namespace of the robot
-    """
+    """Writes the sections ``place``, ``trail`` and ``count`` of a robot."""
 
     def __init__(self, board: Board, robot: str) -> None:
         self._board, self._robot = board, robot
@@ -138,10 +134,7 @@ class RobotHistory:
 
 
 class VisitHistory:
-    """Writes the section ``visits``: the latest ones of all robots.
-
-    :param board: where
-    """
+    """Writes the section ``visits``: the latest ones of all robots."""
 
     def __init__(self, board: Board) -> None:
         self._board = board

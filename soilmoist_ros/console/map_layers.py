@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,16 +27,8 @@ _CERTAIN_TO_NOT: Final = np.array(
 _PALE_NOTE: Final = "Pale: may be chance"
 
 
-@dataclass(frozen=True)
-class Layer:
-    """A way to show the map.
-
-    :param key: name of the band in the message
-    :param title: what it is
-    :param unit: its unit
-    :param colours: colours from low to high, shape (k, 3)
-    :param note: what else the page says of it
-    """
+class Layer(NamedTuple):
+    """A way to show a band of the map, with its colours from low to high, shape (k, 3), and a note of the page."""
 
     key: str
     title: str
@@ -65,7 +56,6 @@ class MapLayers:
     """One map, cut to the field; never changed.
 
     :param cells: fields x, y and the bands, shape (rows, columns), south first, NaN outside the field
-    :param version: number of the map
     :param change: fields of a change since an earlier survey in the same cells, if there is one
     """
 
@@ -101,7 +91,7 @@ class MapLayers:
                     "title": layer.title,
                     "unit": layer.unit,
                     "limits": [float(f"{value:.3g}") for value in self._limits(layer)],
-                    "colours": [_hex(colour) for colour in layer.colours],
+                    "colours": ["#" + bytes(colour).hex() for colour in layer.colours.astype(np.uint8)],
                     "mean": float(f"{np.nanmean(self._cells[layer.key]):.3g}"),
                     "note": layer.note,
                 }
@@ -169,8 +159,3 @@ def _joined(cells: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
     for name in joined.dtype.names or ():
         joined[name] = (more if name in added else cells)[name]
     return joined
-
-
-def _hex(colour: Array) -> str:
-    red, green, blue = (int(part) for part in colour)
-    return f"#{red:02x}{green:02x}{blue:02x}"

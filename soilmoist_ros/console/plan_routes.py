@@ -35,9 +35,7 @@ _SUFFIX: Final = ".yaml"
 class PlanRoutes:
     """Handlers of requests of the page *Plan*.
 
-    :param web: the module ``aiohttp.web``
     :param files: what may be chosen
-    :param jobs: does what takes long
     :param walks: walks by the names of the robots
     """
 

@@ -259,11 +259,7 @@ def _few_corners(ring: Any) -> list[list[float]]:
 
 
 class Walk:
-    """Records the places of one robot, in the section ``walk/ROBOT``.
-
-    :param board: where
-    :param robot: namespace of the robot
-    """
+    """Records the places of one robot, in the section ``walk/ROBOT``."""
 
     def __init__(self, board: Board, robot: str) -> None:
         self._board, self._section = board, f"walk/{robot}"

@@ -104,12 +104,7 @@ def _summary(path: Path) -> dict[str, Any]:
 
 
 class RunRoutes:
-    """Handlers of requests about runs.
-
-    :param web: the module ``aiohttp.web``
-    :param folder: folder of the runs
-    :param jobs: does what takes long
-    """
+    """Handlers of requests about runs."""
 
     def __init__(self, web: Any, folder: Path, jobs: Jobs) -> None:
         self._web, self._folder, self._jobs = web, folder, jobs

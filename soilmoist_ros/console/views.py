@@ -74,11 +74,7 @@ def battery_view(charge: float, voltage_v: float) -> dict[str, Any]:
 
 
 def mission_view(status: MissionStatus, values: Mapping[str, str]) -> dict[str, Any]:
-    """A mission.
-
-    :param status: its status
-    :param values: further values of its message
-    """
+    """A mission."""
     stop, forecast = status.target, status.forecast
     return {
         "phase": str(status.phase),

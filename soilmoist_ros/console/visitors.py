@@ -304,10 +304,7 @@ def reachable(host: str) -> str:
 
 
 def invitation(page: str, token: str) -> str:
-    """Text with the address that lets one browser steer from another machine, and its QR code if possible.
-
-    :param page: address of the page
-    """
+    """Text with the address that lets one browser steer from another machine, and its QR code if possible."""
     address = f"{page.rstrip('/')}/?token={token}"
     text = f"to steer from another machine, open {address} (once)"
     try:

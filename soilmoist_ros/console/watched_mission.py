@@ -30,7 +30,6 @@ _BUSY: Final = 4.0
 class WatchedMission:
     """Shows the moments of a simulated mission on a page of this machine, as fast as the viewer wants. A context.
 
-    :param field: the field
     :param grid: cells of the map
     :param robots: names of the robots
     :param time_factor: simulated seconds per real second

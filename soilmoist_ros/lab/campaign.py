@@ -84,8 +84,6 @@ def run_campaign(
     come from the current version of the code. Missions are computed seed by seed, so an unfinished campaign has
     about as many runs of each combination.
 
-    :param campaign: campaign from :func:`load_campaign`
-    :param out: output folder; created if missing
     :param simulate: simulates one mission; local processes and clusters need an importable function
     :param workers: local processes; one per core if ``None``, 0 computes in this process
     :param scheduler: address of a Dask scheduler, used instead of local processes

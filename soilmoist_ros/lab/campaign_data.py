@@ -63,7 +63,6 @@ class Case:
 class CampaignData:
     """All finished missions of a campaign.
 
-    :param campaign: the campaign
     :param finished: its finished missions, in the campaign's order
     :param read: reads a finished mission with its map, for examples
     """

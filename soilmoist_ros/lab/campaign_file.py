@@ -178,7 +178,6 @@ class Mission:
     """One mission of a campaign.
 
     :param key: name of the file: a digest of the settings and of the content of the field file
-    :param settings: settings of the mission
     :param experiments: names of the experiments with this mission
     """
 

@@ -134,7 +134,6 @@ def _same_version(client: Any, simulate: Simulate) -> Iterator[None]:
 class Gate(WorkerPlugin):
     """Close a worker with another version of this package; load the simulator in all others.
 
-    :param version: version of the campaign
     :param simulate: simulates one mission; reading this plugin loads its module
     """
 

@@ -37,7 +37,6 @@ class WorkersLostError(SoilmoistError):
 class Failure:
     """A failed mission.
 
-    :param mission: the mission
     :param error: error message in one line
     :param details: traceback; may be empty
     """
@@ -54,7 +53,6 @@ class Failure:
 class Finished:
     """A mission that has come to its end.
 
-    :param mission: the mission
     :param content: the bytes of its file, or why it failed
     :param time_s: time that it took its worker [s]; NaN if unknown
     """

@@ -7,8 +7,7 @@ from __future__ import annotations
 import io
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,6 @@ from soilmoist_ros.reporting import (
     RATE,
     SOFT,
     UNCERTAIN,
-    Picture,
     colour_map,
     data_uri,
     dwell_text,
@@ -396,14 +394,20 @@ def _bars(figure: Figure, image: Any, shade: Any, extend: tuple[str, str]) -> No
         bar.outline.set(edgecolor=FAINT, linewidth=0.8)
 
 
-@dataclass(frozen=True)
-class FigureSection:
-    """One figure of a page with its texts."""
+class Picture(NamedTuple):
+    """One figure as a data URI, and its description in words."""
 
-    key: str  # anchor in the page
-    title: str  # heading
-    picture: Picture  # the figure
-    caption: str  # what to see in it
+    uri: str
+    alt: str
+
+
+class FigureSection(NamedTuple):
+    """One figure of a page with its texts: anchor, heading, the figure, and what to see in it."""
+
+    key: str
+    title: str
+    picture: Picture
+    caption: str
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:

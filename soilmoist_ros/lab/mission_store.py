@@ -51,14 +51,8 @@ class StaleMissionError(DamagedMissionError):
 class StoredMission:
     """Stored content of a mission; maps have single precision and are NaN outside the field.
 
-    :param settings: settings of the mission
-    :param key: digest of the settings
-    :param version: version of the code
     :param field_title: name of the field for reports
-    :param ended: reason for the end
     :param efficiency: efficiency of its plan, see :class:`Efficiency`; NaN if it has none
-    :param series: state over time
-    :param visits: visits in order
     :param tracks: corner points of each robot's path, shape (p, 2) [m]
     :param x_m: centres of the map's columns, shape (nx,) [m]; this and all later arrays are empty without a map
     :param y_m: centres of the map's rows, shape (ny,) [m]
@@ -197,7 +191,6 @@ def _pieces(joined: Array, lengths: NDArray[np.int_]) -> tuple[Array, ...]:
 class MissionStore:
     """The folder of finished missions.
 
-    :param folder: folder; created if missing
     :raises InputError: if it cannot be created
     """
 

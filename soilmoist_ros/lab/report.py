@@ -38,9 +38,6 @@ def write_campaign_report(
 
     Without a finished mission, return ``None`` and remove an older report, which would not match the tables.
 
-    :param campaign: the campaign
-    :param out: its output folder
-    :param failures: missions that failed in the last run
     :param finished: its stored missions; read from the folder if ``None``
     :raises InputError: if the page cannot be written
     """

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.colours import RATE as RATE
     from soilmoist_ros.reporting.colours import SOFT as SOFT
     from soilmoist_ros.reporting.colours import UNCERTAIN as UNCERTAIN
-    from soilmoist_ros.reporting.colours import Picture as Picture
     from soilmoist_ros.reporting.colours import between as between
     from soilmoist_ros.reporting.colours import data_uri as data_uri
     from soilmoist_ros.reporting.colours import palette_png as palette_png
@@ -46,23 +45,23 @@ if TYPE_CHECKING:
     from soilmoist_ros.reporting.outputs import write_failed as write_failed
     from soilmoist_ros.reporting.outputs import write_mission as write_mission
     from soilmoist_ros.reporting.outputs import write_outputs as write_outputs
+    from soilmoist_ros.reporting.page.frame import dwell_text as dwell_text
+    from soilmoist_ros.reporting.page.frame import length as length
+    from soilmoist_ros.reporting.page.frame import number as number
+    from soilmoist_ros.reporting.page.frame import percent as percent
+    from soilmoist_ros.reporting.page.frame import plain as plain
     from soilmoist_ros.reporting.page.frame import render_page as render_page
-    from soilmoist_ros.reporting.page.notes import notes as notes
-    from soilmoist_ros.reporting.page.numbers import dwell_text as dwell_text
-    from soilmoist_ros.reporting.page.numbers import length as length
-    from soilmoist_ros.reporting.page.numbers import number as number
-    from soilmoist_ros.reporting.page.numbers import percent as percent
-    from soilmoist_ros.reporting.page.numbers import plain as plain
-    from soilmoist_ros.reporting.page.numbers import strategy_text as strategy_text
-    from soilmoist_ros.reporting.page.numbers import strategy_traits as strategy_traits
-    from soilmoist_ros.reporting.page.sections import change_amount as change_amount
-    from soilmoist_ros.reporting.page.sections import change_since as change_since
-    from soilmoist_ros.reporting.page.sections import change_summary as change_summary
-    from soilmoist_ros.reporting.page.sections import dated as dated
-    from soilmoist_ros.reporting.page.sections import relations as relations
+    from soilmoist_ros.reporting.page.frame import strategy_text as strategy_text
+    from soilmoist_ros.reporting.page.frame import strategy_traits as strategy_traits
+    from soilmoist_ros.reporting.page.report import change_amount as change_amount
+    from soilmoist_ros.reporting.page.report import change_since as change_since
+    from soilmoist_ros.reporting.page.report import change_summary as change_summary
+    from soilmoist_ros.reporting.page.report import dated as dated
+    from soilmoist_ros.reporting.page.report import relations as relations
     from soilmoist_ros.reporting.page.statistics import covariate_importance as covariate_importance
     from soilmoist_ros.reporting.page.statistics import mean_moisture as mean_moisture
     from soilmoist_ros.reporting.page.statistics import truth_score as truth_score
+    from soilmoist_ros.reporting.page.wording import notes as notes
     from soilmoist_ros.reporting.paper_figures import colour_map as colour_map
     from soilmoist_ros.reporting.paper_figures import extension as extension
     from soilmoist_ros.reporting.paper_figures import plain_axes as plain_axes
@@ -80,7 +79,7 @@ if TYPE_CHECKING:
 _open, __dir__, __all__ = open_door(
     __name__,
     {
-        "colours": "BLUE FAINT INK ORANGE Picture RATE SOFT UNCERTAIN between data_uri palette_png robust_range",
+        "colours": "BLUE FAINT INK ORANGE RATE SOFT UNCERTAIN between data_uri palette_png robust_range",
         "exports.registry": "EXPORTS Export export_kind export_run",
         "exports.source": "ExportSettings RunSource",
         "geotiff": "write_geotiff",
@@ -89,11 +88,10 @@ _open, __dir__, __all__ = open_door(
         "opened_run": "OpenedRun open_run",
         "output_folder": "earlier_outputs remove_earlier require_free require_writable results_in",
         "outputs": "mission_run write_failed write_mission write_outputs",
-        "page.frame": "render_page",
-        "page.notes": "notes",
-        "page.numbers": "dwell_text length number percent plain strategy_text strategy_traits",
-        "page.sections": "change_amount change_since change_summary dated relations",
+        "page.frame": "dwell_text length number percent plain render_page strategy_text strategy_traits",
+        "page.report": "change_amount change_since change_summary dated relations",
         "page.statistics": "covariate_importance mean_moisture truth_score",
+        "page.wording": "notes",
         "paper_figures": "colour_map extension plain_axes run_figures season_figures write_figures",
         "run_summary": "summary",
         "season": "SeasonSettings make_season",

@@ -7,7 +7,6 @@ from __future__ import annotations
 import base64
 import struct
 import zlib
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -103,14 +102,6 @@ def palette_png(index: Array, colours: NDArray[np.uint8]) -> bytes:
             (b"IEND", b""),
         )
     )
-
-
-@dataclass(frozen=True)
-class Picture:
-    """One figure as a data URI, and its description in words."""
-
-    uri: str
-    alt: str
 
 
 def robust_range(values: ArrayLike, share: float = 0.95) -> tuple[float, float]:

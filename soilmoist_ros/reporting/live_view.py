@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from soilmoist_ros.foundation import printable
 from soilmoist_ros.reporting.colours import between
-from soilmoist_ros.reporting.page.numbers import duration, length
+from soilmoist_ros.reporting.page.frame import duration, length
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -243,7 +243,6 @@ class LiveRobot:
 class LiveMission:
     """The latest messages of a mission. One thread may set them while another reads the view.
 
-    :param title: first line
     :param maps: maps of the properties; the mission's own field is the first
     :param namespaces: namespaces of the robots
     """

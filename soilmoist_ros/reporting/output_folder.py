@@ -115,7 +115,6 @@ def replaced_together(folder: Path, names: Sequence[str]) -> Iterator[Path]:
     After an error the folder is as it was. What a killed process left is removed, and results of an earlier run
     that this run has not.
 
-    :param folder: output folder; made if missing
     :raises InputError: if the folder cannot be written
     """
     try:

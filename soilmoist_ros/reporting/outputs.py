@@ -74,10 +74,7 @@ def write_outputs(folder: Path, run: MapRun, crs: CRS | str | int | None = None)
     half a file, nor files of different runs after a failure.
     What a killed process left is removed, and results of an earlier run that this run has not.
 
-    :param folder: output folder; made if missing
-    :param run: the run
     :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
-    :returns: the paths, in the order above
     :raises InputError: if the folder cannot be written, or the field has no place in ``crs``
     """
     names: tuple[str, ...] = NAMES if run.mission is None else NAMES + MISSION_NAMES
@@ -180,8 +177,6 @@ def write_failed(folder: Path, failed: FailedRun) -> list[Path]:
     Without the extra ``reports`` there is no ``report.html``; a warning says so.
     Results of an earlier run in the folder are removed: they would pass for those of this one.
 
-    :param folder: output folder; made if missing
-    :returns: the paths, in the order above
     :raises InputError: if the folder cannot be written
     """
     names = writable((SUMMARY, "report.html", RECORDS, *(MISSION_NAMES if failed.mission is not None else ())))
@@ -212,12 +207,9 @@ def write_mission(
     A mission without a map leaves only ``summary.json``, ``report.html``, ``records.csv``, ``series.csv`` and
     ``visits.csv``; other results of an earlier mission in the folder are removed.
 
-    :param folder: output folder; made if missing
-    :param result: the mission
     :param crs: coordinate reference system of ``map.tif``; default the UTM zone of the datum
     :param created_utc: creation time of the outputs; default now
     :param run: what :func:`mission_run` made of the mission, if known
-    :returns: the paths written; those of simulated earlier surveys are folders of runs
     :raises InputError: if the folder cannot be written
     """
     created = created_utc or (run.created_utc if run else datetime.now(UTC))

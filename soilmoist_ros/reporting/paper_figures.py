@@ -30,7 +30,7 @@ from soilmoist_ros.reporting.colours import (
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
 from soilmoist_ros.reporting.page.charts import Area, Chart, Line, moisture_chart, rate_chart
-from soilmoist_ros.reporting.page.sections import course_charts
+from soilmoist_ros.reporting.page.report import course_charts
 from soilmoist_ros.reporting.page.variogram_charts import variogram_charts
 from soilmoist_ros.reporting.season import Season
 from soilmoist_ros.reporting.season_outputs import mean_chart
@@ -77,10 +77,7 @@ _DATE: Final = {"svg": "Date", "pdf": "CreationDate"}
 def write_figures(out: Path, figures: Iterable[tuple[str, Figure]], formats: Iterable[str]) -> list[Path]:
     """Write figures to the folder ``figures``; those of an earlier run are removed.
 
-    :param out: output folder
-    :param figures: names and figures; made only if there is a format
     :param formats: of :data:`FORMATS`; none writes nothing
-    :returns: the files
     :raises InputError: if the folder cannot be written, or matplotlib is missing
     """
     folder, chosen = out / FOLDER, list(dict.fromkeys(formats))

@@ -21,8 +21,7 @@ from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, NoteCode, trac
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.geotiff import model_parameters
 from soilmoist_ros.reporting.page.irrigation import absolute_limits, has_level, irrigation
-from soilmoist_ros.reporting.page.notes import notes
-from soilmoist_ros.reporting.page.sections import relations
+from soilmoist_ros.reporting.page.report import relations
 from soilmoist_ros.reporting.page.statistics import (
     Importance,
     TruthScore,
@@ -40,6 +39,7 @@ from soilmoist_ros.reporting.page.statistics import (
     uncertain_share,
     undefined_share,
 )
+from soilmoist_ros.reporting.page.wording import notes
 from soilmoist_ros.reporting.text_files import jsonable, write_json
 from soilmoist_ros.simulation import PropertySettings, achieved, mission_efficiency, reported
 
@@ -58,7 +58,6 @@ SCHEMA = 1
 def summary(run: MapRun, crs: str = "", outputs: Sequence[str] = ()) -> dict[str, Any]:
     """The run as a dictionary of plain JSON values; undefined values are ``None``.
 
-    :param run: the run
     :param crs: coordinate reference system of the GeoTIFF; default the UTM zone of the datum
     :param outputs: names of the files written
     """

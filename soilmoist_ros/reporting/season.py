@@ -18,7 +18,6 @@ from soilmoist_ros.foundation import DAY_S, InputError, LocalFrame, resource
 from soilmoist_ros.mapping import (
     Bands,
     Estimate,
-    Field,
     FieldChange,
     FieldGrid,
     FieldMapSettings,
@@ -71,9 +70,7 @@ class SeasonSettings:
 
     :param field: field file; by default the boundary of the last run
     :param site: site file; by default the calibration of the last run
-    :param model: variogram model
     :param cell_m: cell size of the maps [m]
-    :param title: title of the page
     """
 
     field: Path | None = None
@@ -265,7 +262,9 @@ def _ground(runs: Sequence[Path], settings: SeasonSettings) -> Ground:
     curve, simulated = curve_of(about, home), bool(about.get("simulated"))
     illustrative, time_zone = curve is not None and is_illustrative(about), str(about.get("time_zone") or "")
     if recorded is not None:
-        curve, simulated, field = recorded.curve, recorded.simulated, field or _field_of_bag(home)
+        mapper = read_parameters(configuration_of(bag_of(home)), "mapper")  # which read_run has found
+        field = field or load_field(resource("fields", str(mapper["field"])))
+        curve, simulated = recorded.curve, recorded.simulated
     if settings.site:
         site = load_site(settings.site)
         curve, time_zone = site.curve, site.time_zone or time_zone
@@ -320,9 +319,3 @@ def _rings(path: Path, frame: LocalFrame) -> tuple[list[Array], list[Array]]:
         return frame.to_local(places[:, 1], places[:, 0])
 
     return [local(one.exterior) for one in polygons], [local(hole) for one in polygons for hole in one.interiors]
-
-
-def _field_of_bag(path: Path) -> Field:
-    """Field that the nodes of a recording had, which :func:`read_run` has found."""
-    mapper = read_parameters(configuration_of(bag_of(path)), "mapper")
-    return load_field(resource("fields", str(mapper["field"])))

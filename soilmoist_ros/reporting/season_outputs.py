@@ -20,10 +20,9 @@ from soilmoist_ros.pipeline import EarlierRun, local_time
 from soilmoist_ros.recording import SUMMARY
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_state
 from soilmoist_ros.reporting.colours import DIFFERENCE, RATE, UNCERTAIN, WATER
-from soilmoist_ros.reporting.geotiff import BANDS
-from soilmoist_ros.reporting.netcdf import CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
+from soilmoist_ros.reporting.geotiff import BANDS, CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
 from soilmoist_ros.reporting.output_folder import replaced_together
-from soilmoist_ros.reporting.page import numbers
+from soilmoist_ros.reporting.page import frame as numbers
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, limits_of
 from soilmoist_ros.reporting.page.frame import render_page
 from soilmoist_ros.reporting.page.viewer import (
@@ -62,8 +61,6 @@ LAYERS = {
 def write_season(folder: Path, season: Season) -> list[Path]:
     """Write ``summary.json``, ``report.html``, ``season.nc`` and ``season.csv``: all are replaced, or none.
 
-    :param folder: output folder; made if missing
-    :returns: the paths
     :raises InputError: if the folder cannot be written
     """
     with replaced_together(folder, NAMES) as workshop:

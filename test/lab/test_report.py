@@ -21,13 +21,12 @@ from soilmoist_ros.lab import report as campaign_report
 from soilmoist_ros.lab.campaign import Failure, missions, run_campaign
 from soilmoist_ros.lab.campaign_data import CampaignData
 from soilmoist_ros.lab.campaign_file import Campaign
-from soilmoist_ros.lab.figures import spaced
+from soilmoist_ros.lab.figures import Picture, spaced
 from soilmoist_ros.lab.findings import findings
 from soilmoist_ros.lab.mission_store import StoredMission
 from soilmoist_ros.lab.report import mean_sd_text, render_campaign_report, write_campaign_report
 from soilmoist_ros.lab.table import mission_row
-from soilmoist_ros.reporting.colours import Picture
-from soilmoist_ros.reporting.page.numbers import dwell_text, strategy_text
+from soilmoist_ros.reporting.page.frame import dwell_text, strategy_text
 from soilmoist_ros.simulation.mission.mission_result import MapErrors, SeriesRow
 
 FAKE = Path(__file__).resolve().parents[1] / "simulation"

@@ -20,8 +20,8 @@ from soilmoist_ros.pipeline import MapSettings, map_logs
 from soilmoist_ros.pipeline.log_map import loss_rows
 from soilmoist_ros.pipeline.logs import require_standing
 from soilmoist_ros.pipeline.run import NoteCode
-from soilmoist_ros.reporting.page.notes import notes
 from soilmoist_ros.reporting.page.statistics import mean_sd
+from soilmoist_ros.reporting.page.wording import notes
 from soilmoist_ros.reporting.run_summary import summary
 from soilmoist_ros.sensing.problems import Kind, Problem
 from soilmoist_ros.sensing.records import Position

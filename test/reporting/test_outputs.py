@@ -20,10 +20,8 @@ from soilmoist_ros.mapping import make_soil_map
 from soilmoist_ros.recording import read_records
 from soilmoist_ros.reporting import outputs, write_outputs
 from soilmoist_ros.reporting.outputs import mission_run, write_mission
-from soilmoist_ros.reporting.page.notes import notes
-from soilmoist_ros.reporting.page.report import render_report
-from soilmoist_ros.reporting.page.sections import mission_part
-from soilmoist_ros.reporting.page.wording import facts, headline
+from soilmoist_ros.reporting.page.report import mission_part, render_report
+from soilmoist_ros.reporting.page.wording import facts, headline, notes
 from soilmoist_ros.reporting.run_summary import mission_summary
 from soilmoist_ros.sensing.moisture.curve import CalibrationCurve
 from soilmoist_ros.simulation.mission.mission_result import TimedForecast
@@ -182,7 +180,7 @@ def test_words(mission):
     assert part.text.endswith("The mission ended: time is up.")
     assert part.hidden == 0
     logged = dataclasses.replace(mission, log=["       0 s  start by <Ada>: started"])
-    assert mission_part(mission_run(logged, NOW)).log == tuple(logged.log)
+    assert mission_part(mission_run(logged, NOW)).log == logged.log
     assert "0 s  start by &lt;Ada&gt;: started" in render_report(mission_run(logged, NOW))
     travelled = [fact for fact in facts(mission_run(mission, NOW)) if fact.meaning == "travelled"]
     assert travelled[0].value == f"{mission.series[-1].distance_m:.0f}"

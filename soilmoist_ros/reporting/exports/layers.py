@@ -36,7 +36,6 @@ KEPT_SHARE = 0.9
 class Layer:
     """Shapes of one kind with their columns.
 
-    :param name: name of the layer
     :param kind: ``Point``, ``LineString``, ``Polygon`` or ``MultiPolygon``; empty for a table without shapes
     :param shapes: shapes in the plane of the field [m], one for each row
     :param columns: name -> one value for each row; times are ``datetime64[ms]`` in UTC, dates ``datetime64[D]``

@@ -17,14 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation import __version__
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE
-from soilmoist_ros.reporting.colours import colour_ramp
+from soilmoist_ros.reporting.colours import colour_ramp, coloured_png, palette_png
 from soilmoist_ros.reporting.exports.layers import to_crs
 from soilmoist_ros.reporting.exports.source import MOISTURE, ExportSettings, PropertyMap, RunSource
 from soilmoist_ros.reporting.exports.zones import shown_range
-from soilmoist_ros.reporting.geotiff import BANDS
-from soilmoist_ros.reporting.netcdf import CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
-from soilmoist_ros.reporting.page.frame import fill_template
-from soilmoist_ros.reporting.page.numbers import round_step
+from soilmoist_ros.reporting.geotiff import BANDS, CLOCK, UNITS, Variable, axes, raster, write_netcdf_file
+from soilmoist_ros.reporting.page.frame import fill_template, round_step
 
 NODATA, MAX_VALUE = 255, 254
 """Pixel without a value, and largest value, of a coloured GeoTIFF."""
@@ -166,7 +164,7 @@ def _write_kmz(source: RunSource, one: PropertyMap, path: Path) -> Path:
         "doc.kml": text,
         "map.png": picture,
         "legend.png": _legend(source, one),
-        "place.png": _place(),
+        "place.png": palette_png(np.hypot(*np.mgrid[-1:1:64j, -1:1:64j]) > 1, np.full((1, 3), 255, np.uint8)),
     }
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
@@ -212,10 +210,8 @@ def _overlay(one: PropertyMap) -> tuple[bytes, dict[str, float]]:
         dst_crs=CRS.from_string(f"+proj=longlat +ellps=WGS84 +pm={centre} +no_defs"),
         resampling=Resampling.nearest,
     )  # fmt: skip
-    index = np.round(np.nan_to_num(_shares(one, target)) * (COLOURS - 1)).astype(int)
-    opacity = np.where(np.isfinite(target), 255, 0).astype(np.uint8)
-    rgba = np.dstack([colour_ramp(one.quantity.colours, COLOURS)[index], opacity])
-    return _png(rgba), {"north": north, "south": south, "east": centre + east, "west": centre + west}
+    picture = coloured_png(_shares(one, target), colour_ramp(one.quantity.colours, COLOURS - 1))
+    return picture, {"north": north, "south": south, "east": centre + east, "west": centre + west}
 
 
 def _shares(one: PropertyMap, values: ArrayLike) -> NDArray[np.float64]:
@@ -246,21 +242,6 @@ def _legend(source: RunSource, one: PropertyMap) -> bytes:
     return content.getvalue()
 
 
-def _place() -> bytes:
-    """A white disc, coloured by the style of each sample."""
-    y, x = np.mgrid[-1:1:32j, -1:1:32j]
-    opacity = np.clip((1 - np.hypot(x, y)) * 16, 0, 1)
-    return _png(np.dstack([np.full((32, 32, 3), 255, np.uint8), (255 * opacity).astype(np.uint8)]))
-
-
-def _png(rgba: NDArray[np.uint8]) -> bytes:
-    from matplotlib.image import imsave
-
-    content = io.BytesIO()
-    imsave(content, rgba, format="png")
-    return content.getvalue()
-
-
 def _sample_marks(one: PropertyMap) -> Iterator[tuple[str, str, str, str, str]]:
     """Name, description, time, colour and place of each sample, coloured like the map."""
     samples, quantity = one.samples, one.quantity
@@ -288,6 +269,5 @@ def _row_text(samples: Any, row: int) -> str:
         "vwc_p05": ("90 % interval from {:.1f} %", 100.0), "vwc_p95": ("to {:.1f} %", 100.0),
     }  # fmt: skip
     known = {key: float(samples[key][row]) for key in words if key in samples}
-    return "\n".join(
-        words[key][0].format(words[key][1] * value) for key, value in known.items() if np.isfinite(value)
-    )
+    found = [words[key][0].format(words[key][1] * value) for key, value in known.items() if np.isfinite(value)]
+    return "\n".join(found)

@@ -108,10 +108,8 @@ def export_run(
     :param run: output folder of ``map``, ``simulate``, ``replay`` or ``demo``
     :param names: names of exports, see :data:`EXPORTS`
     :param folder: folder for the files; made if missing; by default ``export`` in the folder of the run
-    :param settings: settings; by default those of :class:`ExportSettings`
     :param note: is called with what the user should know, such as what the run lacks
     :param replaces: whether files of earlier exports, named in words, may be replaced; when all are complete
-    :returns: the files
     :raises InputError: for an unknown name, a run without a map, a missing library, or a folder that
         cannot be written, holds another run, or has files that must not be replaced
     """

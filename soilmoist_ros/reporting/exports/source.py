@@ -243,18 +243,13 @@ def open_source(run: OpenedRun) -> RunSource:
             notes.append(f"{run.folder} has no {table}: the exports have no layers of records and quarantine")
         label = labels.get(name) or name or next(iter(labels.values()), "")
         bands, transform, crs, tags = run.raster(name)
-        tags = {CALIBRATION_TAG: _calibration(about, bands), **tags}
+        state = calibration_state(MOISTURE.band in bands, not is_illustrative(about), bool(about.get("simulated")))
+        tags = {CALIBRATION_TAG: state, **tags}  # older GeoTIFFs do not say it
         curve = None if name else curve_of(about, run.folder)
         maps.append(
             PropertyMap(name, label, bands, transform, crs, tags, frame, run.samples(name), records, curve)
         )
     return RunSource(run, maps, frame, boundary, no_go, tracks, notes)
-
-
-def _calibration(about: Mapping[str, Any], bands: Columns) -> str:
-    """Origin of the calibration, for GeoTIFFs that do not say it."""
-    calibrated = MOISTURE.band in bands
-    return calibration_state(calibrated, not is_illustrative(about), bool(about.get("simulated")))
 
 
 def _no_map(run: OpenedRun) -> tuple[str, str]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from soilmoist_ros.foundation import InputError, install
 from soilmoist_ros.reporting.certainty import Certainty, certainty
 from soilmoist_ros.reporting.exports.source import PropertyMap
-from soilmoist_ros.reporting.page.numbers import round_step
+from soilmoist_ros.reporting.page.frame import round_step
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -133,16 +133,13 @@ class Zone:
 
     :param shape: polygon in the plane of the field [m]
     :param number: number of its class, from 1 for the lowest values
-    :param low: lower limit of the class in the unit for readers, -inf for the first; ``high`` is inf for the last
-    :param mean: mean of its cells in this unit, with their mean standard deviation ``sd``
+    :param mean: mean of its cells in the unit for readers, with their mean standard deviation ``sd``
     :param other: share of its cells that the map puts into another class [0..1]: small parts that joined it
     :param missing: mean below a given value, its quantile 0.05 and 0.95, in the unit for readers; NaN without one
     """
 
     shape: BaseGeometry
     number: int
-    low: float
-    high: float
     mean: float
     sd: float
     certainty: Certainty
@@ -173,7 +170,6 @@ def management_zones(
     field, each smaller part joins the neighbour with the longest common border, and borders are simplified
     together. Means are those of the map itself.
 
-    :param the_map: the map
     :param boundary: the field in its plane [m]
     :param classes: number of classes of equal area, where no limits are given
     :param min_area_m2: minimum area of a part that is a zone [m^2]; by default 5 % of the field
@@ -296,7 +292,6 @@ def _described(
     probability = {one: the_map.probability(one - 1, edges, relative)[inside] for one in set(number.tolist())}
     below = [np.maximum((np.nan if full is None else full) - band[inside], 0.0)
              for band in (the_map.values, the_map.quantile("p95"), the_map.quantile("p05"))]  # fmt: skip
-    bounds = np.concatenate([[-np.inf], edges, [np.inf]])
     zones = []
     for shape, one in zip(shapes, number.tolist(), strict=True):
         prepare(shape)
@@ -309,10 +304,6 @@ def _described(
             float(band[known].mean()) if known.any() else np.nan for band in (values, sd, *below)
         )
         other = float((of_map[known] != one).mean()) if known.any() else np.nan
-        zones.append(
-            Zone(
-                shape, one, float(bounds[one - 1]), float(bounds[one]), mean, spread,
-                certainty(probability[one][own]), other, (missing[0], missing[1], missing[2]),
-            )
-        )  # fmt: skip
+        sure = certainty(probability[one][own])
+        zones.append(Zone(shape, one, mean, spread, sure, other, (missing[0], missing[1], missing[2])))
     return sorted(zones, key=lambda zone: (zone.number, -zone.area_ha))

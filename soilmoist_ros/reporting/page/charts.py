@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soilmoist_ros.pipeline import EARLIEST_STAMP_S, MapRun
 from soilmoist_ros.reporting.moisture_steps import MoistureSeries, interrupted
-from soilmoist_ros.reporting.page.numbers import duration, number, percent, round_step
+from soilmoist_ros.reporting.page.frame import duration, number, percent, round_step
 from soilmoist_ros.reporting.page.statistics import LeaveOneOut
 from soilmoist_ros.sensing import CountRecord
 from soilmoist_ros.simulation import TimedForecast, reported

@@ -15,7 +15,7 @@ from soilmoist_ros.pipeline import IrrigationLimits, MapRun
 from soilmoist_ros.reporting.certainty import CERTAIN, Certainty, absolute, certainty, class_probability
 from soilmoist_ros.reporting.geometry import field_polygon
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
-from soilmoist_ros.reporting.page.numbers import part_of_area, percent, volume
+from soilmoist_ros.reporting.page.frame import part_of_area, percent, volume
 from soilmoist_ros.reporting.page.statistics import calibration_sd, is_usable, mean_moisture, unusable_share
 
 Array = NDArray[np.float64]
@@ -182,18 +182,14 @@ def _edges(run: MapRun, values: Array) -> tuple[tuple[str, ...], Array, str]:
         return BY_PLANT, np.array([stress, limits.field_capacity]), basis
     finite = values[np.isfinite(values)]
     edges = np.quantile(finite, (1 / 3, 2 / 3)) if finite.size else np.zeros(2)
-    basis = (
-        "The zones only compare places of this field: each is about a third of the area, however dry or wet it is."
-    )
-    given = stress is not None or limits.dry_below is not None
-    if given and absolute(run) and not holds:
-        basis += " The limits of the site file need a moisture that this soil can have."
-    elif given and not holds:
-        basis += " The limits of the site file need a calibrated sensor."
-    elif not given:
+    basis = "The zones only compare places of this field: each is about a third of the area, dry or wet."
+    if stress is None and limits.dry_below is None:
         basis += (
             " For absolute zones, give wilting point and field capacity, or your own limits, in the site file."
         )
+    elif not holds:
+        needed = "a moisture that this soil can have" if absolute(run) else "a calibrated sensor"
+        basis += f" The limits of the site file need {needed}."
     return RELATIVE, edges, basis
 
 
@@ -209,16 +205,8 @@ def _zone(
         if full is not None:
             bands = {"missing_mm": values, "missing_mm_p05": soil_map.vwc_p95, "missing_mm_p95": soil_map.vwc_p05}
             known |= {key: missing_mm(band[chosen], full, depth) for key, band in bands.items()}
-    size_m2 = share * float(field_polygon(soil_map).area)
-    return Zone(
-        name,
-        _range_text(run, index, edges),
-        COLOURS[index],
-        size_m2,
-        share,
-        certainty(probability[chosen]),
-        **known,
-    )
+    size_m2, text = share * float(field_polygon(soil_map).area), _range_text(run, index, edges)
+    return Zone(name, text, COLOURS[index], size_m2, share, certainty(probability[chosen]), **known)
 
 
 def missing_mm(vwc: Array, field_capacity: float, root_depth_mm: float) -> float:
@@ -241,29 +229,26 @@ def _range_text(run: MapRun, index: int, edges: Array) -> str:
 
 
 def _water(run: MapRun) -> str:
-    """Water in the root zone with its 90 % interval."""
-    if has_level(run) and at_one_place(run):
-        return _water_at_the_end(run)
-    mean = mean_moisture(run.soil_map) if has_level(run) else None
-    if mean is None or not math.isfinite(mean.value):
+    """Water in the root zone with its 90 % interval; in the last step of a series at one place."""
+    if not has_level(run):
         return ""
     depth = run.irrigation.root_depth_mm
+    if at_one_place(run):
+        bands = moisture_series(run.track, run.soil_map.curve).bands
+        low, middle, high = (float(band[-1]) * depth for band in (bands.vwc_p05, bands.vwc, bands.vwc_p95))
+        return (
+            f"At the end the upper {depth:g} mm of the soil held {middle:.0f} mm of water (90 % interval "
+            f"{low:.0f} to {high:.0f} mm), if the soil below the reach of the sensor was as moist as above."
+        )
+    mean = mean_moisture(run.soil_map)
+    if mean is None or not math.isfinite(mean.value):
+        return ""
     text = (
         f"On average the upper {depth:g} mm of the soil hold {mean.value * depth:.0f} mm of water "
         f"(90 % interval {mean.p05 * depth:.0f} to {mean.p95 * depth:.0f} mm), if the soil below the reach of the "
         "sensor is as moist as above"
     )
     return f"{text}." if mean.common_sd > 0 else f"{text}. An error of the calibration is not included."
-
-
-def _water_at_the_end(run: MapRun) -> str:
-    """Water in the root zone in the last step of a series at one place."""
-    bands, depth = moisture_series(run.track, run.soil_map.curve).bands, run.irrigation.root_depth_mm
-    low, middle, high = (float(band[-1]) * depth for band in (bands.vwc_p05, bands.vwc, bands.vwc_p95))
-    return (
-        f"At the end the upper {depth:g} mm of the soil held {middle:.0f} mm of water (90 % interval {low:.0f} to "
-        f"{high:.0f} mm), if the soil below the reach of the sensor was as moist as above."
-    )
 
 
 def _level(run: MapRun) -> str:

@@ -4,31 +4,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace as Part
 
 import numpy as np
 
+from soilmoist_ros.exploration import polyline_length_m
 from soilmoist_ros.foundation import __version__
-from soilmoist_ros.pipeline import FailedRun, MapRun, track_xy
+from soilmoist_ros.mapping import Estimate, FieldChange, possible_moisture
+from soilmoist_ros.pipeline import EarlierRun, FailedRun, MapRun, RunChange, track_xy
 from soilmoist_ros.reporting.certainty import ILLUSTRATIVE, calibration_of
 from soilmoist_ros.reporting.moisture_steps import at_one_place, moisture_series
-from soilmoist_ros.reporting.page import charts as survey_charts
-from soilmoist_ros.reporting.page import numbers, wording
-from soilmoist_ros.reporting.page.charts import Chart, rate_chart
-from soilmoist_ros.reporting.page.frame import render_page
+from soilmoist_ros.reporting.page import wording
+from soilmoist_ros.reporting.page.charts import (
+    Chart,
+    Dots,
+    Line,
+    cross_validation_chart,
+    factor_chart,
+    forecast_chart,
+    histogram_chart,
+    limits_of,
+    moisture_chart,
+    rate_chart,
+)
+from soilmoist_ros.reporting.page.frame import (
+    duration,
+    dwell_text,
+    length,
+    number,
+    percent,
+    render_page,
+    strategy_text,
+)
 from soilmoist_ros.reporting.page.irrigation import irrigation
-from soilmoist_ros.reporting.page.notes import notes
-from soilmoist_ros.reporting.page.numbers import duration, length, number
-from soilmoist_ros.reporting.page.sections import earlier_part, mission_part
-from soilmoist_ros.reporting.page.statistics import TruthScore, covariate_importance, leave_one_out, truth_score
+from soilmoist_ros.reporting.page.statistics import covariate_importance, leave_one_out, truth_score
 from soilmoist_ros.reporting.page.variogram_charts import variogram_charts
 from soilmoist_ros.reporting.page.viewer import pictures, viewer_data
-from soilmoist_ros.reporting.page.wording import Fact
+from soilmoist_ros.reporting.page.wording import Fact, notes
+from soilmoist_ros.simulation import MissionResult, SeriesRow, forecast_text, mission_efficiency, series_columns
 
 FITS = {"reml": "restricted maximum likelihood", "soft_l1": "robust least squares on the lag classes"}
-MAX_VISITS = 100
-MAX_LINES = 1000
 
 
 def write_report(path: Path, run: MapRun) -> Path:
@@ -39,8 +57,9 @@ def write_report(path: Path, run: MapRun) -> Path:
 
 def render_report(run: MapRun) -> str:
     """The report as HTML."""
-    found = irrigation(run)
+    found, still = irrigation(run), at_one_place(run)  # a probe that stays at one place has no map
     variograms = list(variogram_charts(run))
+    truths = [(one, one.truth_rate) for one in run.properties if one.truth_rate is not None]
     return render_page(
         "report.html.j2",
         title=run.title,
@@ -56,16 +75,18 @@ def render_report(run: MapRun) -> str:
         notes=notes(run),
         irrigation=found,
         guessed=calibration_of(run) == ILLUSTRATIVE,
-        series=_series(run),
+        series=moisture_chart(moisture_series(run.track, run.soil_map.curve))
+        if still and run.calibrated
+        else None,
         covariates=_covariate_rows(run),
-        map_data=None if at_one_place(run) else viewer_data(run, found),
-        pictures=() if at_one_place(run) else list(pictures(run)),
+        map_data=None if still else viewer_data(run, found),
+        pictures=() if still else list(pictures(run)),
         earlier=earlier_part(run),
         mission=mission_part(run),
         variograms=[chart for chart, _ in variograms],
         classes=[classes for _, classes in variograms],
         charts=list(_charts(run)),
-        truths=list(_truths(run)),
+        truths=[(one.label or one.name or "the map", truth_score(one.soil_map, truth)) for one, truth in truths],
         model=_model_rows(run),
         outside=sum(row.count for row in run.losses if row.consequence != "kept"),
         datum=wording.datum(run),
@@ -79,37 +100,23 @@ def _covariate_rows(run: MapRun) -> list[tuple[str, str, str, str]]:
         effect, digits = (one.rate_cps, 2) if one.vwc is None else (one.vwc.times(100), 1)
         change = f"{effect.value:+.{digits}f} ({effect.p025:+.{digits}f} to {effect.p975:+.{digits}f})"
         if not any(one.rate_cps):
-            rows.append((one.name, "left out", "none found", numbers.percent(one.covered_share)))
+            rows.append((one.name, "left out", "none found", percent(one.covered_share)))
             continue
-        share, low, high = (numbers.percent(value) for value in one.variance_share)
-        rows.append((one.name, change, f"{share} ({low} to {high})", numbers.percent(one.covered_share)))
+        share, low, high = (percent(value) for value in one.variance_share)
+        rows.append((one.name, change, f"{share} ({low} to {high})", percent(one.covered_share)))
     return rows
-
-
-def _series(run: MapRun) -> Chart | None:
-    """Moisture over time of a probe that stays at one place, which has no zones."""
-    if not (at_one_place(run) and run.calibrated):
-        return None
-    return survey_charts.moisture_chart(moisture_series(run.track, run.soil_map.curve))
 
 
 def _charts(run: MapRun) -> Iterator[Chart]:
     """Charts of the scientist's part after the variogram."""
     loo = leave_one_out(run.soil_map)
     if loo is not None:
-        yield survey_charts.cross_validation_chart(loo)
+        yield cross_validation_chart(loo)
     if not at_one_place(run):
-        yield survey_charts.histogram_chart(run)
+        yield histogram_chart(run)
     if len({record.stamp_s for record in run.track}) > 1:
-        yield survey_charts.rate_chart(run.track)
-        yield survey_charts.factor_chart(run.track)
-
-
-def _truths(run: MapRun) -> Iterator[tuple[str, TruthScore]]:
-    """Name and score of each property with a known truth."""
-    for one in run.properties:
-        if one.truth_rate is not None:
-            yield one.label or one.name or "the map", truth_score(one.soil_map, one.truth_rate)
+        yield rate_chart(run.track)
+        yield factor_chart(run.track)
 
 
 def _model_rows(run: MapRun) -> list[tuple[str, str, str]]:
@@ -120,22 +127,22 @@ def _model_rows(run: MapRun) -> list[tuple[str, str, str]]:
     rows = [
         ("model", str(variogram.model), ""),
         ("fitted by", "given, not fitted" if fit is None else FITS.get(fit.method, fit.method), ""),
-        ("nugget", numbers.number(variogram.nugget) + nugget_factor, "(counts/s)²"),
-        ("sill above the nugget", numbers.number(variogram.structured_sill) + sill_factor, "(counts/s)²"),
-        ("total sill", numbers.number(variogram.sill), "(counts/s)²"),
-        ("range parameter", numbers.number(variogram.range_m) + range_factor, "m"),
-        ("practical range (95 % of the sill)", numbers.number(variogram.practical_range_m), "m"),
-        ("mean rate", numbers.number(soil_map.mean_rate, 4), "counts/s"),
+        ("nugget", number(variogram.nugget) + nugget_factor, "(counts/s)²"),
+        ("sill above the nugget", number(variogram.structured_sill) + sill_factor, "(counts/s)²"),
+        ("total sill", number(variogram.sill), "(counts/s)²"),
+        ("range parameter", number(variogram.range_m) + range_factor, "m"),
+        ("practical range (95 % of the sill)", number(variogram.practical_range_m), "m"),
+        ("mean rate", number(soil_map.mean_rate, 4), "counts/s"),
         ("samples", str(len(soil_map.samples.xy)), ""),
         ("cells inside the field", str(np.count_nonzero(soil_map.grid.mask)), ""),
-        ("cell size", numbers.number(soil_map.grid.cell_m), "m"),
+        ("cell size", number(soil_map.grid.cell_m), "m"),
     ]
     if fit is not None and any(fit.prior_share):
-        shares = ", ".join(numbers.percent(share) for share in fit.prior_share)
+        shares = ", ".join(percent(share) for share in fit.prior_share)
         rows.insert(2, ("influence of the prior on sill, range, nugget", shares, ""))
     if variogram.anisotropy > 1:
         root = float(np.sqrt(variogram.anisotropy))
-        longest, shortest = (numbers.number(variogram.practical_range_m * factor) for factor in (root, 1 / root))
+        longest, shortest = (number(variogram.practical_range_m * factor) for factor in (root, 1 / root))
         along = f"{longest} along {variogram.angle_deg:.3g}°, {shortest} across"
         rows.append(("practical range by direction (anticlockwise from east)", along, "m"))
     if fit is not None and fit.local is not None:
@@ -167,7 +174,7 @@ def render_failed(failed: FailedRun) -> str:
         visits=mission.visits[:MAX_VISITS] if mission else (),
         stops=len(mission.visits) if mission else 0,
         log=mission.log[:MAX_LINES] if mission else (),
-        rate=_rate(failed),
+        rate=_rate_of(failed),
     )
 
 
@@ -194,9 +201,221 @@ def failed_facts(failed: FailedRun) -> list[Fact]:
     return found
 
 
-def _rate(failed: FailedRun) -> Chart | None:
+def _rate_of(failed: FailedRun) -> Chart | None:
     """The rate over time, ``None`` without at least two records that count."""
     good = [record for record in failed.good if record.effective_exposure_s > 0]
     if len({record.stamp_s for record in good}) < 2:
         return None
     return rate_chart(good)
+
+
+# Sections of a report on earlier surveys and on the mission -----------------------------------------------------
+
+MAX_VISITS = 100
+MAX_LINES = 1000
+
+
+def earlier_part(run: MapRun) -> Part | None:
+    """Contribution of earlier surveys and change since, as texts, and rows of a table; ``None`` without any."""
+    if not run.earlier:
+        return None
+    found, related = run.change, relations(run)
+    rows = [
+        Part(
+            name=one.survey.name, date=one.date or "no date", records=len(one.records),
+            samples=len(one.survey.samples), change=_since(run, one.survey.name), remarks=" ".join(one.remarks),
+            relation=f"{related[one.survey.name]:.2f}" if one.survey.name in related else "",
+        )
+        for one in run.earlier
+    ]  # fmt: skip
+    if found is None:
+        return Part(text="The counts of earlier surveys inform this map.", change="", rows=rows)
+    return Part(text=contribution(found), change=change_text(found), rows=rows)
+
+
+def relations(run: MapRun) -> dict[str, float]:
+    """Correlation of the pattern of each earlier survey with that of the present one, as the map has it."""
+    fit = run.soil_map.fit
+    if fit is None or fit.prior is None:
+        return {}
+    return {one.name: one.correlation for one in fit.prior.relations}
+
+
+def contribution(found: RunChange) -> str:
+    """What the earlier surveys contributed, in sentences."""
+    share = 1 - found.sd / found.sd_alone if found.sd_alone > 0 else 0.0
+    persistence, fades = found.persistence, ""
+    if persistence.decay_days < 1e6:
+        fades = f" It falls to a third in {number(persistence.decay_days, 2)} days."
+    return (
+        "The counts of earlier surveys inform this map. The patterns of two surveys of this field have a "
+        f"correlation of {persistence.share:.2f} ± {persistence.sd:.2f}.{fades} They lower the standard deviation "
+        f"of the smooth rate from {number(found.sd_alone, 2)} to {number(found.sd, 2)} counts/s, "
+        f"by {percent(share)}."
+    )
+
+
+def change_text(found: RunChange) -> str:
+    """What has changed since the latest earlier survey, in sentences."""
+    drier, wetter = found.change.shares
+    kind = "rate" if found.change.mean_vwc is None else "moisture"
+    mean = found.change.mean_vwc or found.change.mean_rate
+    low, high = mean.interval95
+    seen = (
+        f"the mean {kind} has changed by" if low > 0 or high < 0 else f"no change of the mean {kind} can be seen:"
+    )
+    since = change_since(found)
+    return (
+        f"{since[:1].upper()}{since[1:]}, {seen} {change_amount(found)}. {percent(wetter)} of the field has "
+        f"become wetter and {percent(drier)} drier significantly: of the cells called changed, "
+        f"{percent(FieldChange.FALSE_SHARE)} at most are expected not to be. The uncertainty is that of both "
+        "surveys together."
+    )
+
+
+def change_summary(found: RunChange) -> str:
+    """What has changed since the latest earlier survey, in one line."""
+    drier, wetter = found.change.shares
+    return (
+        f"{change_since(found)}: mean {change_amount(found)}, "
+        f"{100 * wetter:.0f} % of the field significantly wetter, {100 * drier:.0f} % drier"
+    )
+
+
+def change_amount(found: RunChange) -> str:
+    """Change of the field's mean with its 95 % interval: of the moisture, or of the rate without a calibration."""
+    mean = found.change.mean_vwc
+    if mean is None:
+        return _rate(found.change.mean_rate)
+    value, low, high = (round(100 * value, 1) + 0.0 for value in (mean.value, *mean.interval95))
+    return f"{value:+.1f} % by volume ({low:+.1f} to {high:+.1f})"
+
+
+def change_since(found: RunChange) -> str:
+    """What a change compares with."""
+    return f"{'compared with the later survey' if found.backwards else 'since the survey'} {dated(found.since)}"
+
+
+def dated(run: EarlierRun) -> str:
+    """Name of an earlier survey, with its day if known."""
+    return f"{run.survey.name}{f' of {run.date}' if run.date else ''}"
+
+
+def _since(run: MapRun, name: str) -> str:
+    """Change of the mean since a survey: of the rate, or of the moisture that the mean rate means."""
+    change = None if run.change is None else run.change.means.get(name)
+    curve = run.soil_map.curve
+    if change is None or curve is None:
+        return "" if change is None else _rate(change)
+    if run.change is not None and run.change.since.survey.name == name:
+        return f"{change_amount(run.change)} [{change.value:+.3f} counts/s]"
+    now = float(np.nanmean(run.soil_map.rate))
+    then = now - np.array([change.value, *change.interval95])
+    value, high, low = (100 * (possible_moisture(curve, now) - possible_moisture(curve, then))).tolist()
+    return f"{value:+.1f} % by volume ({low:+.1f} to {high:+.1f}) [{change.value:+.3f} counts/s]"
+
+
+def _rate(change: Estimate) -> str:
+    low, high = change.interval95
+    return f"{change.value:+.3f} counts/s ({low:+.3f} to {high:+.3f})"
+
+
+# Report section of the mission: its course over time and its stops ----------------------------------------------
+
+
+def mission_part(run: MapRun) -> Part | None:
+    """The course of a mission in sentences and charts, its first stops, how many are left out, and its log."""
+    mission = run.mission
+    if mission is None:
+        return None
+    has_truth = bool(np.isfinite(mission.truth_rate).any())
+    charts = list(course_charts(mission.series, has_truth)) if mission.series else []
+    if (forecasts := forecast_chart(mission.forecasts, 3600 * mission.settings.hours)) is not None:
+        charts.append(forecasts)
+    visits = mission.visits
+    return Part(
+        text=_text(mission), charts=charts, visits=visits[:MAX_VISITS], hidden=max(len(visits) - MAX_VISITS, 0),
+        several=len(mission.tracks) > 1, log=mission.log[:MAX_LINES],
+    )  # fmt: skip
+
+
+def _text(mission: MissionResult) -> str:
+    settings, named, sentences = mission.settings, mission.settings.as_dict(), []
+    sentences.append(
+        f"Strategy {strategy_text(named['strategy'])}, dwell rule {dwell_text(named['dwell'])}, "
+        f"{settings.hours:g} h, seed {settings.seed}: {len(mission.visits)} measurements"
+    )
+    if mission.series:
+        end = mission.series[-1]
+        value, unit = length(end.distance_m)
+        sentences[0] += f" in {duration(end.time_s)} and on {value} {unit}"
+        if end.time_s > 0:
+            share = end.counting_s / (end.time_s * settings.robots)
+            sentences[0] += f", {percent(share)} of the time spent counting"
+        if settings.robots > 1:
+            ways = [polyline_length_m(track) for track in mission.tracks]
+            each = ", ".join(" ".join(length(way_m)) for way_m in ways)
+            sentences.append(f"There were {settings.robots} robots, which drove {each}")
+        if np.isfinite(end.mse):
+            sentences.append(
+                f"At the end the map has a mean squared error of {number(end.mse)} (counts/s)², which is "
+                f"{number(end.mse_10s)} (counts/10 s)²"
+            )
+            if np.isfinite(end.vwc_rmse):
+                sentences[-1] += f", and a root mean squared error of {number(100 * end.vwc_rmse, 2)} % by volume"
+            sentences[-1] += f"; the truth lies in the 95 % interval on {percent(end.coverage95)} of the field"
+    for index, mapped in enumerate(mission.properties[1:], start=1):
+        planned = f"planned for with the weight {mapped.weight:g}" if mapped.weight else "not planned for"
+        sentences.append(f"A further property ({mapped.title}) was mapped, {planned}")
+        if mission.series and np.isfinite((errors := mission.series[-1].errors[index]).mse):
+            sentences[-1] += (
+                f": its map has a mean squared error of {number(errors.mse)} (counts/s)², and the truth lies in "
+                f"the 95 % interval on {percent(errors.coverage95)} of the field"
+            )
+    if (plan := mission_efficiency(mission)) is not None:
+        sentences.append(
+            f"Its efficiency is {percent(plan.reached)}: no division of the time among all places, even without "
+            "driving, leaves less than this share of the mean variance that its samples leave"
+        )
+        if plan.of_truth:
+            sentences[-1] += " (with the variogram of the truth, so that missions on this field can be compared)"
+        else:
+            sentences[-1] += " (with the variogram of this map: not comparable with other missions)"
+    if forecast := forecast_text(mission.forecasts, 3600 * settings.hours):
+        sentences.append(f"Standard deviation of the map: {forecast}")
+    if mission.ended:
+        sentences.append(f"The mission ended: {mission.ended.rstrip('.')}")
+    return ". ".join(sentences) + "."
+
+
+def course_charts(series: Sequence[SeriesRow], has_truth: bool = True) -> Iterator[Chart]:
+    """Error, coverage and distance against time; without a truth, only the distance."""
+    columns = series_columns(series, [""])
+    hours = columns["time_s"] / 3600
+    x = (0.0, max(float(hours[-1]), 1e-9))
+    known = columns["mse"][np.isfinite(columns["mse"]) & (columns["mse"] > 0)]
+    if has_truth and len(known):
+        logarithm = np.log10(np.where(columns["mse"] > 0, columns["mse"], np.nan))
+        low, high = math.floor(np.log10(known.min())), math.ceil(np.log10(known.max()) + 1e-9)
+        steps = (1, 2, 5) if high - low <= 2 else (1,)
+        ticks = [(e + math.log10(m), f"{m * 10.0**e:.6g}") for e in range(low, high + 1) for m in steps]
+        yield Chart(
+            "course-error", "Error of the map", "Mean squared error of the rate map against mission time",
+            [Line(hours, logarithm)], x, (float(low), float(high)), "Mission time [h]",
+            "Mean squared error [(counts/s)²], logarithmic",
+            "Mean squared error of the rate map; multiply by 100 for (counts/10 s)².", y_ticks=ticks,
+        )  # fmt: skip
+        coverage = 100 * columns["coverage95"]
+        yield Chart(
+            "course-coverage", "Coverage", "Coverage of the 95 % intervals against mission time",
+            [Line(x, (95, 95), "orange", "95 %, as stated", dashed=True), Line(hours, coverage, name="reached")],
+            x, (min(50.0, float(np.nanmin(coverage, initial=100.0)) - 5), 102.0), "Mission time [h]",
+            "Coverage [%]",
+            "Share of the field whose true rate lies in the 95 % interval of the map.",
+        )  # fmt: skip
+    distance, finished = columns["distance_m"], hours[1:][np.diff(columns["samples"]) > 0]
+    yield Chart(
+        "course-distance", "Distance", "Distance driven against mission time",
+        [Line(hours, distance), Dots(finished, np.interp(finished, hours, distance), "ink", "stop finished", 4.0)],
+        x, limits_of(distance, zero=True), "Mission time [h]", "Distance [m]",
+    )  # fmt: skip

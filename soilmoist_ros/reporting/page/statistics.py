@@ -385,7 +385,6 @@ class Interval(NamedTuple):
 class Importance:
     """What one covariate says of the map; zeros if it was left out, because the counts do not ask for it.
 
-    :param name: its name
     :param rate_cps: change of the rate where the covariate is one standard deviation higher [counts/s]
     :param vwc: change of the moisture at the mean rate, likewise [m^3/m^3]; ``None`` without a calibration
     :param variance_share: share of the variance of the rate over the field that follows the covariate [0..1];

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from soilmoist_ros.mapping import Samples, Supports, Variogram, default_edges, sample_correlation
 from soilmoist_ros.pipeline import MapRun
 from soilmoist_ros.reporting.page.charts import Area, Chart, Dots, Line, Mark
-from soilmoist_ros.reporting.page.numbers import number, percent
+from soilmoist_ros.reporting.page.frame import number, percent
 
 if TYPE_CHECKING:
     from soilmoist_ros.mapping import SoilMap

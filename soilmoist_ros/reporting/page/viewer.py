@@ -28,8 +28,8 @@ from soilmoist_ros.reporting.colours import (
 )
 from soilmoist_ros.reporting.geometry import map_extent, rings
 from soilmoist_ros.reporting.page.charts import round_ticks
+from soilmoist_ros.reporting.page.frame import percent, plain, round_step
 from soilmoist_ros.reporting.page.irrigation import Irrigation, has_level
-from soilmoist_ros.reporting.page.numbers import percent, plain, round_step
 
 Array = NDArray[np.float64]
 
@@ -88,6 +88,8 @@ def rounded(xy: Array, digits: int = 1) -> list[list[float]]:
 def viewer_data(run: MapRun, found: Irrigation) -> dict[str, Any]:
     """Everything that the page's script draws, as plain JSON values."""
     west, east, south, north = view(run)
+    one = run.soil_map.samples
+    samples = np.column_stack([one.xy, one.counts, one.exposure_s])
     return {
         "view": [round(edge, 2) for edge in (west, east, south, north)],
         "place": place_data(
@@ -99,7 +101,7 @@ def viewer_data(run: MapRun, found: Irrigation) -> dict[str, Any]:
         "zones": [{"name": zone.name, "limits": zone.limits, "colour": zone.colour} for zone in found.zones],
         "edge": [rounded(ring) for ring in rings(run.soil_map)],
         "noGo": [rounded(hole) for hole in run.soil_map.grid.holes],
-        "samples": _samples(run),
+        "samples": [[round(x, 1), round(y, 1), int(z), round(t, 2)] for x, y, z, t in _thinned(samples).tolist()],
         "robots": _robots(run),
         "paths": [rounded(_thinned(track)) for track in run.tracks_xy if len(track) > 1],
         "visits": _visits(run),
@@ -286,13 +288,6 @@ def place_data(frame: LocalFrame, x_m: float, y_m: float, reach_m: float) -> dic
     return {"x": x_m, "y": y_m, "latitude": weights[:, 0].tolist(), "longitude": weights[:, 1].tolist()}
 
 
-def _samples(run: MapRun) -> list[list[float]]:
-    """East, north [m], counts, effective exposure [s] of the samples."""
-    samples = run.soil_map.samples
-    rows = np.column_stack([samples.xy, samples.counts, samples.exposure_s])
-    return [[round(x, 1), round(y, 1), int(z), round(t, 2)] for x, y, z, t in _thinned(rows).tolist()]
-
-
 def _robots(run: MapRun) -> list[dict[str, str]]:
     """Name and colour of each robot; empty for a single one."""
     count, known = len(run.tracks_xy), list(ROBOTS.items())
@@ -317,29 +312,22 @@ def _visits(run: MapRun) -> list[list[Any]]:
 
 
 def pictures(run: MapRun) -> Iterator[dict[str, Any]]:
-    """Pictures of the first layers, one pixel a cell, each with its look and a description in words."""
+    """The map and its uncertainty of each property, one pixel a cell, with its look and a description in words."""
     for one in run.properties:
         soil_map, name = one.soil_map, f" of {one.label or one.name}" if run.others else ""
+        looks = {layer["key"]: layer for layer in _of_property(one, 0, "")}
+        values = {"rate": soil_map.rate, "rate_sd": soil_map.rate_sd}
         if one.calibrated:
-            unit = f"{PERCENT}, {ILLUSTRATIVE}" if calibration_of(one) == ILLUSTRATIVE else PERCENT
-            width = interval_width(one)
-            shown = [(100 * soil_map.vwc, shown_as("Soil moisture", unit, 1, WATER, moisture_limits(one))),
-                     (width, shown_as("Width of the 90 % interval", PERCENT, 1, UNCERTAIN,
-                                      (0.0, colour_limits(width)[1])))]  # fmt: skip
-        else:
-            rate, sd = soil_map.rate, soil_map.rate_sd
-            shown = [(rate, shown_as("Neutron count rate", "counts/s", 2, RATE, colour_limits(rate, sd))),
-                     (sd, shown_as("Standard deviation", "counts/s", 3, UNCERTAIN,
-                                   (0.0, colour_limits(sd)[1])))]  # fmt: skip
+            values = {"vwc": 100 * soil_map.vwc, "width": interval_width(one)}
         west, east, _, _ = map_extent(soil_map)
-        for values, look in shown:
-            shares = (_cells(one, np.where(soil_map.grid.mask, values, np.nan)) - look["from"]) / (
-                look["to"] - look["from"]
-            )
+        for key, band in values.items():
+            look = looks[key]
+            inside = _cells(one, np.where(soil_map.grid.mask, band, np.nan))
             colours = np.array([list(bytes.fromhex(colour[1:])) for colour in look["colours"]], np.uint8)
+            picture = coloured_png((inside[::-1] - look["from"]) / (look["to"] - look["from"]), colours)
             yield {
-                **look,
-                "uri": data_uri("image/png", coloured_png(shares[::-1], colours)),
-                "alt": f"Map{name}: {look['title'].lower()} [{look['unit']}] in {run.field_name or 'the field'}, "
-                f"{east - west:.0f} m from west to east, north is up",
+                **{part: look[part] for part in ("colours", "ticks", "digits", "from", "to")},
+                "uri": data_uri("image/png", picture),
+                "alt": f"Map{name}: {look.get('name', look['title'])} [{look['unit']}] in "
+                f"{run.field_name or 'the field'}, {east - west:.0f} m from west to east, north is up",
             }

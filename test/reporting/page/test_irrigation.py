@@ -122,46 +122,18 @@ def advised(make_run, the_map):
     [
         ((0.15, 0.15, 0.05), ["Irrigate the 0.11 ha that are too dry (certain on all of it).", "Filling"]),
         ((0.26, 0.26, 0.05), ["No irrigation needed now: no part of the field is too dry."]),
-        (
-            (0.40, 0.40, 0.02),
-            ["No irrigation needed now: no part of the field is", "Too wet on 0.11 ha (certain on all of it)"],
-        ),
-        (
-            (0.205, 0.26, 0.05),
-            [
-                "Too dry on 0.06 ha, certain on none of it: count longer there first (mostly in the west).",
-                "No irrigation needed now on the other 0.05 ha.",
-            ],
-        ),
-        (
-            (0.15, 0.215, 0.05),
-            [
-                "Irrigate the 0.06 ha that are too dry",
-                "Filling their root zone to field capacity takes 45 mm (",
-                "The other 0.05 ha may be too dry as well: count longer there first (mostly in the east).",
-            ],
-        ),
-        (
-            (0.214, 0.213, 0.05),
-            ["No part of the field seems too dry, but that is certain on none of it: count longer there first."],
-        ),
-        (
-            (0.31, 0.29, 0.05),
-            ["No irrigation needed now: no part of the field is", "Too wet on 0.06 ha, certain on none of it."],
-        ),
-        (
-            (0.19, 0.19, 0.01, LIMITS, 0.5),
-            ["Too dry on 0.11 ha, certain on none of it: take more soil cores first, since the calibration"],
-        ),
-        (
-            (0.10, 0.26, 0.05, IrrigationLimits(dry_below=0.2, moist_above=0.25)),
-            [
-                "Irrigate the 0.06 ha that are dry",
-                "With field capacity in the site file",
-                "No irrigation needed now on the other 0.05 ha.",
-                "Moist on 0.05 ha",
-            ],
-        ),
+        ((0.40, 0.40, 0.02), ["No irrigation needed now: no part of", "Too wet on 0.11 ha (certain on"]),
+        ((0.205, 0.26, 0.05), ["Too dry on 0.06 ha, certain on none of it: count longer there first (",
+                               "No irrigation needed now on the other 0.05 ha."]),
+        ((0.15, 0.215, 0.05), ["Irrigate the 0.06 ha that are too dry",
+                               "Filling their root zone to field capacity takes 45 mm (",
+                               "The other 0.05 ha may be too dry as well: count longer there first (mostly in"]),
+        ((0.214, 0.213, 0.05), ["No part of the field seems too dry, but that is certain on none of it: count"]),
+        ((0.31, 0.29, 0.05), ["No irrigation needed now: no part", "Too wet on 0.06 ha, certain on none of it."]),
+        ((0.19, 0.19, 0.01, LIMITS, 0.5), ["Too dry on 0.11 ha, certain on none of it: take more soil"]),
+        ((0.10, 0.26, 0.05, IrrigationLimits(dry_below=0.2, moist_above=0.25)),
+         ["Irrigate the 0.06 ha that are dry", "With field capacity in the site file",
+          "No irrigation needed now on the other 0.05 ha.", "Moist on 0.05 ha"]),
     ],
 )  # fmt: skip
 def test_advice_of_a_field(advised, field, steps):

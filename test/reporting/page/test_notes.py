@@ -10,7 +10,7 @@ import pytest
 
 from soilmoist_ros.mapping.drift import Change, Drift, Jump
 from soilmoist_ros.pipeline.run import CorrectionRow, NoteCode
-from soilmoist_ros.reporting.page.notes import notes
+from soilmoist_ros.reporting.page.wording import notes
 
 
 def codes(run):

@@ -117,7 +117,7 @@ def test_no_text_is_small():
     for value, unit in sizes:
         px = float(value) * {"px": 1, "rem": 16, "em": 14, "pt": 96 / 72}[unit]
         assert px >= MIN_TEXT_PX, f"{value}{unit}"
-    drawn = [int(px) for px in re.findall(r"(\d+)px system-ui", _text("viewer.js"))]
+    drawn = [int(px) for px in re.findall(r"(\d+)px[ \"]", _text("viewer.js"))]
     assert min(drawn) >= MIN_TEXT_PX
 
 

@@ -16,10 +16,9 @@ from soilmoist_ros.pipeline.earlier_runs import run_change
 from soilmoist_ros.pipeline.run import EarlierRun, NoteCode
 from soilmoist_ros.reporting.outputs import write_outputs
 from soilmoist_ros.reporting.page.irrigation import irrigation
-from soilmoist_ros.reporting.page.notes import notes
-from soilmoist_ros.reporting.page.report import render_report
-from soilmoist_ros.reporting.page.sections import earlier_part
+from soilmoist_ros.reporting.page.report import earlier_part, render_report
 from soilmoist_ros.reporting.page.viewer import viewer_data
+from soilmoist_ros.reporting.page.wording import notes
 from soilmoist_ros.reporting.run_summary import summary
 
 NOW_S = 1.77e9
