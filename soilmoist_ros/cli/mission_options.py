@@ -10,9 +10,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.shell_completion import CompletionItem
 
-from soilmoist_ros.cli.options import NAMES, Name, completions
+from soilmoist_ros.cli.options import Name
 from soilmoist_ros.simulation import PRESETS, SETTINGS, Setting
 
 if TYPE_CHECKING:
@@ -36,15 +35,8 @@ class _Value(click.ParamType):  # type: ignore[type-arg]
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         """The permitted values, or their type."""
-        name = self._setting.name if self._setting.name in NAMES else self.name
+        name = self._setting.name if self._setting.name in ("field", "strategy", "dwell", "model") else self.name
         return f"[{self._setting.limits}]" if self._setting.choices else name.upper()
-
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Permitted values and names that continue the word."""
-        name = {"field": "surrogate"}.get(self._setting.name, self._setting.name)
-        if name in NAMES:
-            return completions(name, incomplete)
-        return [CompletionItem(choice) for choice in self._setting.choices if choice.startswith(incomplete)]
 
 
 def mission_options(

@@ -6,11 +6,10 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from datetime import UTC, datetime
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -26,54 +25,6 @@ FILE = click.Path(path_type=Path)
 _UNITS_S = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0, "w": 604_800.0}
 _RUN = "give the folder that --out of a run named, a recording, or a folder of such"
 _SHIPPED = {"field": "fields", "site": "sites", "scenario": "scenarios"}
-_NO_FILES = ("strategy", "dwell", "model", "export")
-
-
-def _shipped(kind: str) -> Callable[[], Iterable[str]]:
-    def names() -> Iterable[str]:
-        from soilmoist_ros.foundation import resource_names
-
-        return resource_names(kind)
-
-    return names
-
-
-def _of(room: str, source: str) -> Callable[[], Iterable[str]]:
-    """Names that a registry, or a function, of a room has."""
-
-    def names() -> Iterable[str]:
-        found: Any = getattr(import_module(f"soilmoist_ros.{room}"), source)
-        return found.names() if hasattr(found, "names") else found()  # type: ignore[no-any-return]
-
-    return names
-
-
-def _dwells() -> Iterable[str]:
-    from soilmoist_ros.exploration import DWELL_RULES
-
-    return [name + ":" * DWELL_RULES.get(name).needs_value for name in DWELL_RULES.names()]
-
-
-NAMES: dict[str, Callable[[], Iterable[str]]] = {
-    "field": _shipped("fields"),
-    "surrogate": _of("simulation", "surrogate_field_names"),
-    "site": _shipped("sites"),
-    "logger": _of("sensing", "logger_names"),
-    "scenario": _shipped("scenarios"),
-    "campaign": _shipped("campaigns"),
-    "strategy": _of("exploration", "STRATEGIES"),
-    "dwell": _dwells,
-    "model": _of("mapping", "VARIOGRAM_MODELS"),
-    "export": _of("reporting", "EXPORTS"),
-}
-"""Names by what can be named, read on use."""
-
-
-def completions(kind: str, incomplete: str) -> list[CompletionItem]:
-    """Names that continue a word, and files where the path of one will do."""
-    # Files come first: bash clears what is before.
-    files = [] if kind in _NO_FILES else [CompletionItem(incomplete, type="file")]
-    return files + [CompletionItem(name) for name in NAMES[kind]() if name.startswith(incomplete)]
 
 
 class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
@@ -87,8 +38,8 @@ class Name(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         self._early = early
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Names and files that continue the word."""
-        return completions(self._kind, incomplete)
+        """Files that continue the word."""
+        return [CompletionItem(incomplete, type="file")]
 
     def require(self, value: str) -> None:
         """Check a given name or path before the work; what the file says is checked later."""

@@ -59,27 +59,6 @@ def test_the_command_says_what_covariates_cover(tmp_path):
     assert "no such file" in result.output
 
 
-def test_the_command_compares_a_topological_map_with_a_field(tmp_path):
-    def node(name, x, y):
-        return {"node": {"name": name, "pose": {"position": {"x": x, "y": y}}, "edges": [{"node": 1 - name}]}}
-
-    field, graph = tmp_path / "field.yaml", tmp_path / "map.json"
-    datum = {"latitude_deg": 53.268, "longitude_deg": -0.5245}
-    field.write_text(json.dumps({"name": "plot", "datum": datum, "polygon": [[0, 0], [80, 0], [80, 60], [0, 60]]}))
-    graph.write_text(json.dumps({"nodes": [node(0, 10, 20), node(1, 20, 20)]}))
-    result = check("--field", field, "--graph", graph)
-    assert "graph       2 of 2 nodes are stops in plot; datum of the map: none" in result.output
-    graph.write_text(json.dumps({"nodes": [node(0, 10, 20), node(1, 10.5, 20)]}))
-    crowded = "a robot cannot tell nodes apart that are nearer to each other than 0.6 m: 0, 1"
-    assert crowded in " ".join(check("--field", field, "--graph", graph).output.split())
-    shifted = {"meta": {"origin": {"latitude": 53.268642, "longitude": -0.5245095}}}
-    graph.write_text(json.dumps({**shifted, "nodes": [node(0, 10, 20), node(1, 20, 20)]}))
-    result = check("--field", field, "--graph", graph)
-    assert result.exit_code == 2
-    assert "no node of the topological map lies in the field 'plot'" in result.output
-    assert check("--graph", graph).exit_code == 2
-
-
 def test_the_command_says_of_a_map_what_the_planner_says(tmp_path):
     def node(name, x, y, *ends):
         edges = [{"node": end, "edge_id": f"{name}-{end}", "action": "hop"} for end in ends]

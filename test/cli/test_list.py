@@ -10,7 +10,6 @@ from click.testing import CliRunner
 
 from soilmoist_ros.cli.list import KINDS
 from soilmoist_ros.cli.main import main
-from soilmoist_ros.cli.options import NAMES
 
 
 def listed(*options):
@@ -48,7 +47,6 @@ def test_fields_have_size_and_moisture():
     assert fields["half-wet"]["size"] == "60 x 50 m"
     assert fields["smooth"]["rate"].endswith("counts/s")
     assert fields["example"]["simulated"] is False
-    assert set(NAMES["surrogate"]()) == {name for name, item in fields.items() if item["simulated"]}
 
 
 def test_an_unknown_kind_names_all():

@@ -8,7 +8,6 @@ import subprocess
 import sys
 
 import click
-import numpy as np
 import pytest
 import rasterio
 import rasterio.warp
@@ -59,22 +58,6 @@ def test_the_map_of_a_survey_is_close_to_the_truth(survey, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_large_survey_is_mapped_tile_by_tile(survey, tmp_path):
-    """All ways to compute the tiles agree. The map differs from the exact one by a small share of its sd."""
-    options = ["--field", survey / "field.yaml", "--nmea", survey / "survey.nmea", "--cell", 10]
-    maps = {}
-    choices = {"exact": [], "here": ["--exact", 5, "--workers", 1], "two": ["--exact", 5, "--workers", 2]}
-    for name, choice in choices.items():
-        result = run("map", survey / "survey.log", *options, *choice, "--out", tmp_path / name)
-        assert result.exit_code == 0, result.output
-        with rasterio.open(tmp_path / name / "map.tif") as raster:
-            maps[name] = raster.read([1, 2])
-    np.testing.assert_array_equal(maps["two"], maps["here"])
-    assert np.nanmax(abs(maps["here"][0] - maps["exact"][0]) / maps["exact"][1]) < 0.02
-    np.testing.assert_allclose(maps["here"][1], maps["exact"][1], rtol=0.01)
-
-
-@pytest.mark.slow
 def test_the_real_roving_record_is_mapped_by_the_documented_command(roving_record, tmp_path):
     log = roving_record
     result = run("map", log, "--site", "gypsum_transect", "--out", tmp_path / "out")
@@ -88,19 +71,6 @@ def test_the_real_roving_record_is_mapped_by_the_documented_command(roving_recor
         west, south, east, north = rasterio.warp.transform_bounds(raster.crs, "EPSG:4326", *raster.bounds)
     assert -97.5 < west < east < -97.3
     assert 38.6 < south < north < 38.8
-
-
-@pytest.mark.slow
-def test_without_a_calibration_the_rate_is_mapped_and_a_message_says_why(survey, tmp_path):
-    out = tmp_path / "out"
-    result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--out", out)
-    assert result.exit_code == 0, result.output
-    assert "moisture   not mapped" in result.output
-    result = run("map", survey / "survey.log", "--nmea", survey / "survey.nmea", "--preset", "paper", "--out", out,
-                 "--overwrite")  # fmt: skip
-    assert result.exit_code == 0, result.output
-    settings = json.loads((out / "summary.json").read_text())["settings"]
-    assert (settings["variogram_model"], settings["variogram_fit"]) == ("gaussian", "soft_l1")
 
 
 def test_every_mistake_in_bad_files_is_reported_with_exit_code_2(tmp_path):
@@ -269,23 +239,6 @@ def test_a_mission_is_simulated_with_all_its_outputs(tmp_path):
     assert {"time_s", "distance_m", "samples", "mse", "coverage95"} <= set(header.split(","))
     assert float(rows[-1].split(",")[0]) == pytest.approx(1800, abs=150)
     assert json.loads((out / "summary.json").read_text())["simulated"] is True
-
-
-@pytest.mark.slow
-def test_further_properties_are_mapped(tmp_path):
-    options = ["--property", "rough:0.5", "--property", "smooth:0", "--hours", 0.2, "--cell", 5, "--fit", "reml",
-               "--strategy", "ivr", "--dwell", "optimal", "--map-from", "records"]  # fmt: skip
-    result = run("simulate", *options, "--out", tmp_path)
-    assert result.exit_code == 0, result.output
-    about = json.loads((tmp_path / "summary.json").read_text())["mission"]
-    assert about["settings"]["properties"] == [
-        {"field": "rough", "weight": 0.5},
-        {"field": "smooth", "weight": 0.0},
-    ]
-    assert [one["name"] for one in about["properties"]] == ["rough", "smooth"]
-    assert about["also"] is None
-    for name in ("rough", "smooth"):
-        assert f"property   {name}: MSE {about['final'][f'mse_{name}']:.4f} (counts/s)2" in result.output
 
 
 @pytest.mark.parametrize(

@@ -104,16 +104,6 @@ def test_two_packages_that_add_one_name_are_both_named(
     assert "second_shapes" in caplog.text
 
 
-def test_a_package_does_not_replace_a_built_in_name(
-    shapes: Registry[int], install: Install, caplog: pytest.LogCaptureFixture
-) -> None:
-    install("rude_shapes", "SQUARE = 5\n", square="SQUARE")
-    assert shapes.names() == ["circle", "square"]
-    assert "'square'" in caplog.text
-    assert "rude_shapes" in caplog.text
-    assert shapes.get("square") == 4
-
-
 def test_a_name_is_added_at_run_time_once(shapes: Registry[int], install: Install) -> None:
     shapes.add("hexagon", 6)
     assert shapes.get("hexagon") == 6

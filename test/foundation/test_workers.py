@@ -2,29 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared work: in this process, in local processes, or on a cluster."""
 
-import os
 import sys
 import threading
 
 import pytest
 
 from soilmoist_ros.foundation.errors import InputError
-from soilmoist_ros.foundation.workers import Batches, connect, cores, one_thread_each, shared_work
+from soilmoist_ros.foundation.workers import Batches, connect, cores, shared_work
 
 
 def test_without_processes_the_work_is_done_here():
     with shared_work(0) as compute:
         assert list(compute(abs, [-1, 2, -3])) == [1, 2, 3]
     assert cores() >= 1
-
-
-def test_one_thread_each_is_undone(monkeypatch):
-    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "4")
-    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
-    with one_thread_each():
-        assert (os.environ["OPENBLAS_NUM_THREADS"], os.environ["OMP_NUM_THREADS"]) == ("1", "1")
-    assert os.environ["OPENBLAS_NUM_THREADS"] == "4"
-    assert "OMP_NUM_THREADS" not in os.environ
 
 
 @pytest.mark.slow

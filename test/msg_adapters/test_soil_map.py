@@ -133,12 +133,6 @@ def test_before_the_first_map_nothing_is_known():
     assert set(uncertainty_to_message(grid, None, 0.0).data) == {-1, 100}
 
 
-def test_a_field_without_any_variation_is_known():
-    grid = rectangle(0.0, 0.0, 6, 6, 1.0)
-    flat = a_map(grid, variogram=Variogram("matern32", 0.0, 10.0, 0.0))
-    assert not any(uncertainty_to_message(grid, flat, 0.0).data)
-
-
 def test_messages_of_another_kind_are_refused():
     grid = rectangle(0.0, 0.0, 6, 6, 1.0)
     message = soil_map_to_message(grid, None, 0.0)
