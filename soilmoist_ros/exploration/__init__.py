@@ -64,7 +64,6 @@ if TYPE_CHECKING:
     from soilmoist_ros.exploration.mission.events import GoalReached as GoalReached
     from soilmoist_ros.exploration.mission.events import GoTo as GoTo
     from soilmoist_ros.exploration.mission.events import Moved as Moved
-    from soilmoist_ros.exploration.mission.events import Planned as Planned
     from soilmoist_ros.exploration.mission.events import Publish as Publish
     from soilmoist_ros.exploration.mission.events import RecordArrived as RecordArrived
     from soilmoist_ros.exploration.mission.events import RequestPlan as RequestPlan
@@ -176,7 +175,7 @@ __getattr__, __dir__, __all__ = open_door(
         "guard.robot_frames": "ASKED_M FrameSettings ROBOT RobotFrames Transform yaw_rotation",
         "guard.signals": "EmergencyTopic",
         "guard.watch": "POSES_FROZEN_S Watch",
-        "mission.events": "ANYBODYS Action CancelGoal Command Event FORGOTTEN Finish GoTo GoalFailed GoalReached Moved Planned Publish RecordArrived RequestPlan StartCounting Tick VisitDone",
+        "mission.events": "ANYBODYS Action CancelGoal Command Event FORGOTTEN Finish GoTo GoalFailed GoalReached Moved Publish RecordArrived RequestPlan StartCounting Tick VisitDone",
         "mission.journal": "EVENT MissionJournal interrupted_mission interrupted_records is_under_way",
         "mission.mission": "Mission",
         "mission.state": "state_from_json",

@@ -55,12 +55,10 @@ from soilmoist_ros.foundation import Health, InputError, Level, LocalFrame, Plan
 from soilmoist_ros.mapping import Changing, Field, Samples, VariogramFit
 from soilmoist_ros.sensing import CountRecord, Doubt, Fix, Heard, PlaceFix, none_since
 
-PLACE_TIME = "place_s"
-"""Value of the status: when the newest place has come [s]; -inf for none."""
+PLACE_TIME = "place_s"  # value of the status: when the newest place has come [s]; -inf for none
 PLACE_SHOWN_S = 2.0
 """In a mission the status shows places that are not older than this [s]; a simulated clock waits for that."""
-DATUM = "datum"
-"""Value of the status: latitude and longitude of the datum of its places [deg]."""
+DATUM = "datum"  # value of the status: latitude and longitude of the datum of its places [deg]
 RECORD_STAMP = "record_stamp_s"
 """Value of the status: stamp of the newest record that has come, with or without a place [s]; -inf for none."""
 

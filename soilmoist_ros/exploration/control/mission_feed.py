@@ -33,8 +33,7 @@ from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.navigation.track import MAX_AGE_S
 from soilmoist_ros.sensing import CountRecord, PlaceAges, PlaceFix
 
-FIX_SILENCE_S = 5.0
-"""Without a fix for this time the positions of records serve, which are older [s]."""
+FIX_SILENCE_S = 5.0  # without a fix for this time the positions of records serve, which are older [s]
 
 _log = logging.getLogger(__name__)
 
@@ -199,8 +198,7 @@ class MissionFeed:
 
 # Mission time: it runs evenly, whatever is done to the clock of the computer ------------------------------------
 
-NOTICED_S = 0.1
-"""A smaller difference between the clocks is no step [s]."""
+NOTICED_S = 0.1  # a smaller difference between the clocks is no step [s]
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 

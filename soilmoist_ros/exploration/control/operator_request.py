@@ -25,16 +25,14 @@ from soilmoist_ros.mapping import Field, require_no_go
 
 Place = tuple[float, float]
 
-TARGETS = ("rate", "vwc")
-"""Which map is to be good."""
+TARGETS = ("rate", "vwc")  # which map is to be good
 
 
 class ReplyCode(StrEnum):
     """What became of a request, for programs."""
 
     ACCEPTED = "accepted"
-    REFUSED = "refused"
-    """Not in this state of the mission."""
+    REFUSED = "refused"  # not in this state of the mission
     UNKNOWN_VERB = "unknown_verb"
     BAD_PLACE = "bad_place"
     BAD_POLYGON = "bad_polygon"

@@ -21,10 +21,8 @@ from soilmoist_ros.exploration.planning.properties import Property
 from soilmoist_ros.foundation import SoilmoistError
 from soilmoist_ros.mapping import Changing, FieldMap, FieldMapSettings, Samples, VariogramFit
 
-SAME_TIME_S = 1e-3
-"""Times that differ by less are the same: they have been through messages [s]."""
-OTHER_SENSOR_S = 10.0
-"""The last record of another sensor at a stop may have ended this much earlier [s]."""
+SAME_TIME_S = 1e-3  # times that differ by less are the same: they have been through messages [s]
+OTHER_SENSOR_S = 10.0  # the last record of another sensor at a stop may have ended this much earlier [s]
 
 _log = logging.getLogger(__name__)
 
@@ -75,8 +73,7 @@ class PlanJob:
     others: tuple[PendingMeasurement, ...] = ()  # pending measurements of other robots on the field
 
 
-OWN = PropertyMap("", required=True)
-"""The property of the robot's own namespace, which the mission counts."""
+OWN = PropertyMap("", required=True)  # the property of the robot's own namespace, which the mission counts
 
 
 class PlanningQueue:

@@ -28,24 +28,20 @@ from soilmoist_ros.mapping import FieldMap, Samples
 
 Array = NDArray[np.float64]
 
-MIN_EXPOSURE_S = 1e-3
-"""What is counted in less changes no map; the variance of its rate need not be a number [s]."""
-SAME_CELLS = 0.5
-"""Stops nearer than this to that of another robot count as the same stop [cells]."""
+MIN_EXPOSURE_S = 1e-3  # what is counted in less changes no map; the variance of its rate need not be a number [s]
+SAME_CELLS = 0.5  # stops nearer than this to that of another robot count as the same stop [cells]
 NEARER_M: Final = 0.5
 """A robot that sets off next to another one may come this much nearer, by the noise of both fixes [m]."""
 AHEAD_S: Final = 3.0
 """Time that a robot needs to stop, with a second for the status of the other one and one for its velocity [s]."""
 WAITS_M: Final = 8.0
 """Distance, in addition to that which robots keep, from which one that waits lets the other pass [m]."""
-SOON_S: Final = 0.2
-"""Time after which two places give a velocity [s]."""
+SOON_S: Final = 0.2  # time after which two places give a velocity [s]
 CLOCK_S: Final = 5.0
 """Difference between the clocks of two robots that is reported [s]; messages are on their way for less."""
 
 SHUT_IN: Final = "other robots stand in the way to the stops that are left"
-_LOOK_S: Final = 5.0
-"""Time between two looks whether one of them is out of the way [s]."""
+_LOOK_S: Final = 5.0  # time between two looks whether one of them is out of the way [s]
 
 _DRIVES: Final = frozenset({Phase.TRAVELLING, Phase.CANCELLING, Phase.RETURNING})
 _WANTS_TO_DRIVE: Final = _DRIVES | {Phase.PLANNING, Phase.WAITING}

@@ -23,14 +23,11 @@ from soilmoist_ros.sensing import CountRecord, Expected
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-STEP_S: Final = 1.0
-"""Smaller steps of the clock are the work of a time service [s]."""
+STEP_S: Final = 1.0  # smaller steps of the clock are the work of a time service [s]
 WATCHED_S: Final = 60.0
 """Time for which the robot should stand after a mission or a stop [s]; then it belongs to people."""
-AHEAD_S: Final = 3.0
-"""Time by which the robot's place is predicted [s]."""
-_MOVED_M: Final = 2.0
-"""Distance from which the way home is computed anew [m]."""
+AHEAD_S: Final = 3.0  # time by which the robot's place is predicted [s]
+_MOVED_M: Final = 2.0  # distance from which the way home is computed anew [m]
 
 
 class Watching:

@@ -21,21 +21,15 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-ROBOT_RADIUS_M = 0.75
-"""Half the width of Thorvald [m]."""
+ROBOT_RADIUS_M = 0.75  # half the width of Thorvald [m]
 _ROUNDING_M = 1e-3
-_STEP_M = 0.5
-"""Step along a route at which its distance from the allowed area is measured [m]."""
+_STEP_M = 0.5  # step along a route at which its distance from the allowed area is measured [m]
 
 
-_ENTRIES = 20
-"""As many of the nearest places are judged for a robot that stands outside."""
-_LEAVING = 2.0
-"""A robot leaves a no-go area and its margin on a way of at most this multiple of the shortest one."""
-_NOISE_M = 0.1
-"""A robot that seems to be less deep in a no-go area than this stands at the edge [m]."""
-_STUCK_M = 0.5
-"""A place that seems to be this deep in a no-go area may be an error of the receiver [m]."""
+_ENTRIES = 20  # as many of the nearest places are judged for a robot that stands outside
+_LEAVING = 2.0  # a robot leaves a no-go area and its margin on a way of at most this multiple of the shortest one
+_NOISE_M = 0.1  # a robot that seems to be less deep in a no-go area than this stands at the edge [m]
+_STUCK_M = 0.5  # a place that seems to be this deep in a no-go area may be an error of the receiver [m]
 
 
 class Fence:
@@ -273,8 +267,7 @@ def unreachable(field: Field, margin_m: float) -> str:
 
 # The fence as a raster: where a costmap keeps the robot's centre out, whatever route the navigation plans -------
 
-MAX_CELLS: Final = 4_000_000
-"""Cells of a mask beyond which its resolution counts as a mistake."""
+MAX_CELLS: Final = 4_000_000  # cells of a mask beyond which its resolution counts as a mistake
 RIM_M: Final = 5.0
 """Width of the rim around the fence that is kept out, because a costmap is free where there is no mask [m]."""
 FREE, KEPT_OUT = 0, 100

@@ -26,16 +26,12 @@ from soilmoist_ros.mapping import Misplaced
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-AT_NODE_M = 1.5
-"""A robot this close to a node is at the node: the navigation plans from there [m]."""
-ON_EDGE_M = 1.5
-"""The navigation may also plan from an end of an edge this close to the robot [m]."""
-_MAX_HOME_M = 5000.0
-"""Distance of the home from the field beyond which it is a mistake [m]."""
+AT_NODE_M = 1.5  # a robot this close to a node is at the node: the navigation plans from there [m]
+ON_EDGE_M = 1.5  # the navigation may also plan from an end of an edge this close to the robot [m]
+_MAX_HOME_M = 5000.0  # distance of the home from the field beyond which it is a mistake [m]
 _LONGER, _LONGER_M = 1.1, 2.0
 """A navigation that counts lengths differently may prefer a route that is longer by this factor, and metres."""
-_TIE_M = 1e-3
-"""Routes whose lengths differ by less count as equally long [m]."""
+_TIE_M = 1e-3  # routes whose lengths differ by less count as equally long [m]
 
 
 class Outside(StrEnum):

@@ -19,34 +19,24 @@ from typing import Final
 
 from soilmoist_ros.exploration.mission.events import STILL_M
 
-MEAN_S: Final = 0.5
-"""Time over which places are averaged [s]."""
-KEPT_S: Final = 66.0
-"""Time for which places are kept [s]."""
+MEAN_S: Final = 0.5  # time over which places are averaged [s]
+KEPT_S: Final = 66.0  # time for which places are kept [s]
 WANDER_S: Final = 60.0
 """Time constant of the wandering part of the error [s]: that of multipath and of the atmosphere is minutes."""
-UNKNOWN_SD_M: Final = 1.0
-"""Standard deviation of a place that states none [m]."""
-STILL_SDS: Final = 3.0
-"""A motion shows beyond this many standard deviations of the noise."""
-SLOW_MPS: Final = 0.05
-"""Speed that a standstill must exclude [m/s] ..."""
+UNKNOWN_SD_M: Final = 1.0  # standard deviation of a place that states none [m]
+STILL_SDS: Final = 3.0  # a motion shows beyond this many standard deviations of the noise
+SLOW_MPS: Final = 0.05  # speed that a standstill must exclude [m/s]
 SPANS: Final = (1.0, 1.5, 2.0, 3.0, 4.0)
-"""... over the first of these multiples of the time asked for at which the noise lets one see it."""
-MAX_SPAN_S: Final = 60.0
-"""Longest time over which standstill is judged [s]."""
-MOVED_SDS: Final = 6.0
-"""A motion is certain beyond this many: hundreds of hours are judged, some times a minute."""
-MOVED_SPANS_S: Final = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
-"""Times over which a certain motion is looked for [s]."""
+"""Multiples of the time asked for: the first at which the noise lets one see that speed judges."""
+MAX_SPAN_S: Final = 60.0  # longest time over which standstill is judged [s]
+MOVED_SDS: Final = 6.0  # a motion is certain beyond this many: hundreds of hours are judged, some times a minute
+MOVED_SPANS_S: Final = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # times over which a certain motion is looked for [s]
 _SCATTER_OF: Final = 60
 """Number of means whose scatter is measured, as a share of the standard deviation that they state."""
-MIN_SD_M: Final = 0.005
-"""No receiver is better than this [m]; some state 0."""
+MIN_SD_M: Final = 0.005  # no receiver is better than this [m]; some state 0
 _MEDIAN: Final = 2 * math.log(2)
 """Median of the squared distance by noise, divided by the variance of each coordinate."""
-_SLACK_S: Final = 0.3
-"""A span may be this much shorter than asked for, since means have no exact time [s]."""
+_SLACK_S: Final = 0.3  # a span may be this much shorter than asked for, since means have no exact time [s]
 
 Place = tuple[float, float]
 

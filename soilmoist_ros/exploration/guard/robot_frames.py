@@ -27,11 +27,9 @@ from soilmoist_ros.sensing import NO_ARMS, UNKNOWN_COVARIANCE, Covariance, Fix, 
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
-"""Components x, y, z, w."""
+Quaternion = tuple[float, float, float, float]  # components x, y, z, w
 
-CLOCK_JUMP_S = 10.0
-"""Step back of the stamps above which a publisher has started anew [s]."""
+CLOCK_JUMP_S = 10.0  # step back of the stamps above which a publisher has started anew [s]
 _STILL: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -119,24 +117,16 @@ def yaw_rotation(yaw_rad: float) -> Quaternion:
 
 Place = tuple[float, float]
 
-PAIRS = 15
-"""Number of latest pairs that decide."""
+PAIRS = 15  # number of latest pairs that decide
 MIN_PAIRS = 5
-MIN_GAP_S = 0.5
-"""Minimum time between two pairs; a receiver of 10 Hz would fill the memory with one moment [s]."""
-PAIR_LIFE_S = 30.0
-"""Age beyond which a pair no longer counts [s]."""
-LATENCY_S = 1.0
-"""Smallest delay between fix and TF that is allowed for while the robot moves [s]."""
-STEP_M = 1.0
-"""Distance between the pairs to which a frame is fitted [m]."""
-BASE_M = 20.0
-"""Extent of the pairs from which the turn of a frame is known [m]."""
+MIN_GAP_S = 0.5  # minimum time between two pairs; a receiver of 10 Hz would fill the memory with one moment [s]
+PAIR_LIFE_S = 30.0  # age beyond which a pair no longer counts [s]
+LATENCY_S = 1.0  # smallest delay between fix and TF that is allowed for while the robot moves [s]
+STEP_M = 1.0  # distance between the pairs to which a frame is fitted [m]
+BASE_M = 20.0  # extent of the pairs from which the turn of a frame is known [m]
 MAX_FITTED = 500
-TURN_SHOWN_M = 0.1
-"""Displacement of the field from which the turn of a frame is part of its datum [m]."""
-MAX_SPEED_MPS = 3.0
-"""Speed above which a robot is not allowed for [m/s]."""
+TURN_SHOWN_M = 0.1  # displacement of the field from which the turn of a frame is part of its datum [m]
+MAX_SPEED_MPS = 3.0  # speed above which a robot is not allowed for [m/s]
 _DIRECTIONS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 
 
@@ -309,14 +299,11 @@ def _speed_mps(pairs: list[_Pair]) -> float:
 
 FIELD = "field"
 MAP = "map"
-ROBOT = "robot"
-"""Sources of the navigation's datum that are no datum themselves."""
-MAX_TF_AGE_S: Final = 5.0
-"""Age from which TF no longer tells where the robot is [s]."""
+ROBOT = "robot"  # as FIELD and MAP: sources of the datum of the navigation that are no datum themselves
+MAX_TF_AGE_S: Final = 5.0  # age from which TF no longer tells where the robot is [s]
 ASKED_M: Final = np.array([(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)])
 """Places about which the robot's datum service is asked, relative to :attr:`RobotFrames.ask_about_m` [m]."""
-ASK_NEAR_M: Final = 500.0
-"""Distance from the field at which the answers of the datum service are exact enough [m]."""
+ASK_NEAR_M: Final = 500.0  # distance from the field at which the answers of the datum service are exact enough [m]
 _KEPT_FIXES: Final = 100
 
 

@@ -13,12 +13,10 @@ from soilmoist_ros.sensing import Kind, reason_text
 
 # Battery: whether it is low, and what is left of its charge after the way home ----------------------------------
 
-MIN_BATTERY: Final = 3
-"""Number of messages in a row that must report a low battery: a peak load does not empty it."""
+MIN_BATTERY: Final = 3  # number of messages in a row that must report a low battery: a peak load does not empty it
 RECHARGED: Final = 0.05
 """A battery is no longer low this far above the limit: charge [-], or share of the voltage [-]."""
-MIN_USE: Final = 0.02
-"""Charge that must have been used before its mean use is known [-]."""
+MIN_USE: Final = 0.02  # charge that must have been used before its mean use is known [-]
 
 
 class Battery:
@@ -113,10 +111,8 @@ class BatteryLimit:
 
 MIN_RECORDS: Final = 3
 """Number of records from which they are judged; also of those that are looked at if a sensor sends fewer."""
-MAX_RECORDS: Final = 200
-"""Number of records that are remembered."""
-FORGOTTEN: Final = 3.0
-"""Multiple of the time after which records without a successor are no longer judged."""
+MAX_RECORDS: Final = 200  # number of records that are remembered
+FORGOTTEN: Final = 3.0  # multiple of the time after which records without a successor are no longer judged
 OF_PLACE: Final = frozenset((Kind.PLACE_JUMP.value, Kind.PLACE_DOUBT.value, Kind.CLOCK_DRIFT.value))
 """Reasons that say nothing about the counts; the causes ``jump``, ``fix_old`` and ``counts_stamp`` are theirs."""
 
@@ -153,8 +149,7 @@ class CountTrust:
 
 # Presses and releases of an emergency stop that several nodes may publish on one topic --------------------------
 
-QUIET_S = 2.0
-"""Time without a press after which a release counts, where several nodes publish [s]."""
+QUIET_S = 2.0  # time without a press after which a release counts, where several nodes publish [s]
 
 
 class EmergencyTopic:

@@ -24,31 +24,21 @@ from soilmoist_ros.sensing import REPEATED_M, PlaceFix, PlaceJudge, Verdict
 
 MIN_JUMPS: Final = 3
 """Number of implausible fixes in a row from which the place counts as lost; also of fixes that are too fast."""
-MIN_JUMP_S: Final = 2.0
-"""Minimum time over which implausible fixes come until the place counts as lost [s]."""
+MIN_JUMP_S: Final = 2.0  # minimum time over which implausible fixes come until the place counts as lost [s]
 POSES_FROZEN_S: Final = 30.0
 """Shortest limit of frozen fixes where fixes show that the robot has arrived: noisy ones take up to 20 s [s]."""
-APART_S: Final = 6.0
-"""Fixes farther apart than this do not show whether places in between have changed [s]."""
+APART_S: Final = 6.0  # fixes farther apart than this do not show whether places in between have changed [s]
 RECORDS_APART: Final = 6.0
 """An alarm about single records ends after this multiple of the usual time, as they come every 10 s or so."""
 
-IN_A_ROW: Final = 2
-"""Number of fixes in a row that must agree that the robot is where it must not be."""
-NOISE_SDS: Final = 4.0
-"""Errors of a place across a border up to this many standard deviations are noise ..."""
-MAX_NOISE_M: Final = 10.0
-"""... and up to this distance [m]."""
-NEAR_ROUTE_M: Final = 2.0
-"""A robot this close to its route follows it, wherever it heads [m]."""
-SETTLE_S: Final = 3.0
-"""Time after the end of a goal in which the robot may roll out [s] ..."""
-SETTLE_M: Final = 1.0
-"""... by this distance [m]."""
-STILL_S: Final = 4.0
-"""Standstill after which a robot that moved without a goal counts as standing [s]."""
-AGAIN_S: Final = 10.0
-"""Time after which an alarm about such a robot is repeated, so that it is stopped again [s]."""
+IN_A_ROW: Final = 2  # number of fixes in a row that must agree that the robot is where it must not be
+NOISE_SDS: Final = 4.0  # errors of a place across a border up to this many standard deviations are noise
+MAX_NOISE_M: Final = 10.0  # ... and up to this distance [m]
+NEAR_ROUTE_M: Final = 2.0  # a robot this close to its route follows it, wherever it heads [m]
+SETTLE_S: Final = 3.0  # time after the end of a goal in which the robot may roll out [s]
+SETTLE_M: Final = 1.0  # ... by this distance [m]
+STILL_S: Final = 4.0  # standstill after which a robot that moved without a goal counts as standing [s]
+AGAIN_S: Final = 10.0  # time after which an alarm about such a robot is repeated, so that it is stopped again [s]
 
 _LOST: Final = frozenset((Cause.IN_NO_GO, Cause.OUTSIDE, Cause.JUMP, Cause.RELOCATED, Cause.SPEED))
 """While these are on, the way home is not known."""

@@ -17,8 +17,7 @@ from soilmoist_ros.exploration.strategies.strategy import Choice
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing import CountRecord
 
-RESTART = "a restart of the planner"
-"""Who pauses a mission that a planner finds under way when it starts."""
+RESTART = "a restart of the planner"  # who pauses a mission that a planner finds under way when it starts
 STILL_M = 0.1
 """Shortest distance that counts as motion [m]: without an estimate of the noise, a robot within it stands."""
 
@@ -178,8 +177,7 @@ Event = (
 
 # Actions --------------------------------------------------------------------------------------------------------
 
-ANYBODYS: Final = 0
-"""Instead of the id of a goal: whatever drives the robot, though this mission has sent nothing."""
+ANYBODYS: Final = 0  # instead of the id of a goal: whatever drives the robot, though this mission has sent nothing
 FORGOTTEN: Final = -1
 """Instead of the id of a goal: that of a mission before, which is forgotten. Ids of goals begin at 1."""
 

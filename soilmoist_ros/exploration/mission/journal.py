@@ -26,12 +26,10 @@ from soilmoist_ros.exploration.mission.visit import Visit
 from soilmoist_ros.exploration.travel.stop import Stop
 from soilmoist_ros.sensing import CountRecord
 
-EVENT = "event"
-"""Kind of the entries that hold events."""
+EVENT = "event"  # kind of the entries that hold events
 VISIT = "visit"
 """Kind of the entries that hold visits; they follow from the events, for those who read only the results."""
-PROPERTY = "property"
-"""Key by which the record of a further property is known: it is no event of the mission."""
+PROPERTY = "property"  # key by which the record of a further property is known: it is no event of the mission
 
 _log = logging.getLogger(__name__)
 

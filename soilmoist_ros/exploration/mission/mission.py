@@ -73,8 +73,7 @@ MOVED_S: Final = 3.0
 """A robot is moved away from where it counts when it is seen elsewhere for this time [s]; one fix may be bad."""
 UNDER_THE_WHEELS_M: Final = 0.1
 """A robot that stands this near a stop needs no goal to it [m]; navigations are not more precise."""
-SDS: Final = 3.0
-"""Errors of positions up to this many standard deviations are noise."""
+SDS: Final = 3.0  # errors of positions up to this many standard deviations are noise
 GOOD_FORECASTS: Final = 3
 """A mission ends by so many forecasts in a row: each fit of the variogram makes them jump a little."""
 SATISFIED: Final = (MissionEnd.GOOD_ENOUGH, MissionEnd.LITTLE_GAIN, MissionEnd.NOTHING_VARIES)
@@ -94,12 +93,10 @@ _EARLY: Final = {
 """Ends of a visit with the mission; the time is up with all others."""
 _MAX_AT_ONCE: Final = 10
 """Maximum number of deadlines per step; more are due only if limits are below the resolution of the clock."""
-_ROUNDING: Final = 1e-9
-"""Relative rounding error allowed in sums of exposures."""
+_ROUNDING: Final = 1e-9  # relative rounding error allowed in sums of exposures
 
 Place = tuple[float, float]
-Done = tuple[bool, str]
-"""Verdict on a command: if it is accepted, and what happens or why not."""
+Done = tuple[bool, str]  # verdict on a command: if it is accepted, and what happens or why not
 
 
 class Mission:

@@ -14,18 +14,13 @@ from soilmoist_ros.exploration.planning.forecast import Forecast
 from soilmoist_ros.exploration.travel.stop import Stop
 
 Polygon = tuple[tuple[float, float], ...]
-Polygons = tuple[Polygon, ...]
-"""Corners of areas: metres east and north of the field's datum."""
+Polygons = tuple[Polygon, ...]  # corners of areas: metres east and north of the field's datum
 
 
-READY = "waiting for start"
-"""End of the reason of a mission that can be started."""
-MOVING = "moving"
-"""Cause of an alarm: the robot moves although no goal moves it."""
-PUBLISHED_MIN_LAST_DWELL_S = 60.0
-"""With the published presets, stops that leave less for counting are skipped [s]."""
-OTHER_ROBOT = "other_robot"
-"""Cause of an alarm: another robot is too near."""
+READY = "waiting for start"  # end of the reason of a mission that can be started
+MOVING = "moving"  # cause of an alarm: the robot moves although no goal moves it
+PUBLISHED_MIN_LAST_DWELL_S = 60.0  # with the published presets, stops that leave less for counting are skipped [s]
+OTHER_ROBOT = "other_robot"  # cause of an alarm: another robot is too near
 MAX_UNTIL_SD = 0.5
 """Largest standard deviation that can end a mission [m^3/m^3, or share of the rate]; more is meant in percent."""
 
@@ -67,16 +62,11 @@ class Response(StrEnum):
     """What the mission does while the guard reports a cause of danger."""
 
     IGNORE = "ignore"
-    WARN = "warn"
-    """Show it."""
-    PAUSE = "pause"
-    """Stop, and wait for an operator."""
-    HOLD = "hold"
-    """Stop, and go on when the cause is over."""
-    RETURN = "return_home"
-    """Stop measuring, go home and end."""
-    ABORT = "abort"
-    """Stop and end the mission where the robot is."""
+    WARN = "warn"  # show it
+    PAUSE = "pause"  # stop, and wait for an operator
+    HOLD = "hold"  # stop, and go on when the cause is over
+    RETURN = "return_home"  # stop measuring, go home and end
+    ABORT = "abort"  # stop and end the mission where the robot is
 
     @property
     def stops(self) -> bool:
@@ -94,22 +84,14 @@ class PlanKind(StrEnum):
 class MissionEnd(StrEnum):
     """Reason why a mission ended."""
 
-    TIME_UP = "time_up"
-    """The budget was used up, or the rest was too short for another stop."""
-    NOTHING_LEFT = "nothing_left"
-    """No reachable and useful stop was left."""
-    ABORTED = "aborted"
-    """The operator aborted it."""
-    SILENT_SENSOR = "silent_sensor"
-    """No record arrived, and the rules demand an abort."""
-    RETURNED = "returned"
-    """The operator sent the robot home."""
-    FAILSAFE = "failsafe"
-    """The guard reported a danger that ends the mission."""
-    GOOD_ENOUGH = "good_enough"
-    """The standard deviation of the map is as small as demanded."""
-    LITTLE_GAIN = "little_gain"
-    """The map would become less better than demanded."""
+    TIME_UP = "time_up"  # the budget was used up, or the rest was too short for another stop
+    NOTHING_LEFT = "nothing_left"  # no reachable and useful stop was left
+    ABORTED = "aborted"  # the operator aborted it
+    SILENT_SENSOR = "silent_sensor"  # no record arrived, and the rules demand an abort
+    RETURNED = "returned"  # the operator sent the robot home
+    FAILSAFE = "failsafe"  # the guard reported a danger that ends the mission
+    GOOD_ENOUGH = "good_enough"  # the standard deviation of the map is as small as demanded
+    LITTLE_GAIN = "little_gain"  # the map would become less better than demanded
     NOTHING_VARIES = "nothing_varies"
     """The counts show no differences within the field, and the rules demand a gain."""
 

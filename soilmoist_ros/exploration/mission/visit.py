@@ -12,26 +12,16 @@ from enum import StrEnum
 class VisitEnd(StrEnum):
     """Reason why counting ended at a stop."""
 
-    ENOUGH = "enough"
-    """The dwell rule was met."""
-    MAX_DWELL = "max_dwell"
-    """The longest dwell was over before the dwell rule was met."""
-    TIME_UP = "time_up"
-    """The rest of the budget was needed for the way home, or there was none."""
-    MOVED = "moved"
-    """The robot was moved away from the stop, in a pause or while it counted."""
-    SKIPPED = "skipped"
-    """The stop was skipped, by the operator or for another robot."""
-    ABORTED = "aborted"
-    """The operator aborted the mission."""
-    SILENT_SENSOR = "silent_sensor"
-    """No record arrived, and the mission was aborted for it."""
-    RETURNED = "returned"
-    """The operator sent the robot home."""
-    FAILSAFE = "failsafe"
-    """The guard reported a danger that ended the mission."""
-    UNKNOWN = "unknown"
-    """The recording does not say."""
+    ENOUGH = "enough"  # the dwell rule was met
+    MAX_DWELL = "max_dwell"  # the longest dwell was over before the dwell rule was met
+    TIME_UP = "time_up"  # the rest of the budget was needed for the way home, or there was none
+    MOVED = "moved"  # the robot was moved away from the stop, in a pause or while it counted
+    SKIPPED = "skipped"  # the stop was skipped, by the operator or for another robot
+    ABORTED = "aborted"  # the operator aborted the mission
+    SILENT_SENSOR = "silent_sensor"  # no record arrived, and the mission was aborted for it
+    RETURNED = "returned"  # the operator sent the robot home
+    FAILSAFE = "failsafe"  # the guard reported a danger that ended the mission
+    UNKNOWN = "unknown"  # the recording does not say
 
 
 @dataclass(frozen=True)

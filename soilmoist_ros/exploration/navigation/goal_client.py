@@ -37,12 +37,9 @@ from soilmoist_ros.exploration.mission.events import ANYBODYS
 from soilmoist_ros.exploration.navigation.navigator import Ended, Outcome
 from soilmoist_ros.exploration.travel.stop import Stop, WayPoint
 
-CANCEL_AGAIN_S = 2.0
-"""Time after which a goal that does not end is cancelled again [s]."""
-UNENDED_S = 10.0
-"""Time after its cancellation from which a goal without an end is reported [s]."""
-NEW_SERVER_S = 2.0
-"""Time in which a server that was started again lists its goals, or is asked about them [s]."""
+CANCEL_AGAIN_S = 2.0  # time after which a goal that does not end is cancelled again [s]
+UNENDED_S = 10.0  # time after its cancellation from which a goal without an end is reported [s]
+NEW_SERVER_S = 2.0  # time in which a server that was started again lists its goals, or is asked about them [s]
 SUPERSEDED = "another client drives the robot: its goal has replaced that of the planner"
 CANCELLED = "another client has cancelled the goal of the planner"
 
@@ -79,8 +76,7 @@ class CancelSent:
     accepted: bool = True  # whether the server had accepted it before; otherwise it may not know it yet
 
 
-Request = SendGoal | CancelSent | Ended
-"""What a client asks for, and what it reports."""
+Request = SendGoal | CancelSent | Ended  # what a client asks for, and what it reports
 
 
 @dataclass(frozen=True, slots=True)
@@ -370,8 +366,7 @@ def _said(status: int, success: bool, why: str) -> str:
 
 ACTIVE: Final = frozenset((1, 2, 3))
 """States of a goal that is accepted, executing or being cancelled, as action_msgs numbers them."""
-ENDED: Final = frozenset((4, 5, 6))
-"""States of a goal that has succeeded, was cancelled or was aborted."""
+ENDED: Final = frozenset((4, 5, 6))  # states of a goal that has succeeded, was cancelled or was aborted
 _MARK, _PROCESS = 8, 12
 
 

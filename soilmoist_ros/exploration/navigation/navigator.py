@@ -18,8 +18,7 @@ class Outcome(StrEnum):
     SUCCEEDED = "succeeded"
     CANCELED = "canceled"
     FAILED = "failed"
-    SUPERSEDED = "superseded"
-    """Another client's goal has replaced it."""
+    SUPERSEDED = "superseded"  # another client's goal has replaced it
 
 
 @dataclass(frozen=True, slots=True)

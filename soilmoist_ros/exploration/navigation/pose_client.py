@@ -21,8 +21,7 @@ from soilmoist_ros.exploration.travel.stop import WayPoint
 
 PASS_M = 0.3
 """A way point is passed within this distance [m]: an earlier turn would cut the corner of a no-go area."""
-STOP_AGAIN_S = 2.0
-"""Time after which a robot that does not stand is stopped again [s]."""
+STOP_AGAIN_S = 2.0  # time after which a robot that does not stand is stopped again [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +38,7 @@ class CancelAll:
     """Cancel all goals of the navigation's action."""
 
 
-PoseRequest = SendPose | CancelAll | Ended
-"""What a client asks for, and what it reports."""
+PoseRequest = SendPose | CancelAll | Ended  # what a client asks for, and what it reports
 
 
 def drivers(nodes: Iterable[str], observers: Sequence[str]) -> list[str]:

@@ -12,22 +12,15 @@ from soilmoist_ros.exploration.travel.stop import Stop
 
 MIN_AGREEING, AMONG = 3, 5
 """As many agreeing positions among the newest ones make a place plausible."""
-MAX_AGE_S = 3.0
-"""Highest age of the newest of them [s] ..."""
+MAX_AGE_S = 3.0  # highest age of the newest of them [s]
 MAX_SPAN_S = 45.0
-"""... and of the oldest of them [s]; without fixes there are only the places of records, one in 10 s."""
-SPEED_FACTOR = 3.0
-"""The robot may be this many times as fast as its expected speed."""
-USUAL_FACTOR = 1.2
-"""The robot is seldom faster than this multiple of its expected speed."""
-KEPT_S = 60.0
-"""Time for which places are kept [s]."""
-SPACING_S = 0.5
-"""Places that come faster are thinned to this spacing, except for the newest [s]."""
-STILL_S = 2.0
-"""Shortest standstill of a robot that is at a stop [s]."""
-STILL_SHARE = 1 / 3
-"""A robot that stands within this share of the arrival radius from a stop needs no goal to it."""
+"""Highest age of the oldest of them [s]; without fixes there are only the places of records, one in 10 s."""
+SPEED_FACTOR = 3.0  # the robot may be this many times as fast as its expected speed
+USUAL_FACTOR = 1.2  # the robot is seldom faster than this multiple of its expected speed
+KEPT_S = 60.0  # time for which places are kept [s]
+SPACING_S = 0.5  # places that come faster are thinned to this spacing, except for the newest [s]
+STILL_S = 2.0  # shortest standstill of a robot that is at a stop [s]
+STILL_SHARE = 1 / 3  # a robot that stands within this share of the arrival radius from a stop needs no goal to it
 
 Place = tuple[float, float]
 
